@@ -415,7 +415,7 @@ class AxisResult:
     mean: float | None
     band_limit_s: float | None
     tones: tuple[Tone, ...]
-    coefficients: Mapping[str, Coefficient]
+    coefficients: Mapping[str, Coefficient] = field(hash=False)
     goodness_of_fit: GoodnessOfFit
     curve: Curve
     gauss_markov: GaussMarkov | None = None

@@ -16,74 +16,19 @@ _LEAST, _MOST = 1e-30, 1e30
 
 
 def positive_number(name: str, value: Any) -> float:
-    """
-    Return an argument as a number above zero.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument, for the message.
-    value : object
-        What the caller gave.
-
-    Raises
-    ------
-    ImuAllanError
-        If it is no number, not above zero, or beyond what can be squared.
-
-    """
-    number = _real(value)
-    if number is None or not 0 < number < float('inf'):
-        raise ImuAllanError(f'{name} must be above zero, not {_shown(value)}')
-    if not _LEAST <= number <= _MOST:
-        raise ImuAllanError(f'{name} must be between {_LEAST:g} and {_MOST:g}, '
-                            f'not {_shown(value)}')
-    return number
+    """Return an argument as a number above zero, the square of which can be taken."""
+    return _in_range(name, value, 'above zero', (_LEAST, _MOST),
+                     f'between {_LEAST:g} and {_MOST:g}')
 
 
 def positive_time(name: str, value: Any) -> float:
-    """
-    Return an argument as a time in seconds.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument, for the message.
-    value : object
-        What the caller gave.
-
-    Raises
-    ------
-    ImuAllanError
-        If it is no number, or no time between a microsecond and a hundred years.
-
-    """
-    number = _real(value)
-    if number is None or not 0 < number < float('inf'):
-        raise ImuAllanError(f'{name} must be a positive time, not {_shown(value, " s")}')
-    if not SHORTEST_S <= number <= LONGEST_S:
-        raise ImuAllanError(f'{name} must be between a microsecond and a hundred years, not '
-                            f'{_shown(value, " s")}')
-    return number
+    """Return an argument as a time in seconds, between a microsecond and a hundred years."""
+    return _in_range(name, value, 'a positive time', (SHORTEST_S, LONGEST_S),
+                     'between a microsecond and a hundred years', ' s')
 
 
 def positive_times(name: str, values: Any) -> list[float]:
-    """
-    Return an argument as times in seconds.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument, for the message.
-    values : object
-        What the caller gave: a sequence is wanted.
-
-    Raises
-    ------
-    ImuAllanError
-        If it is no sequence, or holds what is no time.
-
-    """
+    """Return an argument, which is to be a sequence, as times in seconds."""
     try:
         given = None if isinstance(values, (str, bytes)) else list(values)
     except TypeError:
@@ -91,6 +36,16 @@ def positive_times(name: str, values: Any) -> list[float]:
     if given is None:
         raise ImuAllanError(f'{name} must be a sequence of positive times, not {_shown(values)}')
     return [positive_time(name, value) for value in given]
+
+
+def _in_range(name: str, value: Any, positive: str, ends: tuple[float, float], between: str,
+              unit: str = '') -> float:
+    number = _real(value)
+    if number is None or not 0 < number < float('inf'):
+        raise ImuAllanError(f'{name} must be {positive}, not {_shown(value, unit)}')
+    if not ends[0] <= number <= ends[1]:
+        raise ImuAllanError(f'{name} must be {between}, not {_shown(value, unit)}')
+    return number
 
 
 def _real(value: Any) -> float | None:

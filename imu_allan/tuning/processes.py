@@ -2,39 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What tuning takes of the result of an axis: its drift model, and what its lines leave."""
 
-from dataclasses import dataclass
-
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import frequencies_of_lines
-from imu_allan.result import AxisResult, Curve, DriftModel, Stationarity, Tone
+from imu_allan.result import AxisResult, DriftModel, Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Drift:
-    """What tuning takes of an axis and nothing else: axes that are equal in it are tuned alike."""
-
-    quantity: str
-    drift_model: DriftModel
-    all_tones: tuple[Tone, ...]
-    curve: Curve
-    stationarity: Stationarity | None
-
-    def __hash__(self) -> int:
-        # A curve has thousands of numbers, and a report looks its tunings up some hundred times.
-        return hash(self.drift_model)
-
-
-def drift_of(axis: AxisResult) -> Drift:
-    """Return what tuning takes of an axis, with the errors of `drift_model_of`."""
-    model = drift_model_of(axis)
-    return Drift(axis.quantity, model, axis.all_tones, axis.curve, axis.stationarity)
-
-
-def drift_model_of(axis: AxisResult | Drift) -> DriftModel:
+def drift_model_of(axis: AxisResult) -> DriftModel:
     """
     Return the drift model of an axis.
 
@@ -46,8 +23,6 @@ def drift_model_of(axis: AxisResult | Drift) -> DriftModel:
         If it is none, such as a whole result.
 
     """
-    if isinstance(axis, Drift):
-        return axis.drift_model
     if not isinstance(axis, AxisResult):
         raise TypeError(f"expected an axis of a result, such as result.axes['gyro_x'], not "
                         f'{type(axis).__name__}')

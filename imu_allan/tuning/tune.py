@@ -25,9 +25,9 @@ from typing import Literal
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
-from imu_allan.result import AxisResult, GaussMarkov
+from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.arguments import positive_number, positive_time
-from imu_allan.tuning.processes import Drift, drift_of, line_power
+from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
 from numpy.typing import NDArray
@@ -150,14 +150,22 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
     if correlation_time_s is not None:
         correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
-    return _tune(drift_of(axis), aiding_interval_s, coast_s, bias, conservative,
+    return _tune(_drifting(axis), aiding_interval_s, coast_s, bias, conservative,
                  correlation_time_s)
 
 
+def _drifting(axis: AxisResult) -> AxisResult:
+    """Leave of an axis what tuning takes: axes that are equal in it are tuned once."""
+    model = drift_model_of(axis)
+    return AxisResult(axis.quantity, axis.unit, None, None, axis.all_tones, {},
+                      GoodnessOfFit(None, None, True), axis.curve, drift_model=model,
+                      stationarity=axis.stationarity)
+
+
 @lru_cache(maxsize=_KEPT)
-def _tune(drift: Drift, aiding_interval_s: float, coast_s: float, bias: Bias,
+def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias,
           conservative: bool, correlation_time_s: float | None) -> FilterTuning:
-    truth = Truth(drift)
+    truth = Truth(axis)
     horizons = _horizons(aiding_interval_s, coast_s)
     s2 = truth.allan_variance(aiding_interval_s)
     if s2 <= 0:
@@ -221,14 +229,14 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
         correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
     noise_density = positive_number('noise_density', noise_density)
     random_walk = positive_number('random_walk', random_walk)
-    return _assess(drift_of(axis), noise_density, random_walk, aiding_interval_s, coast_s,
+    return _assess(_drifting(axis), noise_density, random_walk, aiding_interval_s, coast_s,
                    correlation_time_s)
 
 
 @lru_cache(maxsize=_KEPT)
-def _assess(drift: Drift, noise_density: float, random_walk: float, aiding_interval_s: float,
+def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_interval_s: float,
             coast_s: float, correlation_time_s: float | None) -> FilterTuning:
-    truth = Truth(drift)
+    truth = Truth(axis)
     horizons = _horizons(aiding_interval_s, coast_s)
     white, walk = np.array([noise_density**2]), np.array([random_walk**2])
     filters = Filters.walking(white, walk, aiding_interval_s)
@@ -334,32 +342,25 @@ class Filters:
 
 
 class Truth:
-    """
-    What truly happens to a filter: the drift model of an axis with its lines.
+    """What truly happens to a filter: the drift model of an axis with its lines."""
 
-    Parameters
-    ----------
-    drift : Drift
-
-    """
-
-    def __init__(self, drift: Drift) -> None:
-        self.drift = drift
-        self.model = drift.drift_model
+    def __init__(self, axis: AxisResult) -> None:
+        self.axis = axis
+        self.model = drift_model_of(axis)
 
     def allan_variance(self, interval_s: float) -> float:
         """Allan variance of the model with its lines, and what is measured above the band."""
-        return (float(drift_avar(self.model, self.drift.all_tones, interval_s))
+        return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
                 + self._above_band(interval_s))
 
     def _above_band(self, interval_s: float) -> float:
         """Allan variance that stands above the model where the model does not reach."""
-        curve = self.drift.curve
+        curve = self.axis.curve
         if interval_s >= self.model.from_s * (1 - 1e-6) or not curve.tau_s:
             return 0.0
         measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
                                         np.log(np.maximum(curve.adev, 1e-300))))
-        model = float(drift_avar(self.model, self.drift.all_tones, interval_s))
+        model = float(drift_avar(self.model, self.axis.all_tones, interval_s))
         return max(float(measured) - model, 0.0)
 
     def _shows_s(self, walk: float) -> float:
@@ -376,11 +377,11 @@ class Truth:
         total = np.zeros((len(horizons), len(filters.white)))
         for scale_s, part in self._parts(filters, horizons):
             if scale_s is None:
-                factor, _ = upper_factors(self.drift, horizons)
+                factor, _ = upper_factors(self.axis, horizons)
             else:
                 # A process is known by how often it came and went, however short the horizon, or,
                 # a slow one, by how often it stood clear of the white noise.
-                _, factor = upper_factors(self.drift, np.maximum(horizons, scale_s))
+                _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
             total = total + part * factor[:, None]
         return total
 
@@ -394,9 +395,9 @@ class Truth:
         # What is above the band averages out as its phase does.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))
-        yield 0.0, (weight**2 * memory * line_power(self.drift.all_tones, t)
-                    + line_power(self.drift.all_tones, h)
-                    + hidden_variance(self.drift, horizons)[:, None])
+        yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
+                    + line_power(self.axis.all_tones, h)
+                    + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
         # Over short times a process is a walk, too. Its Allan variance is highest at 1.89
         # correlation times.

@@ -11,7 +11,7 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Coast, Interval
-from imu_allan.tuning.processes import Drift, drift_model_of
+from imu_allan.tuning.processes import drift_model_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import polygamma
@@ -27,7 +27,7 @@ _FEWEST = 3
 """Segments: of two the spread is off by any factor, and the usual one is nearer."""
 
 
-def unsteadiness(axis: AxisResult | Drift) -> float:
+def unsteadiness(axis: AxisResult) -> float:
     """
     Return the spread of the logarithm of the drift's standard deviation between parts.
 
@@ -62,7 +62,7 @@ def unsteadiness(axis: AxisResult | Drift) -> float:
     return float(np.sqrt(max(seen - chance, 0.0)))
 
 
-def _spread_by_chance(axis: AxisResult | Drift, duration_s: float) -> float:
+def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     """
     Return the variance of the logarithm of the drift that a steady segment shows.
 
@@ -81,7 +81,7 @@ def _spread_by_chance(axis: AxisResult | Drift, duration_s: float) -> float:
     return float(polygamma(1, dof / 2)) / 4 * (total / of_drift)**2
 
 
-def hidden_variance(axis: AxisResult | Drift, horizons: Array) -> Array:
+def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
     """
     Return what a walk may add to the mean beyond the horizons that the recording knows.
 
@@ -126,7 +126,7 @@ def known_less_than(axes: Mapping[str, AxisResult], time_s: float) -> float | No
     return known if time_s > known * (1 + 1e-6) else None
 
 
-def _degrees_of_freedom(axis: AxisResult | Drift, horizons: Array) -> Array:
+def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
     """Equivalent degrees of freedom of the variance between means, from the curve."""
     curve = axis.curve
     # A result file that was tampered with may hold a curve that none measured.
@@ -221,7 +221,7 @@ def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
                  zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
 
 
-def upper_factors(axis: AxisResult | Drift, horizons: Array) -> tuple[Array, Array]:
+def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
     """
     Return the factors from an expected variance to its upper 95 % end.
 

@@ -51,8 +51,6 @@ class Verification:
     ----------
     met : FilterTuning
         The numbers, with what they meet in the other recording.
-    own : FilterTuning
-        What would have been chosen there.
     noise_factor, walk_factor : float
         By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process.
     noise_ci95, walk_ci95 : (float, float)
@@ -63,7 +61,6 @@ class Verification:
     """
 
     met: FilterTuning
-    own: FilterTuning
     noise_factor: float
     walk_factor: float
     noise_ci95: Interval
@@ -108,7 +105,7 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
     theirs = own.random_walk if time is None else own.sigma
     assert theirs is not None
     noise, walk = own.noise_density / tuning.noise_density, theirs / mine
-    return Verification(met, own, noise, walk, _scaled(noise, other, times[0]),
+    return Verification(met, noise, walk, _scaled(noise, other, times[0]),
                         widened(walk, _scaled(walk, other, times[1]), axis, times[1]),
                         _excess(axis, other))
 

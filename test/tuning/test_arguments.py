@@ -23,19 +23,25 @@ NOT_POSITIVE = [(0, '0'), (-1.0, '-1'), (float('nan'), 'nan'), (float('inf'), 'i
 OUT_OF_RANGE = [(1e-31, '1e-31'), (1e31, '1e+31')]
 
 TIMES = {
-    'aiding_interval_s': lambda time: imu_allan.tune(AXIS, time, 1e9),
-    'coast_s': lambda time: imu_allan.tune(AXIS, 1e-6, time),
-    'correlation_time_s': lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, correlation_time_s=time),
-    'step_s': lambda time: imu_allan.state_space(AXIS, time),
-    'horizons_s': lambda time: imu_allan.predicted_drift(AXIS, [1.0, time]),
-    'calibration_s': lambda time: imu_allan.predicted_drift(AXIS, [1.0], time),
-    'aiding_s': lambda time: Wishes(aiding_s=time),
+    'aiding_interval_s': [lambda time: imu_allan.tune(AXIS, time, 1e9),
+                          lambda time: optimum(AXIS, time, 1e9),
+                          lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, time, 1e9)],
+    'coast_s': [lambda time: imu_allan.tune(AXIS, 1e-6, time),
+                lambda time: optimum(AXIS, 1e-6, time),
+                lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, 1e-6, time)],
+    'correlation_time_s': [
+        lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, correlation_time_s=time),
+        lambda time: imu_allan.tune(AXIS, bias='gauss_markov', correlation_time_s=time)],
+    'step_s': [lambda time: imu_allan.state_space(AXIS, time)],
+    'horizons_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0, time])],
+    'calibration_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0], time)],
+    'aiding_s': [lambda time: Wishes(aiding_s=time)],
 }
 NUMBERS = {
-    'noise_density': lambda number: imu_allan.assess(AXIS, number, 1e-5),
-    'random_walk': lambda number: imu_allan.assess(AXIS, 1e-3, number),
-    'inflate N': lambda number: Wishes(inflate={'N': number}),
-    'rate_hz': lambda number: Wishes(rate_hz=number),
+    'noise_density': [lambda number: imu_allan.assess(AXIS, number, 1e-5)],
+    'random_walk': [lambda number: imu_allan.assess(AXIS, 1e-3, number)],
+    'inflate N': [lambda number: Wishes(inflate={'N': number})],
+    'rate_hz': [lambda number: Wishes(rate_hz=number)],
 }
 # These may be left out.
 OPTIONAL = {'correlation_time_s', 'aiding_s', 'rate_hz'}
@@ -50,9 +56,9 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
             *((value, f'{positive}, not {shown}{unit}') for value, shown in NOT_POSITIVE),
             *((value, f'{between}, not {shown}{unit}') for value, shown in OUT_OF_RANGE)]
     for value, line in said:
-        if value is not None or name not in OPTIONAL:
+        for takes in (TIMES | NUMBERS)[name] if value is not None or name not in OPTIONAL else ():
             with refused(f'{name} must be {line}'):
-                (TIMES | NUMBERS)[name](value)
+                takes(value)
 
 
 def test_true_is_no_time():

@@ -63,13 +63,11 @@ def test_a_bias_that_does_not_move_is_known_in_the_end():
 
 
 @pytest.mark.parametrize(('step', 'line'), [
-    *((step, f'step_s must be a positive time, not {step:g} s')
-      for step in (0.0, -1.0, float('nan'), float('inf'))),
     (0.1, 'step_s 0.1 s is below 0.4 s, the band edge: this recording does not know how the '
      'sensor drifts faster; choose a longer step'),
     (3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording: it does not know how the '
      'sensor drifts over longer; choose a shorter step')])
-def test_a_step_that_is_no_time_or_not_known_is_refused(step, line):
+def test_a_step_that_is_not_known_is_refused(step, line):
     axis = axis_of(1.0, known=(0.4, 100.0))
     assert state_space(axis, 100.0).step_s == 100.0
     with refused(line):

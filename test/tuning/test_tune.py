@@ -9,7 +9,6 @@ from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone
 from imu_allan.tuning.kalman import coasting_variance
-from imu_allan.tuning.processes import drift_of
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
 from imu_allan.tuning.uncertainty import unsteadiness
 import numpy as np
@@ -19,30 +18,28 @@ from whole_lines import refused
 HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
 
 
+WALKING = np.array([4e-6]), np.array([9e-10])
+MARKOV = np.array([4e-6]), np.array([5e-4]), np.array([40.0])
+PROCESS = {'processes': ((5e-4, 40.0),)}
+FLICKER = {'processes': tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k)
+                              for k in range(16))}
+DECADES = {'walk': 1e-7, 'processes': ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0))}
+
+
 def one(value):
     return np.array([value])
 
 
-def test_a_filter_with_a_walk_claims_what_the_kalman_filter_of_its_model_claims():
-    filters = Filters.walking(one(4e-6), one(9e-10), 1.0)
-    optimal = coasting_variance(axis_of(2e-3, 3e-5), 1.0, HORIZONS)
-    np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0], optimal, rtol=1e-9)
-
-
-def test_a_filter_with_a_process_claims_what_the_kalman_filter_of_its_model_claims():
-    filters = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
-    optimal = coasting_variance(axis_of(2e-3, 0.0, ((5e-4, 40.0),)), 1.0, HORIZONS)
-    np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0], optimal, rtol=1e-9)
-
-
-def test_where_the_filter_is_right_what_happens_is_what_it_claims():
-    walking = Filters.walking(one(4e-6), one(9e-10), 1.0)
-    np.testing.assert_allclose(Truth(drift_of(axis_of(2e-3, 3e-5))).expected(walking, HORIZONS),
-                               walking.predicted(HORIZONS), rtol=1e-9)
-    markov = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
-    truth = Truth(drift_of(axis_of(2e-3, 0.0, ((5e-4, 40.0),))))
-    np.testing.assert_allclose(truth.expected(markov, HORIZONS), markov.predicted(HORIZONS),
-                               rtol=1e-9)
+@pytest.mark.parametrize(('filters', 'drift'), [
+    (Filters.walking(*WALKING, 1.0), {'walk': 3e-5}), (Filters.markov(*MARKOV, 1.0), PROCESS)],
+    ids=['walking', 'markov'])
+def test_a_filter_claims_what_the_kalman_filter_of_its_model_claims_and_that_happens(
+        filters, drift):
+    truth = axis_of(2e-3, **drift)
+    np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0],
+                               coasting_variance(truth, 1.0, HORIZONS), rtol=1e-9)
+    np.testing.assert_allclose(Truth(truth).expected(filters, HORIZONS),
+                               filters.predicted(HORIZONS), rtol=1e-9)
 
 
 def happened(samples, filters, horizon):
@@ -56,25 +53,21 @@ def happened(samples, filters, horizon):
     return float(np.mean((mean - weight * state[:len(mean)])[5000:] ** 2))
 
 
-@pytest.mark.parametrize('kind', ['walking', 'markov'])
-def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(kind):
-    terms = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
-    truth = axis_of(1e-3, 0.0, ((5e-4, 30.0),))
-    filters = (Filters.walking(one(2e-6), one(1e-9), 1.0) if kind == 'walking' else
-               Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0))
-    samples = simulate(terms, 2_000_000, 1.0, seed=8)
-    for horizon in (1, 10, 60):
-        expected = Truth(drift_of(truth)).expected(filters, one(float(horizon)))[0, 0]
-        assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.02)
+DRIFTING = {'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
 
 
-def test_what_happens_to_a_wrong_filter_on_a_walk_is_what_a_simulation_shows():
-    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 1_000_000, 1.0, seed=8)
-    filters = Filters.walking(one(4e-6), one(1e-9), 1.0)
-    truth = Truth(drift_of(axis_of(1e-3, 1e-4)))
+@pytest.mark.parametrize(('filters', 'terms', 'drift', 'within'), [
+    (Filters.walking(one(2e-6), one(1e-9), 1.0), DRIFTING, {'processes': ((5e-4, 30.0),)}, 0.02),
+    (Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0), DRIFTING,
+     {'processes': ((5e-4, 30.0),)}, 0.02),
+    (Filters.walking(one(4e-6), one(1e-9), 1.0), {'rate_random_walk': 1e-4}, {'walk': 1e-4},
+     0.02)], ids=['walking', 'markov', 'on a walk'])
+def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, terms, drift, within):
+    samples = simulate({'noise_density': 1e-3, **terms}, 2_000_000, 1.0, seed=8)
+    truth = Truth(axis_of(1e-3, **drift))
     for horizon in (1, 10, 60):
         expected = truth.expected(filters, one(float(horizon)))[0, 0]
-        assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.03)
+        assert happened(samples, filters, horizon) == pytest.approx(expected, rel=within)
 
 
 def test_a_sensor_that_is_white_noise_and_walk_keeps_its_numbers():
@@ -97,13 +90,11 @@ def test_a_sensor_that_is_noise_and_a_process_keeps_its_triple():
 
 def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
     """The exported walk of a flicker-like sensor is near zero; the tuned one covers its drift."""
-    axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
+    axis = axis_of(1e-3, **DECADES)
     process = tune(axis, 1.0, 60.0, 'gauss_markov')
     walk = process.sigma * (2 / process.correlation_time_s)**0.5
     again = assess(axis, process.noise_density, walk, 1.0, 60.0, process.correlation_time_s)
     np.testing.assert_allclose(again.consistency, process.consistency, rtol=1e-9)
-    with refused('correlation_time_s must be a positive time, not -1 s'):
-        assess(axis, 1e-3, 1e-5, 1.0, 60.0, -1.0)
     measured = assess(axis, 1e-3, 1e-7, 1.0, 60.0)
     tuning = tune(axis, 1.0, 60.0)
     assert measured.coast_ratio > 3
@@ -135,7 +126,6 @@ def test_beyond_what_the_recording_knows_more_is_expected():
 
 
 def test_above_the_band_the_curve_counts_where_it_stands_higher():
-    from dataclasses import replace
     axis = axis_of(1e-3, 1e-5, known=(1.0, 1000.0))
     curve = replace(axis.curve, adev=tuple(2 * adev for adev in axis.curve.adev))
     noisy = replace(axis, curve=curve)
@@ -144,7 +134,7 @@ def test_above_the_band_the_curve_counts_where_it_stands_higher():
 
 
 def test_the_full_model_coasts_better_than_any_pair():
-    axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
+    axis = axis_of(1e-3, **DECADES)
     tuning = tune(axis, 1.0, 60.0)
     for (_, best, predicted), (_, expected, _) in zip(
             optimum(axis, 1.0, 60.0), tuning.consistency, strict=True):
@@ -225,47 +215,27 @@ def test_what_short_segments_vary_by_chance_is_no_unsteadiness():
     assert 0.3 < careful.coast_ratio < 1
 
 
-def test_a_segment_whose_drift_the_noise_covers_is_no_great_unsteadiness():
+def unsteadiness_of(*drifts):
     axis = axis_of(1e-3, 1e-5, ((3e-4, 30.0),))
-    spreads = []
-    for covered in (6e-5, 1e-5, 1e-12):
-        segments = tuple(Segment(600.0 * i, 600.0, 0.0, None, None, sigma)
-                         for i, sigma in enumerate((3e-4, 3e-4, 3e-4, 3e-4, covered)))
-        spreads.append(unsteadiness(replace(axis, stationarity=Stationarity(True, 0.5,
-                                                                            segments))))
+    return unsteadiness(replace(axis, stationarity=Stationarity(True, 0.5, tuple(
+        Segment(600.0 * i, 600.0, 0.0, None, None, sigma) for i, sigma in enumerate(drifts)))))
+
+
+def test_a_segment_whose_drift_the_noise_covers_is_no_great_unsteadiness():
+    spreads = [unsteadiness_of(3e-4, 3e-4, 3e-4, 3e-4, covered) for covered in (6e-5, 1e-5, 1e-12)]
     # A fifth of the others is as little as counts: ln 5 once in five.
     assert spreads[0] == spreads[1] == spreads[2]
     assert 0.5 < spreads[0] < np.log(5) / 5**0.5
+    # One without any drift says nothing of how it changes.
+    assert unsteadiness_of(2e-4, 3e-4, 9e-4, 0.0, 0.0) == unsteadiness_of(2e-4, 3e-4, 9e-4) > 0
 
 
-def test_a_segment_without_any_drift_says_nothing_of_how_it_changes():
-    axis = axis_of(1e-3, 1e-5, ((3e-4, 30.0),))
-    drift = (2e-4, 3e-4, 9e-4)
-    without, alone = (
-        unsteadiness(replace(axis, stationarity=Stationarity(True, 0.5, tuple(
-            Segment(600.0 * i, 600.0, 0.0, None, None, sigma) for i, sigma in enumerate(shown)))))
-        for shown in ((*drift, 0.0, 0.0), drift))
-    assert without == alone > 0
-
-
-@pytest.mark.parametrize(('times', 'message'), [
-    ((0.0, 60.0), 'aiding_interval_s must be a positive time, not 0 s'),
-    ((-1.0, 60.0), 'aiding_interval_s must be a positive time, not -1 s'),
-    ((float('nan'), 60.0), 'aiding_interval_s must be a positive time, not nan s'),
-    ((1.0, 0.0), 'coast_s must be a positive time, not 0 s'),
-    ((1.0, float('inf')), 'coast_s must be a positive time, not inf s'),
-    ((1.0, 0.5), 'coast_s 0.5 s is shorter than aiding_interval_s 1 s: '
-                 'a filter is unaided for at least one interval')])
-def test_times_that_make_no_sense_are_refused(times, message):
-    for function in (tune, optimum, lambda axis, *t: assess(axis, 1e-3, 1e-5, *t)):
-        with refused(message):
-            function(axis_of(1e-3, 1e-5), *times)
-
-
-@pytest.mark.parametrize('time', [0.0, -1.0, float('nan'), float('inf')])
-def test_a_correlation_time_that_makes_no_sense_is_refused(time):
-    with refused(f'correlation_time_s must be a positive time, not {time:g} s'):
-        tune(axis_of(1e-3, 1e-5), bias='gauss_markov', correlation_time_s=time)
+@pytest.mark.parametrize('function', [
+    tune, optimum, lambda axis, *times: assess(axis, 1e-3, 1e-5, *times)])
+def test_times_out_of_order_are_refused(function):
+    with refused('coast_s 0.5 s is shorter than aiding_interval_s 1 s: a filter is unaided for at '
+                 'least one interval'):
+        function(axis_of(1e-3, 1e-5), 1.0, 0.5)
 
 
 def test_an_unknown_bias_model_is_refused():
@@ -278,17 +248,11 @@ def test_an_axis_without_noise_is_refused():
         tune(axis_of(0.0))
 
 
-def test_numbers_that_are_not_positive_are_refused():
-    with refused('random_walk must be above zero, not 0'):
-        assess(axis_of(1e-3), 1e-3, 0.0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize('minutes', [10, 30])
 def test_half_of_what_a_conservative_filter_adds_would_not_do(minutes):
     """Beside flicker: the pair that lies so far between the tuned one and the conservative one."""
-    bank = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
-    truth, horizons = Truth(drift_of(axis_of(1e-3, processes=bank))), np.geomspace(1.0, 60.0, 7)
+    truth, horizons = Truth(axis_of(1e-3, **FLICKER)), np.geomspace(1.0, 60.0, 7)
     shares = {'tuned': 0.0, 'half': 0.5, 'three quarters': 0.75, 'conservative': 1.0}
     ratios, wider = {name: [] for name in shares}, []
     for seed in range(100):
@@ -321,17 +285,16 @@ def test_half_of_what_a_conservative_filter_adds_would_not_do(minutes):
 @pytest.mark.parametrize('minutes', [10, 60])
 def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes):
     """Fitted on so many minutes each; what happens is computed from the truth. 200 records."""
-    flicker = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
     sensors = {'N': ({}, {}), 'N+K': ({'rate_random_walk': 5e-5}, {'walk': 5e-5}),
                'N+30 s': ({'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}},
                           {'processes': ((5e-4, 30.0),)}),
                'N+100 s': ({'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 100.0}},
                            {'processes': ((5e-4, 100.0),)}),
-               'N+B': ({'bias_instability': 3e-4}, {'processes': flicker})}
+               'N+B': ({'bias_instability': 3e-4}, FLICKER)}
     horizons = np.geomspace(1.0, 60.0, 7)
     print(f'\n{minutes} min: overconfident at 1 to 60 s, bound over error after 60 s (50, 95 %)')
     for name, (terms, drift) in sensors.items():
-        truth = Truth(drift_of(axis_of(1e-3, **drift)))
+        truth = Truth(axis_of(1e-3, **drift))
         over, bound = [], []
         for seed in range(40):
             samples = simulate({'noise_density': 1e-3, **terms}, 3000 * minutes, 50.0, seed)

@@ -56,5 +56,4 @@ def test_a_filter_with_a_process_is_held_against_a_recording_as_one():
     assert (same.noise_factor, same.walk_factor) == pytest.approx((1, 1))
     assert same.met.coast_ratio == pytest.approx(tuning.coast_ratio)
     assert more.walk_factor == pytest.approx(3, rel=0.15)
-    assert more.own.correlation_time_s == tuning.correlation_time_s
     assert more.met.coast_ratio > 5
