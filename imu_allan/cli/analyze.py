@@ -15,6 +15,7 @@ from imu_allan.cli.fleet import (
     FEW,
     Gathering,
     line,
+    raise_last,
     without_coefficient,
 )
 from imu_allan.cli.progress import progress_bar
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.result import Result
 
-
-_MOST_COMPLAINTS = 100
-"""Lines on what failed: a file can name 65,000 topics without a message."""
 _SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate', '--start',
           '--duration', '--columns', '--jobs', '--units', '--verbose')
 _EXAMPLES = """\
@@ -176,12 +174,7 @@ def run(args: argparse.Namespace) -> int:
     gathering.finish()
     if len(complaints) < len(tasks) and args.output is args.json is None and not args.consumers:
         print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
-    for complaint in complaints[:min(_MOST_COMPLAINTS, len(complaints) - 1)]:
-        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-    if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:
-        print(f'imu_allan: {more:,} more like these, the last of all is:', file=sys.stderr)
-    if complaints:
-        raise complaints[-1]
+    raise_last(complaints)
     return 0
 
 

@@ -17,16 +17,15 @@ if TYPE_CHECKING:
     from imu_allan.sensor.noise_model import NoiseModel
 
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
+_FASTEST_HZ = 1e6
+"""Thirty times what the fastest IMUs give."""
 _META = ('serial', 'operator', 'station')
 _HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
 
 def positive_number(text: str) -> float:
     """Read a finite number above zero."""
-    value = _number(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f'{text} is not above zero')
-    return value
+    return _above_zero(_number(text), text)
 
 
 def rate(text: str) -> float:
@@ -38,16 +37,15 @@ def rate(text: str) -> float:
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f'{text!r} is no rate: write Hz (100), or a number with '
                                          'Hz or kHz (2kHz)') from None
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f'{text} is not above zero')
-    return value
+    if value > _FASTEST_HZ:
+        raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
+                                         'the rate in Hz')
+    return _above_zero(value, text)
 
 
 def duration(text: str) -> float:
     """Read a time above zero, in seconds or with a unit (``90``, ``50ms``, ``10min``, ``3h``)."""
-    value = moment(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f'{text} is not above zero')
+    value = _above_zero(moment(text), text)
     if value < SHORTEST_S:
         raise argparse.ArgumentTypeError(f'{text} is less than a microsecond')
     return value
@@ -110,23 +108,21 @@ def require_apart(args: argparse.Namespace) -> None:
     """
     from imu_allan.writers.atomic import require_replaceable
 
-    given = [(name, path) for name in getattr(args, 'inputs', ()) for path in _paths(args, name)]
-    for name, path in given:
+    given = [(name.replace('_', ' '), path) for name in getattr(args, 'inputs', ())
+             for path in _paths(args, name)]
+    written = [(f'--{name}', path, kind) for name, kind in getattr(args, 'outputs', {}).items()
+               for path in _paths(args, name)]
+    for name, path, *_ in (*given, *written):
         if not path:
-            raise ImuAllanError(f"{name.replace('_', ' ')} '': names no file; is a variable of "
-                                'the shell empty?')
-    for name, kind in getattr(args, 'outputs', {}).items():
-        for path in _paths(args, name):
-            if not path:
-                raise ImuAllanError(f"--{name} '': names no file; is a variable of the shell "
-                                    'empty?')
-            if not Path(path).is_file():
-                continue
-            if any(Path(other).exists() and Path(path).samefile(other) for _, other in given):
-                raise ImuAllanError(f'--{name} {printable(path)}: is an input of this command, '
-                                    'which would be overwritten; name another file')
-            if kind:
-                require_replaceable(path, kind)
+            raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
+    for name, path, kind in written:
+        if not Path(path).is_file():
+            continue
+        if any(Path(other).exists() and Path(path).samefile(other) for _, other in given):
+            raise ImuAllanError(f'{name} {printable(path)}: is an input of this command, which '
+                                'would be overwritten; name another file')
+        if kind:
+            require_replaceable(path, kind)
 
 
 def _paths(args: argparse.Namespace, name: str) -> list[str]:
@@ -177,6 +173,12 @@ def consumer(text: str) -> str:
         return consumer_called(text)
     except KeyError as error:
         raise argparse.ArgumentTypeError(error.args[0]) from None
+
+
+def _above_zero(value: float, text: str) -> float:
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f'{text} is not above zero')
+    return value
 
 
 def _number(text: str) -> float:

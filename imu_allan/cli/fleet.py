@@ -122,6 +122,15 @@ def line(unit: str, result: 'Result') -> str:
     return f'{printable(unit)}: {", ".join(parts)}'
 
 
+def raise_last(complaints: Sequence[ImuAllanError]) -> None:
+    """Print what kept recordings from being read, one line each; the last ends the command."""
+    sys.stdout.flush()
+    for complaint in complaints[:-1]:
+        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if complaints:
+        raise complaints[-1]
+
+
 def complaint_of(error: BaseException, path: str) -> ImuAllanError:
     """Return what stops one recording of several; what is unexpected shows where it came from."""
     if isinstance(error, ImuAllanError):

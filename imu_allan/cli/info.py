@@ -5,10 +5,10 @@
 import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
-import sys
 import textwrap
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.cli.fleet import raise_last
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.errors import ImuAllanError, printable, shorten
@@ -61,15 +61,12 @@ def run(args: argparse.Namespace) -> int:
             _print_recording(path, args)
         except ImuAllanError as error:
             complaints.append(error)
-    sys.stdout.flush()
-    for complaint in complaints[:-1]:
-        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-    if complaints:
-        raise complaints[-1]
+    raise_last(complaints)
     return 0
 
 
 def _print_recording(path: Path, args: argparse.Namespace) -> None:
+    from imu_allan.analysis import counted_on
     from imu_allan.recordings import choose_topic, open_recording
     from imu_allan.writers.words import message_of
 
@@ -82,7 +79,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
             reports = [
                 _report(recording, topic.name, _rate_of(recording, topic.name, args),
-                        _after(progress, i, recording))
+                        counted_on(progress, i * recording.size_bytes))
                 for i, topic in enumerate(read)]
         for report in reports:
             print()
@@ -140,13 +137,9 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
             print(f'  and {len(topics) - _MOST_NAMED} more')
 
 
-def _after(progress: Callable[[int], None], topics: int,
-           recording: 'Recording') -> Callable[[int], None]:
-    return lambda done: progress(topics * recording.size_bytes + done)
-
-
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
-            progress: Callable[[int], None]) -> list[str]:
+            progress: Callable[[int], None] | None) -> list[str]:
+    from imu_allan.noise.terms import AXES
     from imu_allan.recordings import read_blocks
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
@@ -159,7 +152,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     failure = ''
     count = 0
     first: NDArray[np.float64] | None = None
-    changes = [False] * len(_axis_names())
+    changes = [False] * len(AXES)
     try:
         blocks: Iterator[ImuBlock] = read_blocks(recording, topic, progress)
         if recording.options.accel_unit is None and recording.options.accel is None:
@@ -192,7 +185,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
         summary = stage.summary()
         rows += _timeline_rows(summary, topic)
         constant = [name for name, there, changed in zip(
-            _axis_names(), summary.present, changes, strict=True) if there and not changed]
+            AXES, summary.present, changes, strict=True) if there and not changed]
         if count > 1 and constant:
             rows.append(('constant', f'{named(constant)}: every sample is the same'))
     heat = thermometer_of(recording, topic)
@@ -214,6 +207,7 @@ def _wrapped(name: str, text: str) -> list[str]:
 
 
 def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, str]]:
+    from imu_allan.noise.terms import AXES
     from imu_allan.wording import clock_of, counted, duration
     from imu_allan.writers.words import message_of
 
@@ -231,8 +225,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
     rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)
                  + (f': {summary.stamps_read}' if summary.stamps_read else '')))
-    absent = [name for name, present in zip(_axis_names(), summary.present, strict=True)
-              if not present]
+    absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]
     if absent:
         rows.append(('absent', ', '.join(absent)))
     found = [f'{number:,} {what}' for what, number in (
@@ -258,12 +251,6 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks
                 if remark.code != 'motion')
     return rows
-
-
-def _axis_names() -> list[str]:
-    from imu_allan.noise.terms import AXES
-
-    return list(AXES)
 
 
 def _amount(size_bytes: int) -> str:

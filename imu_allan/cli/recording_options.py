@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.recordings import RecordingOptions
 
-_FASTEST_HZ = 1e6
-"""Thirty times what the fastest IMUs give."""
-
-
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
     """Add the options to a verb."""
     parser.add_argument('--rate', metavar='RATE', type=rate,
@@ -98,10 +94,6 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
         if not equals:
             raise ImuAllanError(f'--columns {text}: not AXIS=NAME such as gyro_x=w0')
         pairs.append((axis.strip(), name.strip()))
-    for name in ('rate', 'accel_rate'):
-        if (given := getattr(args, name)) is not None and given > _FASTEST_HZ:
-            raise ImuAllanError(f'--{name.replace("_", "-")} {given:g}: no IMU gives so many '
-                                'samples a second; give the rate in Hz')
     gyro, gyro_unit = _field(args.gyro)
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(

@@ -62,18 +62,6 @@ def test_a_stamp_that_no_message_can_hold_is_not_written(stamp):
         encode_imu_rows(block)
 
 
-@pytest.mark.parametrize(('rate', 'duration', 'told'), [
-    ('1e9', '1h', '--duration 3600 at --rate 1e+09'),
-    ('1e308', '100d', '--duration 8.64e+06 at --rate 1e+308')])
-def test_more_samples_than_any_disk_holds_are_not_begun(
-        tmp_path, fails_with, rate, duration, told):
-    output = tmp_path / 'out'
-    fails_with(f'{told}: more than 100,000,000,000 samples; simulate for less or at a lower rate',
-               'simulate', 'consumer_mems', '--rate', rate, '--duration', duration,
-               '--output', output)
-    assert not output.exists()
-
-
 @pytest.mark.parametrize(('package', 'verb'), [
     ('lz4', 'analyze'), ('mcap', 'analyze'), ('zstandard', 'info')])
 def test_a_package_that_rosdep_does_not_install_is_one_line(

@@ -73,6 +73,7 @@ def test_version_is_the_one_of_the_package(capsys: pytest.CaptureFixture[str]) -
 CHOICE = 'invalid choice: {} (choose from <words>)'
 NO_CONSUMER = "argument --for: no consumer is called '{}'; {}imu_allan export --list names all"
 NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
+FAST = 'argument --{}: 1e9: no IMU gives so many samples a second; give the rate in Hz'
 CENTURY = 'argument {}: {} is more than a hundred years'
 
 
@@ -86,6 +87,8 @@ CENTURY = 'argument {}: {} is more than a hundred years'
     ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
     ('analyze bag --rate fast', NO_RATE.format('fast')),
     ('analyze bag --rate nan', NO_RATE.format('nan')),
+    ('analyze bag --rate 1e9', FAST.format('rate')),
+    ('analyze bag --accel-rate 1e9', FAST.format('accel-rate')),
     ('analyze bag --clock none', '--clock none needs --rate'),
     ('analyze bag --clock wall', 'argument --clock: ' + CHOICE.format("'wall'")),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
