@@ -31,6 +31,22 @@ finally:
     while True:
         pass
 """
+IN_A_CALLBACK = """
+import os, signal, sys, threading, time, weakref
+from imu_allan.isolated_process import end_in_peace
+begin, slow_s = threading.Thread.start, float(sys.argv[1])
+threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
+end_in_peace()
+class Thing: pass
+for _ in range(3):
+    thing = Thing()
+    reference = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+    del thing
+try:
+    time.sleep(60)
+finally:
+    print('tidied up')
+"""
 
 
 def running(process: int) -> bool:
@@ -67,3 +83,12 @@ def test_a_process_that_is_not_done_with_tidying_is_ended() -> None:
         assert process.stdout.readline() == 'ready\n'
         process.terminate()
         assert process.wait(20) == -signal.SIGALRM
+
+
+@pytest.mark.parametrize('slow_s', ['0', '0.1'])
+def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s: str
+                                                                                ) -> None:
+    """Also on a busy machine, where a thread takes its time to begin."""
+    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
+                          text=True, timeout=30, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')

@@ -13,7 +13,6 @@ import threading
 import time
 
 from imu_allan.analysis import Choice
-from imu_allan.cli.main import main
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.run_folder import claimed, try_folder
@@ -24,13 +23,13 @@ from imu_allan.writers import folder_lock
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.folder_lock import turn_in
 import pytest
+from shared_places import planted, shared_folder, SOMEBODY_ELSE
 from whole_lines import refused, Varying
 
 MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
 ADVICE = 'choose a folder that exists on a disk with room and may be written to'
 KEPT = ('{}: cannot be written (another process writes to it); choose another folder, or wait '
         'until it has ended')
-SOMEBODY_ELSE = 12345
 SWAP = """
 import os, random, sys, time
 os.setuid(int(sys.argv[1]))
@@ -45,18 +44,6 @@ while True:
     except OSError:
         pass
 """
-
-
-def shared_folder(folder: Path) -> Path:
-    """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
-    if os.name != 'posix' or os.geteuid() != 0:
-        pytest.skip('acting as another user needs root')
-    folder.mkdir()
-    folder.chmod(0o1777)
-    # The other user has to get there.
-    for above in folder.parents:
-        above.chmod(above.stat().st_mode | 0o111)
-    return folder
 
 
 @contextmanager
@@ -76,7 +63,12 @@ def links_come_and_go(link: Path, target: Path) -> Iterator[None]:
 
 def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path):
     # 3 in 1000 writes went to the other folder before.
+    if os.name != 'posix' or os.geteuid() != 0:
+        pytest.skip('acting as another user needs root')
     shared, precious = shared_folder(tmp_path / 'shared'), tmp_path / 'precious'
+    # The other user has to get there.
+    for above in shared.parents:
+        above.chmod(above.stat().st_mode | 0o111)
     precious.mkdir()
     (precious / 'result.json').write_text('mine')
     written = refusals = 0
@@ -102,37 +94,31 @@ def test_a_link_in_a_folder_that_another_user_made_in_a_shared_one_is_not_follow
     theirs = shared_folder(tmp_path / 'shared') / 'theirs'
     theirs.mkdir()
     (tmp_path / 'precious').write_text('mine')
-    (theirs / 'result.json').symlink_to(tmp_path / 'precious')
-    for path in (theirs, theirs / 'result.json'):
-        os.lchown(path, SOMEBODY_ELSE, SOMEBODY_ELSE)
-    with refused(f'{theirs}/result.json: cannot be written ({theirs}/result.json is a link that '
-                 f'another user put into a folder that everybody may write to); {ADVICE}'):
-        write_atomically(theirs / 'result.json', b'x')
+    link = planted(theirs / 'result.json', tmp_path / 'precious')
+    os.lchown(theirs, SOMEBODY_ELSE, SOMEBODY_ELSE)
+    with refused(f'{link}: cannot be written ({link} is a link that another user put into a '
+                 f'folder that everybody may write to); {ADVICE}'):
+        write_atomically(link, b'x')
     assert (tmp_path / 'precious').read_text() == 'mine'
 
 
-def planted_link(folder: Path, target: Path) -> Path:
-    """Let another user put a link to a folder of this user into a shared one."""
-    target.mkdir()
-    (folder / 'link').symlink_to(target)
-    os.lchown(folder / 'link', SOMEBODY_ELSE, SOMEBODY_ELSE)
-    return folder / 'link'
+@pytest.fixture
+def link(tmp_path):
+    """Give a link to a folder of this user that another one put into a shared one."""
+    (tmp_path / 'precious').mkdir()
+    return planted(shared_folder(tmp_path / 'shared') / 'link', tmp_path / 'precious')
 
 
-def test_a_simulated_recording_follows_no_link_of_another_user(tmp_path, capsys):
-    link = planted_link(shared_folder(tmp_path / 'shared'), tmp_path / 'precious')
+def test_a_simulated_recording_follows_no_link_of_another_user(tmp_path, link, fails_with):
     (tmp_path / 'm.yaml').write_text(MODEL)
     for output in (link / 'sim', link / 'deeper' / 'sim'):
-        assert main(['simulate', str(tmp_path / 'm.yaml'), '--duration', '1s', '--output',
-                     str(output)]) == 1
-        assert capsys.readouterr().err == (
-            f'imu_allan: {output}: cannot be created ({link} is a link that another user put into '
-            'a folder that everybody may write to); choose a folder that may be written to\n')
+        fails_with(f'{output}: cannot be created ({link} is a link that another user put into a '
+                   'folder that everybody may write to); choose a folder that may be written to',
+                   'simulate', tmp_path / 'm.yaml', '--duration', '1s', '--output', output)
     assert not list((tmp_path / 'precious').iterdir())
 
 
-def test_a_node_makes_no_folder_behind_a_link_of_another_user(tmp_path):
-    link = planted_link(shared_folder(tmp_path / 'shared'), tmp_path / 'precious')
+def test_a_node_makes_no_folder_behind_a_link_of_another_user(tmp_path, link):
     with refused(f'output_dir {link}/runs: cannot be written ({link} is a link that another user '
                  'put into a folder that everybody may write to); set the parameter to a folder '
                  'that may be written to'):
@@ -171,13 +157,6 @@ def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
         took.append('first')
     thread.join(60)
     assert took == ['first', 'second']
-
-
-def test_a_folder_that_another_keeps_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
-    with turn_in(tmp_path / 'out'), refused(KEPT.format(tmp_path / 'out')), \
-            turn_in(tmp_path / 'out'):
-        pass
 
 
 def test_the_folder_of_a_running_node_is_its_own(tmp_path, monkeypatch):

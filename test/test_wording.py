@@ -8,32 +8,21 @@ from imu_allan.wording import amount_of, bounded, duration, faults_of, measured,
 import pytest
 
 
-@pytest.mark.parametrize(('seconds', 'text'), [
-    (0, '0 s'), (0.012, '12 ms'), (9.34, '9.34 s'), (87.1, '87 s'),
-    (93, '93 s'), (120, '2 min'), (345, '5 min 45 s'),
-    (10_000, '2 h 47 min'), (10_800, '3 h'), (259_200, '3 days')])
-def test_durations_are_said_as_a_person_says_them(seconds, text):
-    assert duration(seconds) == text
-
-
-@pytest.mark.parametrize(('value', 'text'), [
-    (0, '0'), (2.40642, '2.406'), (101.0, '101'), (2.86e-5, '2.86e-05'), (123456.0, '123456'),
-    (-12345.6, '-12346'), (9999.6, '10000'), (1.5e9, '1.5e+09')])
-def test_numbers_without_an_interval_have_four_significant_digits(value, text):
-    assert number(value) == text
-
-
-@pytest.mark.parametrize(('bound', 'symbol', 'text'), [
-    (52071.3, 'R', '|R| < 52100'), (0.03718, 'K', '< 0.0372'), (99.96, '', '< 100'),
-    (47.96, 'K', '< 48.0'), (0.9801, 'B', '< 0.980'), (1.2345e-7, 'Q', '< 1.23e-07')])
-def test_a_bound_is_told_in_three_digits_and_that_of_the_ramp_for_either_sign(bound, symbol, text):
-    assert bounded(bound, symbol) == text
+# The examples in the docstrings say the rest.
+@pytest.mark.parametrize(('said', 'text'), [
+    (duration(0), '0 s'), (duration(0.012), '12 ms'), (duration(93), '93 s'),
+    (duration(120), '2 min'), (duration(10_800), '3 h'),
+    (number(0), '0'), (number(101.0), '101'), (number(123456.0), '123456'),
+    (number(-12345.6), '-12346'), (number(9999.6), '10000'), (number(1.5e9), '1.5e+09'),
+    (bounded(99.96), '< 100'), (bounded(0.9801, 'B'), '< 0.980'),
+    (bounded(1.2345e-7, 'Q'), '< 1.23e-07')])
+def test_times_numbers_and_bounds_are_said_in_three_or_four_digits(said, text):
+    assert said == text
 
 
 @pytest.mark.parametrize(('numbers', 'texts'), [
     ((150.0, 149.95, 150.05), ('150.00', '149.95', '150.05')),
     ((150.0, 149.0, 152.0), ('150.0', '149.0', '152.0')),
-    ((407.9, 407.1, 408.7), ('407.9', '407.1', '408.7')),
     ((7.0e-4, 6.986e-4, 7.014e-4), ('0.0007000', '0.0006986', '0.0007014')),
     ((4e-6, 2.8e-6, 5.2e-6), ('4.0e-06', '2.8e-06', '5.2e-06')),
     ((0.5, 0.1, 3.0), ('0.50', '0.10', '3.0')),
