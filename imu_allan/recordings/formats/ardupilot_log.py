@@ -24,12 +24,12 @@ from typing import Any
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.table import (
-    columns_of,
     fastest,
     lacking,
-    Table,
-    table_times,
+    Records,
     TableLog,
+    THIN_HZ,
+    times_of,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -53,11 +53,12 @@ _FIELDS = {
 _BATCH_FIELDS = {'ISBH': ('N', 'type', 'instance', 'mul', 'SampleUS', 'smp_rate'),
                  'ISBD': ('N', 'seqno', 'x', 'y', 'z')}
 _HEAT = replace(_FIELDS['IMU'], temperature='T').thermometer()
+_SAMPLE = np.dtype([('time_ns', np.int64), ('scale', np.float64),
+                    *((axis, np.int16) for axis in 'xyz')])
+"""A sample of a batch."""
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 """Topics of the batches by the type in their header."""
 _PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
-_THIN_HZ = 20.0
-"""Below it, a message is logged for show: no IMU is as slow."""
 _ROWS = 1 << 14
 """Messages that are gathered at a time."""
 _RAW = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
@@ -81,12 +82,12 @@ class ArduPilotRecording(TableLog):
         times: dict[str, list[NDArray[np.int64]]] = {}
         kinds = self._kinds()
         for base in _FIELDS:
-            for name, table, _ in self._tables(kinds, base):
-                times.setdefault(name, []).append(table_times(table, _FIELDS[base]))
+            for name, records, _ in self._tables(kinds, base):
+                times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         for name, rate in rates.items():
             base = name.partition('.')[0]
-            if rate < _THIN_HZ:
+            if rate < THIN_HZ:
                 self.reasons[name] = f'{rate:.3g} Hz are too thin; {_RAW}'
                 self.other_topics[name] = f'ArduPilot {base}'
             else:
@@ -104,7 +105,7 @@ class ArduPilotRecording(TableLog):
         self.preferred = fastest(unbroken, _PARTNER) or fastest(
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
 
-    def tables_of(self, topic: str) -> Iterator[tuple[str, Table, int]]:
+    def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic, and of others like it."""
         base = topic.partition('.')[0]
         yield from self._tables(self._kinds(), base)
@@ -151,7 +152,7 @@ class ArduPilotRecording(TableLog):
                                 f'({printable(error)[:80]})') from error
         return kinds
 
-    def _tables(self, kinds: dict[str, _Kind], base: str) -> Iterator[tuple[str, Table, int]]:
+    def _tables(self, kinds: dict[str, _Kind], base: str) -> Iterator[tuple[str, Records, int]]:
         """Gather messages: name of the topic, columns, bytes consumed."""
         if base in _BATCH_SENSORS:
             yield from self._batches(kinds, _BATCH_SENSORS.index(base))
@@ -165,9 +166,9 @@ class ArduPilotRecording(TableLog):
                 numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
                     len(rows), suffix)
                 for number in np.unique(numbers).tolist():
-                    yield _named(base, number), columns_of(rows[numbers == number]), position
+                    yield _named(base, number), rows[numbers == number], position
 
-    def _batches(self, kinds: dict[str, _Kind], sensor: int) -> Iterator[tuple[str, Table, int]]:
+    def _batches(self, kinds: dict[str, _Kind], sensor: int) -> Iterator[tuple[str, Records, int]]:
         """Unroll the batches of one kind of sensor to the times of their samples."""
         if not {'ISBH', 'ISBD'} <= kinds.keys():
             return
@@ -188,10 +189,12 @@ class ArduPilotRecording(TableLog):
                 step_ns = 1e9 / own['smp_rate'].astype(np.float64)[:, np.newaxis]
                 times = own['SampleUS'].astype(np.int64)[:, np.newaxis] * _US + np.rint(
                     np.minimum(place * step_ns, 2.0**62)).astype(np.int64)
-                scale = np.repeat(1 / own['mul'].astype(np.float64), 32)
-                yield _named(_BATCH_SENSORS[sensor], number), {
-                    'time_ns': times.reshape(-1), 'scale': scale,
-                    **{axis: samples[axis].reshape(-1) for axis in 'xyz'}}, position
+                records = np.empty(times.size, _SAMPLE)
+                records['time_ns'] = times.reshape(-1)
+                records['scale'] = np.repeat(1 / own['mul'].astype(np.float64), 32)
+                for axis in 'xyz':
+                    records[axis] = samples[axis].reshape(-1)
+                yield _named(_BATCH_SENSORS[sensor], number), records, position
 
     def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
         """Gather messages, some thousand at a time, with the bytes consumed."""
@@ -220,7 +223,7 @@ def _hushed() -> Iterator[None]:
 def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
     """Return the first field that messages of an IMU need and have not, as numbers."""
     if name in _FIELDS:
-        return lacking(columns_of(np.zeros(0, layout)), _FIELDS[name])
+        return lacking(layout, _FIELDS[name])
     for field in _BATCH_FIELDS[name]:
         shape = (32,) if field in ('x', 'y', 'z') else ()
         if field not in (layout.names or ()) or layout[field].shape != shape or (

@@ -23,12 +23,13 @@ from struct import Struct, unpack_from
 from typing import Any
 
 from imu_allan.recordings.formats.table import (
-    columns_of,
     fastest,
     lacking,
-    Table,
-    table_times,
+    Records,
     TableLog,
+    THIN_HZ,
+    times_of,
+    with_elements,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -41,8 +42,6 @@ _TYPES = {
     'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
     'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
 _PARTNER = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
-_THIN_HZ = 20.0
-"""PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default; no IMU is as slow."""
 _HEAD, _FLAGS = 16, 40
 """Bytes: mark, version and time; the body of the flags."""
 _READ = 1 << 20
@@ -63,17 +62,10 @@ class UlogRecording(TableLog):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        ends: dict[str, tuple[int, int]] = {}
-        counts: dict[str, tuple[int, int]] = {}
-        kinds: dict[str, tuple[str, bool]] = {}
+        seen: dict[str, _Seen] = {}
         walk = _Walk(set(_TYPES))
-        for name, kind, table, _ in self._tables(walk):
-            times = table_times(table, KNOWN[kind])
-            messages, samples = counts.get(name, (0, 0))
-            counts[name] = messages + len(table['timestamp']), samples + len(times)
-            kinds[name] = kind, KNOWN[kind].temperature in table
-            if len(times):
-                ends[name] = ends.get(name, (int(times[0]), 0))[0], int(times[-1])
+        for name, kind, records, _ in self._tables(walk):
+            seen.setdefault(name, _Seen(kind)).add(records)
         for name, reason in walk.reasons.items():
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
@@ -81,32 +73,31 @@ class UlogRecording(TableLog):
             self.remark('damaged_recording', fault='bytes', bytes=walk.damaged)
         if walk.left:
             self.remark('truncated_recording', fault='log', bytes=walk.left)
-        rates = {}
-        for name, (kind, heated) in kinds.items():
-            first, last = ends.get(name, (0, 0))
-            rates[name] = (counts[name][1] - 1) * 1e9 / (last - first) if last > first else 0.0
-            fields = replace(KNOWN[kind], what='as logged')
-            if not heated:
-                fields = replace(fields, temperature=None)
-            self.topics.append(ImuTopic(name, counts[name][0], ImuMessages(
-                kind, fields=fields, factors=options.factors)))
-            self.list_own_thermometer(self.topics[-1])
-        thin = [name for name, rate in rates.items() if rate < _THIN_HZ]
-        for name in thin:
-            self.reasons[name] = (
-                f'{rates[name]:.3g} Hz are too thin; set SDLOG_PROFILE in the autopilot (bit 4: '
-                'high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
-            self.other_topics[name] = self.imu(name).messages.type_name
-        self.topics = [topic for topic in self.topics if topic.name not in thin]
+        for name, topic in seen.items():
+            messages = ImuMessages(topic.kind, fields=replace(
+                KNOWN[topic.kind], what='as logged',
+                temperature=KNOWN[topic.kind].temperature if topic.heated else None),
+                factors=options.factors)
+            imu = ImuTopic(name, topic.messages, messages)
+            if topic.rate_hz < THIN_HZ:
+                # PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default.
+                self.reasons[name] = (
+                    f'{topic.rate_hz:.3g} Hz are too thin; set SDLOG_PROFILE in the autopilot '
+                    '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and '
+                    'record again')
+                self.other_topics[name] = topic.kind
+            else:
+                self.topics.append(imu)
+            self.list_own_thermometer(imu)
         self.preferred = fastest(
-            {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
+            {imu.name: seen[imu.name].rate_hz for imu in self.topics}, _PARTNER)
 
-    def tables_of(self, topic: str) -> Iterator[tuple[str, Table, int]]:
+    def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic, and of others like it."""
         for name, _, table, position in self._tables(_Walk({topic.partition('.')[0]})):
             yield name, table, position
 
-    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, str, Table, int]]:
+    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, str, Records, int]]:
         """Gather messages: name and type of the topic, columns, bytes consumed."""
         with self._stored.open('rb') as file:
             for start, stop in _stretches(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
@@ -119,6 +110,32 @@ class UlogRecording(TableLog):
                     for name, table in walk.taken(data):
                         yield name, _type_of(name), table, at
                 walk.left = len(rest)
+
+
+class _Seen:
+    """What the messages of a topic tell about all of them."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self.heated = False
+        self.messages = self._samples = 0
+        self._ends: tuple[int, int] | None = None
+
+    def add(self, records: Records) -> None:
+        """Count messages and samples, and look when they were taken."""
+        fields = KNOWN[self.kind]
+        self.heated = fields.temperature in (records.dtype.names or ())
+        self.messages += len(records)
+        self._samples += len(records) if fields.burst is None else int(
+            records[fields.burst.samples].astype(np.int64).sum())
+        times = times_of(records, fields)
+        self._ends = (int(times[0]) if self._ends is None else self._ends[0], int(times[-1]))
+
+    @property
+    def rate_hz(self) -> float:
+        """Return samples in a second."""
+        first, last = self._ends or (0, 0)
+        return (self._samples - 1) * 1e9 / (last - first) if last > first else 0.0
 
 
 def _type_of(topic: str) -> str:
@@ -178,7 +195,7 @@ class _Walk:
             at = after
         return at
 
-    def taken(self, data: bytes) -> Iterator[tuple[str, Table]]:
+    def taken(self, data: bytes) -> Iterator[tuple[str, Records]]:
         """Give the columns of what was gone through, by topic."""
         content = np.frombuffer(data, np.uint8)
         for number, places in self._found.items():
@@ -188,7 +205,7 @@ class _Walk:
             if len(starts):
                 rows = content[starts[:, np.newaxis] + np.arange(layout.itemsize)].view(
                     layout)[:, 0]
-                yield name, columns_of(rows)
+                yield name, rows
 
     def _subscribe(self, body: bytes) -> None:
         """Look for data of a topic from now on, where it is wanted and has the fields."""
@@ -197,9 +214,8 @@ class _Walk:
             return
         layout = _layout(self._formats[name])
         full = f'{name}.{body[0]}' if body[0] else name
-        columns = columns_of(np.zeros(0, layout))
-        # Every PX4 topic has that, and it counts the messages.
-        if (lack := lacking(columns, KNOWN[_type_of(name)], 'timestamp')) is not None:
+        # Every PX4 topic has that.
+        if (lack := lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
             self.reasons[full] = f'its format has no field {lack}'
             return
         number = unpack_from('<H', body, 1)[0]
@@ -221,4 +237,4 @@ def _layout(text: str) -> np.dtype[Any]:
     # What fills the end is not logged.
     while fields and fields[-1][0].startswith('_padding'):
         fields.pop()
-    return np.dtype(fields)
+    return with_elements(np.dtype(fields))

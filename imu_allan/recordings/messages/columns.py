@@ -1,50 +1,39 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of one form to columns: samples, stamps and frames, without an object a message."""
+"""
+Records to columns: samples in SI units, stamps and frames, without an object a message.
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+A record is a serialized message whose numbers have the paths of its fields for names, or one of
+the log of an autopilot.
+"""
+
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import shorten
-from imu_allan.recordings.messages.forms import Form, OnMalformed, together
+from imu_allan.recordings.messages.forms import OnMalformed, together
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 from imu_allan.recordings.messages.layout import Place
-from imu_allan.recordings.messages.values import to_si, unrolled, unsound
 import numpy as np
 from numpy.typing import NDArray
 
 _NANOSECONDS = 1_000_000_000  # in a second
 _LATEST = 2**62
 """Stamps in nanoseconds beyond this are no time."""
+_LONGEST_STEP_NS = 1e9
+"""A second: what samples a burst at a slower rate is no IMU, but a damaged number."""
+
+Columns = dict[str, NDArray[Any]]
+"""Of each sample: 'stamps' (one a column), 'receive_ns', 'samples', 'absent' and, of bursts, the
+number of its 'message'."""
 
 
-@dataclass
-class Columns:
+def taken(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
+          receive_ns: NDArray[np.int64], on_malformed: OnMalformed | None) -> Columns:
     """
-    What was taken out of messages.
-
-    `stamps` has a row for each of the stamps there may be, `frames` the numbers of names, or the
-    one of all; without `kept`, every sample is.
-    """
-
-    stamps: NDArray[np.int64]
-    receive_ns: NDArray[np.int64]
-    samples: NDArray[np.float64]
-    absent: NDArray[np.bool_]
-    kept: NDArray[np.bool_] | None = None
-    frames: NDArray[np.int64] | int = 0
-
-
-def taken(
-    fields: ImuFields, stamps_read: Sequence[Stamp], frames_seen: dict[str, int],
-    rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], form: Form,
-    on_malformed: OnMalformed | None, *, one_frame: bool = False,
-) -> Columns:
-    """
-    Take samples, stamps and frame_id out of rows of one form.
+    Take samples and stamps out of records.
 
     Parameters
     ----------
@@ -52,32 +41,20 @@ def taken(
         What is read of them.
     stamps_read : sequence of Stamp
         The stamps among which one is chosen later.
-    frames_seen : dict of str to int
-        Numbers of the names of frames; new ones are entered.
-    rows : ndarray of uint8, shape (n, size)
-        The messages.
+    messages : structured ndarray, shape (n,)
+        The records.
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps.
-    form : Form
-        Where the fields stand.
     on_malformed : callable, optional
         Told of bursts that are none; without it they raise MalformedImu.
-    one_frame : bool, optional
-        Where it is known that all name the same frame.
 
     """
-    count = len(rows)
-    messages = rows.view(form.record)[:, 0]
-    stamps = np.empty((len(stamps_read), count), np.int64)
+    count = len(messages)
+    stamps = np.empty((len(stamps_read), count), np.int64).T
     for number, stamp in enumerate(stamps_read):
-        stamps[number] = _time(messages, stamp)
-    frames: NDArray[np.int64] | int = 0
-    if form.frame_id is not None:
-        numbers = [frames_seen.setdefault(text, len(frames_seen)) for text in _texts(
-            rows[:1] if one_frame else rows, form.frame_id)]
-        frames = numbers[0] if one_frame else np.array(numbers)
+        stamps[:, number] = time_of(messages, stamp)
     if fields.burst is not None:
-        return _burst(fields, fields.burst, messages, stamps, receive_ns, frames, on_malformed)
+        return _burst(fields, fields.burst, messages, stamps, receive_ns, on_malformed)
     samples = np.empty((count, 6))
     absent = np.empty((count, 2), np.bool_)
     if fields.gyro is None or fields.accel is None:
@@ -90,72 +67,48 @@ def taken(
             missing.fill(False)
         else:
             np.equal(messages[vector.covariance], -1.0, out=missing)
-    return Columns(stamps, np.array(receive_ns, np.int64), samples, absent, frames=frames)
+    return {'stamps': stamps, 'receive_ns': np.array(receive_ns, np.int64), 'samples': samples,
+            'absent': absent}
 
 
 def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
            stamps: NDArray[np.int64], receive_ns: NDArray[np.int64],
-           frames: NDArray[np.int64] | int, on_malformed: OnMalformed | None) -> Columns:
+           on_malformed: OnMalformed | None) -> Columns:
     """Unroll messages of many samples, each at its own time; the stamp is that of the last."""
     [(first, vector)] = fields.vectors()
     width = messages[vector.paths[0]].shape[1]
-    before, kept, sound = unrolled(burst, width, messages.__getitem__)
+    filled = messages[burst.samples].astype(np.int64)
+    step_ns = messages[burst.step_us].astype(np.float64) * 1e3
+    sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
+        step_ns < _LONGEST_STEP_NS)
     if not sound.all():
-        error = MalformedImu(unsound(burst, width))
+        error = MalformedImu(
+            f'{burst.samples} is not 1 to {width}, or {burst.step_us} is no time')
         if on_malformed is None:
             raise error
         on_malformed(int((~sound).sum()), error)
-    samples = np.zeros((len(messages), width, 6))
-    for axis, path in enumerate(vector.paths):
-        samples[:, :, first + axis] = messages[path]
-    to_si(samples[:, :, first:first + 3], vector, messages.__getitem__)
-    absent = np.ones((len(messages) * width, 2), np.bool_)
+    place = np.arange(width)
+    before_ns = np.rint(np.where(sound, step_ns, 0)[:, np.newaxis] * (
+        filled[:, np.newaxis] - 1 - place)).astype(np.int64)
+    message, number = np.nonzero((place < filled[:, np.newaxis]) & sound[:, np.newaxis])
+    bursts = np.stack([messages[path] for path in vector.paths], axis=2).astype(np.float64)
+    _to_si(bursts, vector, messages)
+    samples = np.zeros((len(message), 6))
+    samples[:, first:first + 3] = bursts[message, number]
+    absent = np.ones((len(message), 2), np.bool_)
     absent[:, first // 3] = False
-    return Columns(
-        (stamps[:, :, np.newaxis] - before).reshape(len(stamps), -1),
-        (receive_ns[:, np.newaxis] - before).reshape(-1), samples.reshape(-1, 6), absent,
-        kept.reshape(-1), frames if isinstance(frames, int) else np.repeat(frames, width))
+    before_ns = before_ns[message, number]
+    return {'stamps': stamps[message] - before_ns[:, np.newaxis],
+            'receive_ns': receive_ns[message] - before_ns, 'samples': samples, 'absent': absent,
+            'message': message}
 
 
-def in_order(decoded: Sequence[tuple[NDArray[np.intp], Columns]]) -> Columns:
-    """
-    Put what was decoded in groups into the order of the messages.
-
-    Parameters
-    ----------
-    decoded : sequence of (ndarray of int, Columns)
-        Of each sample the number of its message, and the samples.
-
-    """
-    if len(decoded) == 1:
-        return decoded[0][1]
-    if not decoded:
-        empty = np.zeros(0)
-        return Columns(empty.reshape(0, 0).astype(np.int64), empty.astype(np.int64),
-                       empty.reshape(0, 6), np.zeros((0, 2), np.bool_))
-    order = np.argsort(np.concatenate([index for index, _ in decoded]), kind='stable')
-    parts = [columns for _, columns in decoded]
-
-    def joined(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    def each(of: Callable[[Columns], Any]) -> NDArray[Any]:
-        return np.concatenate([np.broadcast_to(of(part), len(part.samples)) for part in parts])
-
-    return chosen(Columns(
-        np.concatenate([part.stamps for part in parts], axis=1),
-        joined('receive_ns'), joined('samples'), joined('absent'),
-        each(lambda part: True if part.kept is None else part.kept),
-        each(lambda part: part.frames)), order)
-
-
-def chosen(columns: Columns, index: NDArray[np.intp] | NDArray[np.bool_]) -> Columns:
-    """Take some samples, or all in another order."""
-    kept, frames = columns.kept, columns.frames
-    return Columns(
-        columns.stamps[:, index], columns.receive_ns[index], columns.samples[index],
-        columns.absent[index], None if kept is None else kept[index],
-        frames if isinstance(frames, int) else frames[index])
+def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int],
+              ) -> NDArray[np.int64]:
+    """Return the numbers of the frames that messages name; new names are entered in `seen`."""
+    if place is None:
+        return np.zeros(len(rows), np.int64)
+    return np.array([seen.setdefault(text, len(seen)) for text in _texts(rows, place)])
 
 
 def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
@@ -168,10 +121,25 @@ def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) 
         out.view('V24')[:, 0] = messages[side_by_side]
     else:
         out[:] = messages[side_by_side]
-    to_si(out, vector, messages.__getitem__)
+    _to_si(out, vector, messages)
 
 
-def _time(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
+def _to_si(numbers: NDArray[np.float64], vector: Vector, messages: NDArray[np.void]) -> None:
+    """Turn numbers of shape (n, 3) or (n, width, 3) into rad/s or m/s^2, in place."""
+    def each(path: str) -> NDArray[np.float64]:
+        return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
+
+    if vector.scale is not None:
+        numbers *= each(vector.scale)
+    if vector.per:
+        seconds = each(vector.per) * 1e-6
+        seconds[seconds == 0] = np.nan
+        numbers /= seconds
+    if vector.factor != 1.0:
+        numbers *= vector.factor
+
+
+def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
     """Return stamps in nanoseconds; -1 for what is no time."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths

@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import decode_imu_rows, MalformedImu, rows_like_first, Serialization
-from imu_allan.recordings.messages.columns import chosen, Columns, in_order, taken
+from imu_allan.recordings.messages.columns import Columns, frames_of, taken
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.forms import Form, Forms, OnMalformed
 from imu_allan.recordings.messages.imu_fields import ImuFields
@@ -127,71 +127,70 @@ class FieldsDecoder:
         if not held:
             return []
         columns = self._columns(held, on_malformed)
-        if columns.kept is not None and not columns.kept.all():
-            columns = chosen(columns, columns.kept)
-        count = len(columns.samples)
-        if not count:
+        if columns is None or not len(columns['samples']):
             return []
-        header_ns = self._header_ns(columns.stamps)
-        self._spread_increments(columns.samples, header_ns, columns.receive_ns)
-        names = list(self._frames)
-        if isinstance(columns.frames, int):
-            return [ImuBlock(header_ns, columns.receive_ns, columns.samples, columns.absent,
-                             names[columns.frames])]
-        bounds = [0, *(np.flatnonzero(np.diff(columns.frames)) + 1).tolist(), count]
-        return [ImuBlock(header_ns[a:b], columns.receive_ns[a:b], columns.samples[a:b],
-                         columns.absent[a:b], names[columns.frames[a]])
+        header_ns = self._header_ns(columns['stamps'])
+        self._spread_increments(columns['samples'], header_ns, columns['receive_ns'])
+        names, frames = list(self._frames), columns['frames']
+        bounds = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(header_ns)]
+        return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
+                         columns['absent'][a:b], names[frames[a]])
                 for a, b in pairwise(bounds)]
 
     # ----------------------------------------------------------------------------------- columns
 
-    def _columns(self, pieces: Sequence[Piece], on_malformed: OnMalformed | None) -> Columns:
-        """Decode the pieces, those of equal size together."""
+    def _columns(self, pieces: Sequence[Piece], on_malformed: OnMalformed | None,
+                 ) -> Columns | None:
+        """Decode the pieces, those of equal size together; one frame may stand for all."""
         if len(pieces) == 1:
             # By far the most frequent case is the fastest: nothing needs to be put in order.
             [piece] = pieces
             with suppress(MalformedImu):
                 form = self._forms.of(piece.rows[0].data)
                 if rows_like_first(piece.rows, form.keys_and_frame) is None:
-                    return self._taken(piece.rows, piece.receive_ns, form, on_malformed,
-                                       one_frame=True)
+                    columns = self._taken(piece.rows, piece.receive_ns, form, on_malformed)
+                    columns['frames'] = frames_of(piece.rows[:1], form.frame_id, self._frames)
+                    return columns
         bounds = np.cumsum([0, *(len(piece.rows) for piece in pieces)])
         by_size: dict[int, list[int]] = {}
         for number, piece in enumerate(pieces):
             by_size.setdefault(piece.rows.shape[1], []).append(number)
-        decoded: list[tuple[NDArray[np.intp], Columns]] = []
+        decoded: list[Columns] = []
         for numbers in by_size.values():
-            if len(numbers) == 1:
-                rows, receive_ns = pieces[numbers[0]].rows, pieces[numbers[0]].receive_ns
-            else:
-                rows = np.concatenate([pieces[number].rows for number in numbers])
-                receive_ns = np.concatenate([pieces[number].receive_ns for number in numbers])
+            rows = np.concatenate([pieces[number].rows for number in numbers])
+            receive_ns = np.concatenate([pieces[number].receive_ns for number in numbers])
             index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
             for which, form in self._forms.alike(rows, on_malformed):
                 same = rows if len(which) == len(rows) else rows[which]
                 part = self._taken(same, receive_ns[which], form, on_malformed)
-                times = len(part.samples) // max(len(which), 1)
-                decoded.append((np.repeat(index[which], times), part))
-        return in_order(decoded)
+                frames = frames_of(same, form.frame_id, self._frames)
+                of = part.get('message', np.arange(len(same)))
+                part['frames'], part['message'] = frames[of], index[which][of]
+                decoded.append(part)
+        if len(decoded) < 2:
+            return decoded[0] if decoded else None
+        order = np.argsort(np.concatenate([part['message'] for part in decoded]), kind='stable')
+        return {name: np.concatenate([part[name] for part in decoded])[order]
+                for name in decoded[0]}
 
     def _taken(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], form: Form,
-               on_malformed: OnMalformed | None, *, one_frame: bool = False) -> Columns:
+               on_malformed: OnMalformed | None) -> Columns:
         stamps = self._fields.stamps
         return taken(self._fields, stamps if self._clock is None else [stamps[self._clock]],
-                     self._frames, rows, receive_ns, form, on_malformed, one_frame=one_frame)
+                     rows.view(form.record)[:, 0], receive_ns, on_malformed)
 
     # ------------------------------------------------------------------------------------- clock
 
     def _header_ns(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
         """Choose the first stamps that are valid and advance finely, for the whole reading."""
-        if not len(stamps):
-            return np.zeros(stamps.shape[1], np.int64)
+        if not stamps.shape[1]:
+            return np.zeros(len(stamps), np.int64)
         clock = 0
         if self._clock is None:
-            clock = next((number for number, times in enumerate(stamps) if _advances(times)), 0)
-            if stamps.shape[1] >= _ENOUGH:
+            clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
+            if len(stamps) >= _ENOUGH:
                 self._clock = clock
-        times: NDArray[np.int64] = np.maximum(stamps[clock], 0)
+        times: NDArray[np.int64] = np.maximum(stamps[:, clock], 0)
         return times
 
     def _spread_increments(self, samples: NDArray[np.float64], header_ns: NDArray[np.int64],
