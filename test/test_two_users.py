@@ -15,7 +15,7 @@ import time
 from imu_allan.analysis import Choice
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.run_folder import claimed, try_folder
+from imu_allan.node.run_folder import try_folder
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -123,7 +123,6 @@ def test_a_node_makes_no_folder_behind_a_link_of_another_user(tmp_path, link):
                  'put into a folder that everybody may write to); set the parameter to a folder '
                  'that may be written to'):
         try_folder(str(link / 'runs'))
-    claimed(link / 'runs' / 'imu')
     assert not list((tmp_path / 'precious').iterdir())
 
 
@@ -157,11 +156,3 @@ def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
         took.append('first')
     thread.join(60)
     assert took == ['first', 'second']
-
-
-def test_the_folder_of_a_running_node_is_its_own(tmp_path, monkeypatch):
-    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
-    pytest.importorskip('fcntl')
-    assert claimed(tmp_path / 'run') == tmp_path / 'run'
-    with refused(KEPT.format(tmp_path / 'run')), turn_in(tmp_path / 'run'):
-        pass

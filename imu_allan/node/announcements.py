@@ -6,13 +6,21 @@ What the log says of its own accord: every transition once, and progress from ti
 Each `see_` method is given what is true now and compares it with what was true before.
 """
 
-from imu_allan.node.diagnostics import cause_of_loss, Facts, off_rate, waiting_for
+from collections.abc import Sequence
+
+from imu_allan.node.diagnostics import (
+    Condition,
+    Facts,
+    reception_conditions,
+    timeline_conditions,
+    waiting_for,
+)
 from imu_allan.node.log import Log
 from imu_allan.node.sequential import rest_s
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import counted, duration, listed, measured, spoken
+from imu_allan.wording import counted, duration, measured, spoken
 from imu_allan.writers.words import message_of, presented
 
 PAUSE_S = 1.0
@@ -30,8 +38,6 @@ LATER_S = 3600.0
 _TOLD_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
                              'clock_jumps'})
 """Codes of remarks that progress lines or transitions of their own tell."""
-_REJECTING = frozenset({'several_frames', 'several_publishers', 'rate_changed'})
-"""Codes of remarks that say by themselves which messages are rejected."""
 
 
 class Announcements:
@@ -40,7 +46,7 @@ class Announcements:
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
         self._topic = topic
-        self._present: dict[str, bool] = {}
+        self._told: dict[str, bool] = {}
         self._restarts = 0
         self._overrun = False
         self._levels: dict[str, str] = {}
@@ -56,68 +62,31 @@ class Announcements:
         self._began: float | None = None
         self._progress_at = 0.0
         self._said_codes: set[str] = set()
-        self._jumps = 0
-        for what in ('moving', 'rejected', 'expected_rate'):
-            self._present.pop(what, None)
+        for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
+            self._told.pop(name, None)
         self._observable: set[tuple[str, str]] = set()
 
-    def see_reception(self, facts: Facts, names: list[str]) -> None:
+    def see_reception(self, facts: Facts) -> None:
         """Tell of publishers that come and go, of losses, and of data that return."""
-        topic = self._topic
-        self._turn('publishers', facts.publishers > 1,
-                   f'{facts.publishers} publishers on {topic} ({listed(names)}): where their '
-                   'samples mix they are passed over; give every IMU a topic of its own',
-                   f'one publisher is left on {topic}')
-        self._turn('mixed', facts.mixed,
-                   f'the messages on {topic} are of more than one publisher: they are passed over',
-                   f'the messages on {topic} are of one publisher again; call ~/reset if it is '
-                   'another IMU')
-        self._turn('namesakes', facts.namesakes > 0,
-                   'another node has the same name: their topics and services cannot be kept '
-                   'apart; start one of them with another name',
-                   'no other node has the same name any more')
-        self._turn('looping', facts.looping,
-                   f'the messages on {topic} repeat from the first one on, as a recording played '
-                   'in a loop does: what has come before is passed over',
-                   f'the messages on {topic} are new again')
-        recent = facts.recent
-        self._overrun = recent['overrun'] > 0
-        self._turn('malformed', recent['malformed'] > 0,
-                   f'{counted(recent["malformed"], "message")} on {topic} could not be decoded: '
-                   f'{facts.malformed_why}',
-                   f'every message on {topic} can be decoded again; '
-                   f'{counted(facts.malformed, "message")} could not be in all')
-        self._turn('lost', recent['lost'] > 0,
-                   f'{counted(recent["lost"], "message")} on {topic} lost: '
-                   f'{cause_of_loss(facts)}',
-                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all')
+        self._overrun = facts.recent['overrun'] > 0
+        self._see(reception_conditions(facts))
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
             restarted = facts.restarts > self._restarts
-            self._log.info(f'messages come on {topic} again after {facts.pause_s:.0f} s without'
-                           f'{": their publisher has restarted" if restarted else ""}',
-                           f'pause {topic}')
+            self._log.info(f'messages come on {self._topic} again after {facts.pause_s:.0f} s '
+                           f'without{": their publisher has restarted" if restarted else ""}',
+                           f'pause {self._topic}')
         self._restarts = facts.restarts
-        self._see_thermometer(facts)
 
-    def _see_thermometer(self, facts: Facts) -> None:
-        topic = facts.temperature_topic
-        if not topic:
-            return
-        self._turn('thermometer', facts.temperature_missing,
-                   f'nothing publishes {topic}: there is no temperature',
-                   f'the thermometer on {topic} is there')
-        silent = facts.temperature_silent_s
-        self._turn('thermometer silent', silent > 0 and not facts.temperature_missing,
-                   f'no temperature on {topic} for {silent:.0f} s',
-                   f'temperatures come on {topic} again')
-
-    def _turn(self, what: str, present: bool, begins: str, over: str) -> None:
-        """Say that something begins, and that it is over if its beginning was said."""
-        if not present:
-            if self._present.pop(what, False):
-                self._log.info(over)
-        elif not self._present.get(what):
-            self._present[what] = self._log.warning(begins, f'{what} {self._topic}', REPEAT_S)
+    def _see(self, conditions: Sequence[Condition]) -> None:
+        """Tell what begins, and that it is over if its beginning was told."""
+        for name, present, _, message, over in conditions:
+            if over is None:
+                continue
+            if not present:
+                if self._told.pop(name, False) and over:
+                    self._log.info(over)
+            elif not self._told.get(name):
+                self._told[name] = self._log.warning(message, f'{name} {self._topic}', REPEAT_S)
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
         """Tell of the first sample, of faults of clock and samples, and of motion."""
@@ -130,22 +99,7 @@ class Announcements:
                            f'{summary.clock or "no"} stamps')
         for remark in presented(summary.remarks):
             self._say_once(remark.code, message_of(remark, live=True))
-        self._turn('moving', summary.moving,
-                   'the IMU moves: what it measures meanwhile is left out',
-                   'the IMU is at rest again')
-        if summary.clock_jumps > self._jumps:
-            self._log.warning(f'the {summary.clock} clock jumped: no difference is taken across '
-                              'the jump', f'jumped {self._topic}', REPEAT_S)
-        self._jumps = summary.clock_jumps
-        rejected = facts.recent['rejected']
-        self._turn('rejected', rejected > 0 and not _REJECTING & {
-            remark.code for remark in summary.remarks},
-            f'{counted(rejected, "message")} rejected: NaN, infinite or declared absent',
-            f'no message is rejected any more; {_were(timeline.rejected)} in all')
-        wrong = off_rate(facts, summary)
-        self._turn('expected_rate', bool(wrong),
-                   f'{wrong}; check expected_rate, or the setting of the driver',
-                   'the rate is the expected one again')
+        self._see(timeline_conditions(facts, summary))
 
     def see_result(self, result: Result) -> None:
         """Tell of coefficients that become observable, or no longer are, and what was found."""
@@ -222,6 +176,3 @@ def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -
     return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '
             f'{duration(seconds)}')
 
-
-def _were(count: int) -> str:
-    return f'{count:,} {"was" if count == 1 else "were"}'

@@ -10,10 +10,9 @@ does lets an error out of the executor's thread; if one gets out all the same, `
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
 from dataclasses import replace
-from functools import partial
 from math import ceil
 from threading import RLock
 import time
@@ -26,12 +25,12 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
 from imu_allan.node.imu_type import decoder, message_class
-from imu_allan.node.interface import SETTINGS
+from imu_allan.node.interface import SETTINGS, TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.publications import Publications
-from imu_allan.node.rclpy_inside import OutOfWaitSet
+from imu_allan.node.rclpy_inside import AnyExecutorNode
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
@@ -49,13 +48,10 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos_overriding_options import InvalidQosOverridesError
-from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
-TOPIC = 'imu/data_raw'
 QUEUE_S = 2.5
 """The queue holds so many seconds of samples at the expected rate."""
 QUEUE_MESSAGES = 10_000
@@ -69,7 +65,7 @@ TICK_MESSAGES = QUEUE_MESSAGES // 4
 """Taken together at most, as far as one can tell from how fast the last ones came."""
 
 
-class CharacterizationNode(Node):
+class CharacterizationNode(AnyExecutorNode):
     """
     Characterizes the IMU on ``imu/data_raw``, in whichever executor spins it.
 
@@ -97,8 +93,8 @@ class CharacterizationNode(Node):
         if reason := _reason_against(values['aiding_interval'], values['coast']):
             raise ImuAllanError(f'parameter {reason}')
 
-        topics = _topics(values)
-        self._receptions = [self._reception(topic, half, values) for topic, half in topics]
+        self._receptions = [self._reception(topic, half, values)
+                            for topic, half in _topics(values)]
         subscribed = [reception.subscription.topic for reception in self._receptions]
         if len(set(subscribed)) < len(subscribed):
             raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
@@ -121,10 +117,8 @@ class CharacterizationNode(Node):
         thermometer = values['temperature_topic']
         self._temperature = self._thermometer(thermometer) if thermometer else None
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(
-            self, [_type(values, half)[1] for _, half in topics],
-            [f'-p {half}_topic' if half else f'-r {TOPIC}' for _, half in topics],
-            self._receptions, self._publications, self._announcements, self._log)
+        self._reports = Reports(self, self._receptions, self._publications, self._announcements,
+                                self._log)
         run = self._storage.first_run()
         # Held back means lost in a crash: no more than half of what may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
@@ -133,10 +127,9 @@ class CharacterizationNode(Node):
 
         # Services wait for the worker while samples come in: they have a group of their own.
         self._callers = Callers(self)
-        self._serving: dict[Any, Any] = {
-            serve: self.create_service(Trigger, name, serve, qos_profile=REQUESTS,
-                                       callback_group=self._callers)
-            for name, serve in (('~/save', self._save), ('~/reset', self._reset))}
+        for name, serve in ('~/save', self._save), ('~/reset', self._reset):
+            self.serve_waiting(Trigger, name, serve, qos_profile=REQUESTS,
+                               callback_group=self._callers)
         self.create_service(SetBool, '~/pause', self._pause, qos_profile=REQUESTS,
                             callback_group=self._callers)
         now = time.monotonic()
@@ -150,24 +143,6 @@ class CharacterizationNode(Node):
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
                                         Clock(clock_type=ClockType.STEADY_TIME))
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
-
-    @property
-    def subscriptions(self) -> Iterator[Subscription]:
-        """Those whose messages an executor takes: an EventsExecutor asks no callback group."""
-        return (one for one in super().subscriptions
-                if not isinstance(one.callback_group, OutOfWaitSet))
-
-    @property
-    def executor(self) -> Executor | None:
-        """Who spins the node."""
-        return super().executor
-
-    @executor.setter
-    def executor(self, executor: Executor | None) -> None:
-        Node.executor.fset(self, executor)  # type: ignore[attr-defined]
-        for serve, service in self._serving.items():
-            # The EventsExecutor of Jazzy does not await what a service returns.
-            service.callback = serve if isinstance(executor, Executor) else partial(_run, serve)
 
     def serve(self, stop: StopRequest) -> int:
         """Work until `stop` is set, then save: cheaper than an executor; return the status."""
@@ -201,7 +176,8 @@ class CharacterizationNode(Node):
     def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
         expected = 0.0 if half == 'accel' else values['expected_rate']
         queue, (gyro_unit, accel_unit) = queue_messages(expected), _units(values)
-        parameter, kind = _type(values, half)
+        parameter = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
+        kind = values[parameter]
         try:
             decode = decoder(kind, *_fields(values, half), gyro_unit=gyro_unit,
                              accel_unit=accel_unit)
@@ -242,25 +218,19 @@ class CharacterizationNode(Node):
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, name: str, value: Any) -> None:
-        with self._lock:
-            self._set(name, value)
-
-    def _set(self, name: str, value: Any) -> None:
         results, storage = self._results, self._storage
-        if name == 'publish_period':
-            results.publish_every(value)
-        elif name == 'output_dir':
-            storage.write_to(value)
-        elif name == 'checkpoint_period':
-            storage.checkpoint_period = value
-        elif name == 'export_for':
-            storage.export_for = value
-        elif name in ('aiding_interval', 'coast'):
-            filter_of = replace(results.filter_of, **{f'{name}_s': value})
-            results.filter_of = filter_of
-            if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
-                self._log.warning(f'{reason}: filter_random_walk is NaN until they fit',
-                                  'filter')
+        with self._lock:
+            if name == 'publish_period':
+                results.publish_every(value)
+            elif name == 'output_dir':
+                storage.write_to(value)
+            elif name in ('checkpoint_period', 'export_for'):
+                setattr(storage, name, value)
+            elif name in ('aiding_interval', 'coast'):
+                filter_of = results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
+                if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
+                    self._log.warning(f'{reason}: filter_random_walk is NaN until they fit',
+                                      'filter')
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
@@ -291,6 +261,12 @@ class CharacterizationNode(Node):
                                  self._storage.checkpoint_age_s(now))
             self._results.draw_if_watched(self._run)
         return count
+
+    def _catch_up(self) -> None:
+        """Take in what has come until now."""
+        now = time.monotonic()
+        self._take(now)
+        self._feed(now)
 
     def _take(self, now: float) -> int:
         return max([reception.take(now) for reception in self._receptions])
@@ -326,9 +302,7 @@ class CharacterizationNode(Node):
 
     async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
-            now = time.monotonic()
-            self._take(now)
-            self._feed(now)
+            self._catch_up()
             future = self._storage.save(self._run)
         await self._settled(future)
         error = future.exception()
@@ -375,9 +349,7 @@ class CharacterizationNode(Node):
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._lock:
-            now = time.monotonic()
-            self._take(now)
-            self._feed(now)
+            self._catch_up()
             changes = request.data != self._facts.paused
             for reception in self._receptions:
                 reception.facts.paused = request.data
@@ -452,12 +424,6 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
     return [(gyro, 'gyro'), (accel, 'accel')]
 
 
-def _type(values: Mapping[str, Any], half: Half | None) -> tuple[str, str]:
-    """Give the type of the messages on a topic, after the parameter that says it."""
-    name = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
-    return name, values[name]
-
-
 def _fields(values: Mapping[str, Any], half: Half | None = None) -> list[str]:
     """Give the fields that are named for the messages on a topic; the others are empty."""
     return ['' if half is not None and part not in (half, 'stamp') else values[f'{part}_field']
@@ -476,10 +442,6 @@ def queue_messages(expected_rate: float) -> int:
 def pace_s(count: int, elapsed_s: float) -> float:
     """Give the time to the next tick, in seconds, after `count` messages came in `elapsed_s`."""
     return min(TICK_S, max(HURRY_S, elapsed_s * TICK_MESSAGES / max(count, 1)))
-
-
-def _run(serve: Callable[..., Coroutine[Any, Any, object]], *asked: object) -> object:
-    return asyncio.run(serve(*asked))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

@@ -10,6 +10,7 @@ format without pickles. It is replaced atomically, so a reader finds the old sta
 from collections.abc import Mapping
 import contextlib
 from datetime import datetime, timezone
+import fcntl
 import hashlib
 import io
 import os
@@ -36,10 +37,7 @@ _LARGEST_BYTES = 64_000_000
 """A state has some megabytes; what is larger is another file, and not read into memory."""
 _MOST_ASIDE, _MOST_ASIDE_BYTES = 20, 100_000_000
 """States kept aside: more than anybody looks at, and no more than a memory card can spare."""
-_TIME = '%Y%m%dT%H%M%S.%fZ'
-_TIME_LENGTH = len('20260101T000000.000000Z')
 _KINDS = 'biufU'
-_PLAIN = getattr(os, 'O_NOFOLLOW', 0) | getattr(os, 'O_NONBLOCK', 0)
 
 
 class UnusableState(Exception):
@@ -50,18 +48,9 @@ class UnusableState(Exception):
         self.reason = reason
 
 
-def _lock(file: IO[bytes]) -> None:
-    try:
-        import fcntl
-    except ImportError:
-        # Windows: two nodes with one file are not noticed there.
-        return
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
 def _open_plain(path: Path, flags: int) -> IO[bytes]:
     """Open a regular file, for this user alone; no link is followed, no pipe waited for."""
-    handle = os.open(path, flags | _PLAIN, 0o600)
+    handle = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
     file = os.fdopen(handle, 'rb')
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         file.close()
@@ -136,7 +125,7 @@ class StateFile:
             raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
                                 'choose a folder that may be written to') from error
         try:
-            _lock(self._lock)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
@@ -155,13 +144,13 @@ class StateFile:
 
     def thin_out(self) -> list[str]:
         """Remove the oldest states kept aside where they are too many; return their names."""
-        pattern = re.compile(re.escape(self.path.name) + r'\.[a-z_]+\.\d{8}T[\d.]+Z')
+        pattern = re.compile(re.escape(self.path.name) + r'\.[a-z_]+\.(\d{8}T[\d.]+Z)')
         removed, total = [], 0
         with contextlib.suppress(OSError):
             # Their names end with the time.
-            aside = sorted((path for path in self.path.parent.iterdir()
-                            if pattern.fullmatch(path.name)),
-                           key=lambda path: path.name[-_TIME_LENGTH:], reverse=True)
+            times = {path: match[1] for path in self.path.parent.iterdir()
+                     if (match := pattern.fullmatch(path.name))}
+            aside = sorted(times, key=lambda path: times[path], reverse=True)
             for number, path in enumerate(aside):
                 total += path.stat().st_size
                 if number and (number >= _MOST_ASIDE or total > _MOST_ASIDE_BYTES):
@@ -203,7 +192,7 @@ class StateFile:
 
     def keep_aside(self, reason: str) -> Path:
         """Give the saved state another name, so that a new run cannot overwrite it."""
-        now = datetime.now(timezone.utc).strftime(_TIME)
+        now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:
             with contextlib.suppress(FileNotFoundError):

@@ -1,13 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What ``/diagnostics`` says, in one module because all of its statuses read the same facts.
+What is not as it should be with the samples, the fit and the files, as ``/diagnostics`` says it.
 
-Is everything well with the samples, the fit and the files?
+The log tells the same conditions when they begin and when they are over.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -18,13 +19,15 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
-from imu_allan.wording import counted, duration, spoken
+from imu_allan.wording import counted, duration, listed, spoken
 from imu_allan.writers.words import message_of, presented
 
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
                      'rest_within_motion', 'several_frames', 'spikes'})
 """Codes of remarks that tell of what may be over: counts say whether it goes on."""
+_REJECTING = frozenset({'several_frames', 'several_publishers', 'rate_changed'})
+"""Codes of remarks that say by themselves which messages are rejected."""
 
 RECENT_S = 30.0
 """Somebody who looks twice a minute sees what happened; what is longer ago is a total."""
@@ -35,6 +38,17 @@ _LATELY = f'in the last {RECENT_S:.0f} s'
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 Verdict = tuple[bytes, str]
 _LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
+
+
+class Condition(NamedTuple):
+    """What may not be as it should be; nothing is told of it unless it is present."""
+
+    name: str
+    present: bool
+    level: bytes
+    message: str
+    over: str | None = None
+    """Of the log, once it is over: nothing if empty. The log has no such condition if None."""
 
 
 class Recent:
@@ -85,6 +99,7 @@ class Facts:
     mixed_samples: int = 0  # passed over for that
     looping: bool = False  # the messages have come before, as of a recording in a loop
     publishers: int = 0
+    publisher_names: Sequence[str] = ()  # where there are several
     refused: list[str] = field(default_factory=list)  # why publishers are not matched
     namesakes: int = 0  # other nodes of the same name
     silent_s: float = 0.0  # since the last message, or since the first is waited for
@@ -121,7 +136,9 @@ def diagnostics_message(node_name: str, stamp: Time,
     parts: list[tuple[str, str, Verdict, Mapping[str, object]]] = []
     for facts, summary in topics:
         which = f' {facts.half}' if facts.half else ''
-        parts += [(f'reception{which}', facts.topic, _reception_verdict(facts),
+        parts += [(f'reception{which}', facts.topic, _worst(
+                      reception_conditions(facts),
+                      f'receiving {facts.received_hz:.4g} messages per second'),
                    _reception_values(facts)),
                   (f'timeline{which}', facts.topic, _timeline_verdict(facts, summary),
                    _timeline_values(facts, summary))]
@@ -151,36 +168,58 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
     return name, key, seconds
 
 
-def _reception_verdict(facts: Facts) -> Verdict:
-    if facts.namesakes:
-        return ERROR, 'another node has the same name: start one of them with another name'
-    if facts.mixed:
-        return ERROR, (f'messages of more than one publisher on {facts.topic}: '
-                       'they are passed over')
-    if not facts.publishers:
-        return ERROR, '; '.join(facts.refused) or f'nothing publishes {facts.topic}'
-    if facts.silent_s > SILENT_S:
-        return ERROR, f'no message for {facts.silent_s:.0f} s'
-    if facts.publishers > 1:
-        return WARN, (f'{facts.publishers} publishers on {facts.topic}: where their samples mix '
-                      'they are passed over')
-    if facts.looping:
-        return WARN, 'the messages repeat: what has come before is passed over'
-    if malformed := facts.recent['malformed']:
-        return WARN, (f'{counted(malformed, "message")} could not be decoded {_LATELY}: '
-                      f'{facts.malformed_why}')
-    if lost := facts.recent['lost']:
-        return WARN, f'{counted(lost, "message")} lost {_LATELY}: {cause_of_loss(facts)}'
-    if facts.paused:
-        return WARN, 'paused: samples are passed over'
-    if facts.temperature_topic and not facts.thermometers:
-        return WARN, f'nothing publishes {facts.temperature_topic}'
-    if facts.temperature_silent_s:
-        return WARN, f'no temperature for {facts.temperature_silent_s:.0f} s'
-    return OK, f'receiving {facts.received_hz:.4g} messages per second'
+def _worst(conditions: Sequence[Condition], otherwise: str) -> Verdict:
+    return next(((one.level, one.message) for one in conditions if one.present), (OK, otherwise))
 
 
-def cause_of_loss(facts: Facts) -> str:
+def reception_conditions(facts: Facts) -> list[Condition]:
+    """Say what may be wrong with what comes on a topic, the worst first."""
+    topic, recent, thermometer = facts.topic, facts.recent, facts.temperature_topic
+    return [
+        Condition('namesakes', facts.namesakes > 0, ERROR,
+                  'another node has the same name: their topics and services cannot be kept '
+                  'apart; start one of them with another name',
+                  'no other node has the same name any more'),
+        Condition('mixed', facts.mixed, ERROR,
+                  f'the messages on {topic} are of more than one publisher: they are passed over',
+                  f'the messages on {topic} are of one publisher again; call ~/reset if it is '
+                  'another IMU'),
+        Condition('unpublished', not facts.publishers, ERROR,
+                  '; '.join(facts.refused) or f'nothing publishes {topic}'),
+        Condition('silent', facts.silent_s > SILENT_S, ERROR,
+                  f'no message for {facts.silent_s:.0f} s'),
+        Condition('publishers', facts.publishers > 1, WARN,
+                  f'{facts.publishers} publishers on {topic} ({listed(facts.publisher_names)}): '
+                  'where their samples mix they are passed over; give every IMU a topic of its '
+                  'own', f'one publisher is left on {topic}'),
+        Condition('looping', facts.looping, WARN,
+                  f'the messages on {topic} repeat from the first one on, as a recording played '
+                  'in a loop does: what has come before is passed over',
+                  f'the messages on {topic} are new again'),
+        Condition('malformed', recent['malformed'] > 0, WARN,
+                  f'{counted(recent["malformed"], "message")} on {topic} could not be decoded '
+                  f'{_LATELY}: {facts.malformed_why}',
+                  f'every message on {topic} can be decoded again; '
+                  f'{counted(facts.malformed, "message")} could not be in all'),
+        Condition('lost', recent['lost'] > 0, WARN,
+                  f'{counted(recent["lost"], "message")} on {topic} lost {_LATELY}: '
+                  f'{_cause_of_loss(facts)}',
+                  f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
+        Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
+        Condition('thermometer', facts.temperature_missing, WARN,
+                  f'nothing publishes {thermometer}: there is no temperature',
+                  f'the thermometer on {thermometer} is there'),
+        Condition('thermometer silent',
+                  facts.temperature_silent_s > 0 and not facts.temperature_missing, WARN,
+                  f'no temperature on {thermometer} for {facts.temperature_silent_s:.0f} s',
+                  f'temperatures come on {thermometer} again')]
+
+
+def _were(count: int) -> str:
+    return f'{count:,} {"was" if count == 1 else "were"}'
+
+
+def _cause_of_loss(facts: Facts) -> str:
     """Say where messages were lost, and what helps."""
     if facts.recent['overrun']:
         return (f'the queue of {counted(facts.queue, "message")} is too short for what comes '
@@ -199,34 +238,49 @@ def _reception_values(facts: Facts) -> Mapping[str, object]:
             'paused': facts.paused, 'temperature_c': facts.temperature_c}
 
 
-def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
-    timeline = summary.timeline
-    rate = summary.measured_rate_hz or timeline.sample_rate_hz
-    if facts.update_error:
-        return ERROR, facts.update_error
-    if facts.on_probation:
-        return OK, 'looking whether this is the IMU of the state file'
-    if summary.moving:
-        return WARN, 'the IMU moves: this part is left out'
-    if summary.mostly_motion:
-        return WARN, 'the IMU was moving most of the time: let it rest'
-    wrong = off_rate(facts, summary)
-    if wrong:
-        return WARN, wrong
-    lasting = [message_of(remark, live=True) for remark in presented(summary.remarks)
-               if remark.code not in _PASSED]
-    if lasting:
-        return WARN, '; '.join(lasting)
+def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Condition]:
+    """Say what may be wrong with the samples and their stamps, the worst first."""
+    rate, expected = _rate(summary) or 0.0, facts.expected_rate
+    remarks = [(remark.code, message_of(remark, live=True))
+               for remark in presented(summary.remarks)]
+    lasting = [message for code, message in remarks if code not in _PASSED]
     faults = [f'{counted(count, what)}{why}' for key, what, why in (
         ('missing', 'sample', ' missing'), ('duplicates', 'duplicate', ''),
         ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
-    if faults:
-        why = [message_of(remark, live=True) for remark in presented(summary.remarks)]
-        return WARN, '; '.join([f'{", ".join(faults)} {_LATELY}', *why])
-    if not timeline.samples:
-        return OK, 'no samples yet'
-    return OK, f'{counted(timeline.samples, "sample")} at {rate or 0:.5g} Hz'
+    rejected = facts.recent['rejected']
+    return [
+        Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
+        Condition('probation', facts.on_probation, OK,
+                  'looking whether this is the IMU of the state file'),
+        Condition('moving', summary.moving, WARN,
+                  'the IMU moves: what it measures meanwhile is left out',
+                  'the IMU is at rest again'),
+        Condition('mostly_motion', summary.mostly_motion, WARN,
+                  'the IMU was moving most of the time: let it rest'),
+        Condition('expected_rate',
+                  bool(expected and rate) and abs(rate / expected - 1) > RATE_TOLERANCE, WARN,
+                  f'measured {rate:.5g} Hz, expected {expected:g} Hz; check expected_rate, or the '
+                  'setting of the driver', 'the rate is the expected one again'),
+        Condition('remarks', bool(lasting), WARN, '; '.join(lasting)),
+        Condition('faults', bool(faults), WARN, '; '.join(
+            [f'{", ".join(faults)} {_LATELY}', *(message for _, message in remarks)])),
+        Condition('jumped', facts.recent['clock_jumps'] > 0, WARN,
+                  f'the {summary.clock} clock jumped: no difference is taken across the jump', ''),
+        Condition('rejected', rejected > 0 and not _REJECTING & {code for code, _ in remarks},
+                  WARN, f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
+                  'absent',
+                  f'no message is rejected any more; {_were(summary.timeline.rejected)} in all')]
+
+
+def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
+    samples = summary.timeline.samples
+    return _worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
+                  f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz')
+
+
+def _rate(summary: TimelineSummary) -> float | None:
+    return summary.measured_rate_hz or summary.timeline.sample_rate_hz
 
 
 def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
@@ -235,16 +289,6 @@ def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
     return {'missing': timeline.missing, 'duplicates': timeline.duplicates,
             'out_of_order': timeline.out_of_order, 'rejected': timeline.rejected,
             'clock_jumps': summary.clock_jumps}
-
-
-def off_rate(facts: Facts, summary: TimelineSummary) -> str:
-    """Say that the measured rate is not the expected one; empty where it is."""
-    rate = summary.measured_rate_hz or summary.timeline.sample_rate_hz
-    if not facts.expected_rate or not rate:
-        return ''
-    if abs(rate / facts.expected_rate - 1) <= RATE_TOLERANCE:
-        return ''
-    return f'measured {rate:.5g} Hz, expected {facts.expected_rate:g} Hz'
 
 
 def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:
@@ -299,12 +343,9 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
 
 
 def _storage_verdict(facts: Facts) -> Verdict:
-    if facts.checkpoint_error:
-        return ERROR, facts.checkpoint_error
-    if facts.save_error:
-        return ERROR, facts.save_error
-    if facts.output_error:
-        return ERROR, facts.output_error
+    error = facts.checkpoint_error or facts.save_error or facts.output_error
+    if error:
+        return ERROR, error
     if not facts.state_file:
         return OK, 'no state file: a crash or a reboot begins a new run'
     return OK, facts.resumed or 'a new run'

@@ -26,6 +26,7 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,10 @@ def in_one_line(error: Exception) -> str:
     return ' '.join(str(error).split()).removesuffix(' ^')
 
 
+def _node_of(offer: TopicEndpointInfo) -> str:
+    return f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
+
+
 class DrainedSubscription:
     """Best-effort subscription that keeps the last `depth` messages until `take` is called."""
 
@@ -51,7 +56,7 @@ class DrainedSubscription:
         self._node = node
         self._msg_type = msg_type
         self._depth = depth
-        self._collected = Taken([], [])
+        self._collected: list[Taken] = []
         self.draining = draining
         self._qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
                                reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -74,6 +79,11 @@ class DrainedSubscription:
         return str(self._subscription.topic_name)
 
     @property
+    def type_name(self) -> str:
+        """Name of the type of its messages."""
+        return '/'.join([*self._msg_type.__module__.split('.')[:2], self._msg_type.__name__])
+
+    @property
     def depth(self) -> int:
         """Messages that the queue holds, as it may have been overridden."""
         return self._depth
@@ -85,12 +95,11 @@ class DrainedSubscription:
 
     def refused_publishers(self) -> list[str]:
         """Why publishers of the topic are not matched: a line for each."""
-        own_type = self._type_name()
         lines = []
         for offer in self._node.get_publishers_info_by_topic(self.topic):
-            name = f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
-            if offer.topic_type != own_type:
-                lines.append(f'{name} publishes {offer.topic_type}, not {own_type}')
+            name = _node_of(offer)
+            if offer.topic_type != self.type_name:
+                lines.append(f'{name} publishes {offer.topic_type}, not {self.type_name}')
                 continue
             compatibility, reason = qos_check_compatible(
                 offer.qos_profile, self._subscription.qos_profile)
@@ -104,37 +113,30 @@ class DrainedSubscription:
 
     def publisher_names(self) -> list[str]:
         """Nodes that publish the topic, sorted."""
-        return sorted(f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
-                      for offer in self._node.get_publishers_info_by_topic(self.topic))
+        return sorted(map(_node_of, self._node.get_publishers_info_by_topic(self.topic)))
 
     def publisher_gids(self) -> set[bytes]:
         """Identities of the publishers of the topic."""
         return {bytes(offer.endpoint_gid)
                 for offer in self._node.get_publishers_info_by_topic(self.topic)}
 
-    def _type_name(self) -> str:
-        package, kind, name = (*self._msg_type.__module__.split('.')[:2],
-                               self._msg_type.__name__)
-        return f'{package}/{kind}/{name}'
-
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
-        taken, self._collected = self._collected, Taken([], [])
+        taken, self._collected = self._collected, []
         if self.draining:
-            drained = drain(self._subscription, self._msg_type, self._depth)
-            taken.messages.extend(drained.messages)
-            taken.infos.extend(drained.infos)
-        receive = [info.get('received_timestamp') for info in taken.infos]
+            taken += drain(self._subscription, self._msg_type, self._depth)
+        infos = [info for _, info in taken]
+        receive = [info.get('received_timestamp') for info in infos]
         if not all(receive):
             # Not every middleware stamps the receipt; the publisher's stamp is the next best.
             now = time.time_ns()
             receive = [stamp or info.get('source_timestamp') or now
-                       for stamp, info in zip(receive, taken.infos, strict=True)]
-        numbers = [number for info in taken.infos
+                       for stamp, info in zip(receive, infos, strict=True)]
+        numbers = [number for info in infos
                    if (number := info.get('publication_sequence_number')) is not None]
-        known = np.array(numbers, np.int64) if len(numbers) == len(taken.infos) else None
-        return Batch(taken.messages, np.array(receive, dtype=np.int64), known,
-                     self._drops and len(taken.messages) >= self._depth)
+        return Batch([message for message, _ in taken], np.array(receive, dtype=np.int64),
+                     np.array(numbers, np.int64) if len(numbers) == len(infos) else None,
+                     self._drops and len(taken) >= self._depth)
 
     def _subscribe(self, topic: str) -> Subscription:
         group = OutOfWaitSet() if self.draining else None
@@ -147,5 +149,4 @@ class DrainedSubscription:
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _collect(self, message: bytes, info: Info) -> None:
-        self._collected.messages.append(message)
-        self._collected.infos.append(info)
+        self._collected.append((message, info))

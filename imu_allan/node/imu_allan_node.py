@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from imu_allan.interruption import quiet_interrupt
 
 if TYPE_CHECKING:
-    from imu_allan.node.process import StopRequest
+    from imu_allan.node.process import Served
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -17,13 +17,9 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.node.interface import CHARACTERIZATION
         from imu_allan.node.process import run_process
-        return run_process('imu_allan_node', _serve, args, CHARACTERIZATION)
+        return run_process(CHARACTERIZATION, _node, args)
 
 
-def _serve(stop: 'StopRequest') -> int:
+def _node() -> 'Served':
     from imu_allan.node.characterization_node import CharacterizationNode
-    node = CharacterizationNode()
-    try:
-        return node.serve(stop)
-    finally:
-        node.destroy_node()
+    return CharacterizationNode()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from imu_allan.interruption import quiet_interrupt
 
 if TYPE_CHECKING:
-    from imu_allan.node.process import StopRequest
+    from imu_allan.node.process import Served
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -17,14 +17,9 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process
-        return run_process('imu_simulator', _serve, args, SIMULATOR)
+        return run_process(SIMULATOR, _node, args)
 
 
-def _serve(stop: 'StopRequest') -> int:
+def _node() -> 'Served':
     from imu_allan.node.simulator_node import SimulatorNode
-    node = SimulatorNode()
-    try:
-        node.serve(stop)
-    finally:
-        node.destroy_node()
-    return 0
+    return SimulatorNode()

@@ -12,6 +12,8 @@ from imu_allan.writers.filters import CONSUMERS
 
 Value = str | int | float | bool | Sequence[str]
 
+TOPIC = 'imu/data_raw'
+"""Of REP-145."""
 DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
 """Beside the logs of ROS, which belong to the same user."""
 DEFAULT_STATE_FILE = '$ROS_HOME/imu_allan/<name>.state'
@@ -151,7 +153,7 @@ class Interface:
 CHARACTERIZATION = Interface(
     'imu_allan_node',
     'Characterizes the noise of the IMU on a topic while it is at rest.',
-    (('imu/data_raw', 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
+    ((TOPIC, 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
       'the two topics of gyro_topic and accel_topic instead, where they are set'),),
     (('~/result', 'std_msgs/String', 'the whole result as JSON'),
      ('~/coefficients', 'diagnostic_msgs/DiagnosticArray', 'every coefficient of every axis'),
@@ -172,7 +174,7 @@ SIMULATOR = Interface(
     'imu_simulator',
     'In place of an IMU driver: publishes an IMU at rest with the noise of a model.',
     (),
-    (('imu/data_raw', 'sensor_msgs/Imu', 'the samples'),
+    ((TOPIC, 'sensor_msgs/Imu', 'the samples'),
      ('~/truth', 'diagnostic_msgs/DiagnosticArray', 'the true coefficients')),
     (('~/drop', 'std_srvs/Trigger', 'leave samples out'),
      ('~/knock', 'std_srvs/Trigger', 'knock the IMU')),

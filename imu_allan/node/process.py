@@ -11,6 +11,7 @@ from pathlib import Path
 import signal
 import sys
 from types import FrameType
+from typing import Protocol
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import help_text, Interface, refused, wants_help
@@ -19,8 +20,6 @@ ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msg
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
 LEAST_SHARED_BYTES = 65_536
 """Room in /dev/shm without which no process of ROS starts."""
-EXIT_BROKEN_PIPE = 141
-"""What a shell reports for a program that the closed pipe has ended."""
 ENOUGH_SHARED_BYTES = 8_000_000
 """Room in /dev/shm below which Fast DDS is kept from using it."""
 
@@ -56,19 +55,35 @@ def give_back_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def run_process(program: str, serve: Callable[[StopRequest], int],
-                args: Sequence[str] | None = None, interface: Interface | None = None) -> int:
-    """Run `serve` between the start and the shutdown of rclpy."""
-    if interface is not None and wants_help(sys.argv[1:] if args is None else args):
-        return _print(help_text(interface))
-    if wrong := refused(sys.argv[1:] if args is None else args):
+class Served(Protocol):
+    """A node that works until it is asked to stop."""
+
+    def serve(self, stop: StopRequest) -> int:
+        """Work, and return the exit status."""
+
+    def destroy_node(self) -> None:
+        """Leave nothing undone."""
+
+
+def run_process(interface: Interface, made: Callable[[], Served],
+                args: Sequence[str] | None = None) -> int:
+    """Let a node work between the start and the shutdown of rclpy; return the exit status."""
+    program, given = interface.program, sys.argv[1:] if args is None else args
+    if wants_help(given):
+        print(help_text(interface))
+        return 0
+    if wrong := refused(given):
         _fail(program, wrong)
         return 2
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)
         with _told_to_stop(stop), _ros(args):
-            return serve(stop)
+            node = made()
+            try:
+                return node.serve(stop)
+            finally:
+                node.destroy_node()
     except ImuAllanError as error:
         return _fail(program, str(error))
     except ImportError as error:
@@ -147,17 +162,6 @@ def _find_parameter_files(args: Sequence[str]) -> None:
 
 def _one_line(error: object) -> str:
     return ' '.join(str(error).split())
-
-
-def _print(text: str) -> int:
-    """Write to standard output, whose reader may have seen enough; return the exit status."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        # Python flushes once more when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_BROKEN_PIPE
-    return 0
 
 
 def _fail(program: str, message: str) -> int:

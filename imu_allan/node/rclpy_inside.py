@@ -6,10 +6,14 @@ Everything that is taken from inside rclpy: what it does not document, and may c
 `test/node/test_rclpy_inside.py` holds rclpy to it, and names what breaks.
 """
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from functools import partial
+from itertools import islice
+from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import Executor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -19,13 +23,8 @@ RCLError: type[Exception] = rclpy_implementation.RCLError
 UnknownROSArgsError: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
 Info = dict[str, Any]
-
-
-class Taken(NamedTuple):
-    """Messages, and what the middleware says of each."""
-
-    messages: list[bytes]
-    infos: list[Info]
+Taken = tuple[bytes, Info]
+"""A message, and what the middleware says of it."""
 
 
 class OutOfWaitSet(CallbackGroup):
@@ -36,25 +35,52 @@ class OutOfWaitSet(CallbackGroup):
         return False
 
 
-def drain(subscription: Subscription, msg_type: type, most: int) -> Taken:
+def drain(subscription: Subscription, msg_type: type, most: int) -> list[Taken]:
     """Take what waits in the queue of the middleware, at most so many messages."""
-    messages: list[bytes] = []
-    infos: list[Info] = []
     handle = subscription.handle
     with handle:
-        take = handle.take_message
-        for _ in range(most):
-            item = take(msg_type, True)
-            if item is None:
-                break
-            message, info = item
-            messages.append(message)
-            infos.append(info)
-    if messages:
-        if not isinstance(messages[0], bytes):
+        taken = list(islice(iter(partial(handle.take_message, msg_type, True), None), most))
+    if taken:
+        message, info = taken[0]
+        if not isinstance(message, bytes):
             raise TypeError('take_message did not return bytes')
-        infos[0]['received_timestamp']
-    return Taken(messages, infos)
+        info['received_timestamp']
+    return taken
+
+
+class AnyExecutorNode(Node):
+    """A node whose `OutOfWaitSet` and whose services that wait work in an EventsExecutor, too."""
+
+    def __init__(self, name: str, **options: Any) -> None:
+        self._waiting_services: dict[Callable[..., Coroutine[Any, Any, Any]], Any] = {}
+        super().__init__(name, **options)
+
+    def serve_waiting(self, kind: type, name: str,
+                      serve: Callable[..., Coroutine[Any, Any, Any]], **options: Any) -> None:
+        """Offer a service that an executor may leave and come back to."""
+        self._waiting_services[serve] = self.create_service(kind, name, serve, **options)
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Those whose messages an executor takes: an EventsExecutor asks no callback group."""
+        return (one for one in super().subscriptions
+                if not isinstance(one.callback_group, OutOfWaitSet))
+
+    @property
+    def executor(self) -> Executor | None:
+        """Who spins the node."""
+        return super().executor
+
+    @executor.setter
+    def executor(self, executor: Executor | None) -> None:
+        Node.executor.fset(self, executor)  # type: ignore[attr-defined]
+        for serve, service in self._waiting_services.items():
+            # The EventsExecutor of Jazzy does not await what a service returns.
+            service.callback = serve if isinstance(executor, Executor) else partial(_run, serve)
+
+
+def _run(serve: Callable[..., Coroutine[Any, Any, object]], *asked: object) -> object:
+    return asyncio.run(serve(*asked))
 
 
 def given_parameters(node: Node) -> Mapping[str, Any]:

@@ -8,6 +8,7 @@ import time
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.announcements import Announcements, SILENCE_S
 from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
+from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
@@ -26,12 +27,9 @@ LOOK_S = 10.0
 class Reports:
     """Gathers what is reported."""
 
-    def __init__(self, node: Node, type_names: Sequence[str], remedies: Sequence[str],
-                 receptions: Sequence[Reception], publications: Publications,
+    def __init__(self, node: Node, receptions: Sequence[Reception], publications: Publications,
                  announcements: Sequence[Announcements], log: Log) -> None:
         self._node = node
-        self._type_names = type_names
-        self._remedies = remedies
         self._receptions = receptions
         self._publications = publications
         self._announcements = announcements
@@ -83,16 +81,15 @@ class Reports:
         facts.received_hz = (facts.received - self._last_received[number]) / (now - self._last)
         if not facts.publishers:
             facts.refused = subscription.refused_publishers()
-        names = subscription.publisher_names() if facts.publishers > 1 else []
+        facts.publisher_names = subscription.publisher_names() if facts.publishers > 1 else []
         facts.recent.see(now, {'lost': facts.lost, 'malformed': facts.malformed,
                                'overrun': facts.overrun})
-        self._announcements[number].see_reception(facts, names)
+        self._announcements[number].see_reception(facts)
         facts.pause_s = 0.0
         if facts.silent_s <= SILENCE_S:
             self._complaints[number] = ''
         else:
-            cause = self._cause_of_silence(facts, self._type_names[number],
-                                           self._remedies[number])
+            cause = self._cause_of_silence(facts, subscription.type_name)
             if cause != self._complaints[number] and self._log.warning(
                     f'no message on {facts.topic} for {facts.silent_s:.0f} s{cause}',
                     f'silence {facts.topic}'):
@@ -116,16 +113,17 @@ class Reports:
         announcements.see_timeline(now, facts, summary)
         return summary
 
-    def _cause_of_silence(self, facts: Facts, type_name: str, remedy: str) -> str:
-        topic, kind = facts.topic, type_name.rpartition('/')[2]
-        others = [name for name, types in self._node.get_topic_names_and_types()
-                  if type_name in types and name != topic
-                  and self._node.count_publishers(name)]
+    def _cause_of_silence(self, facts: Facts, type_name: str) -> str:
         if facts.publishers:
             return f', though there is {counted(facts.publishers, "publisher")}'
         if facts.refused:
             return f'; {"; ".join(facts.refused)}'
+        kind = type_name.rpartition('/')[2]
+        others = [name for name, types in self._node.get_topic_names_and_types()
+                  if type_name in types and name != facts.topic
+                  and self._node.count_publishers(name)]
         if others:
+            remedy = f'-p {facts.half}_topic' if facts.half else f'-r {TOPIC}'
             return (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '
                     f'--ros-args {remedy}:=TOPIC')
         return f'; no node publishes {kind} messages'

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 import json
 import math
 from typing import Any, Literal
@@ -19,7 +20,13 @@ from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration
 from imu_allan.writers.words import message_of, of_axis
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+from std_msgs.msg import (
+    Float64MultiArray,
+    Header,
+    MultiArrayDimension,
+    MultiArrayLayout,
+    String,
+)
 
 SENSORS = ('gyro', 'accel')
 TUNED_TERM = 'filter_random_walk'
@@ -42,18 +49,18 @@ class Filter:
 
 def result_messages(result: Result, node_name: str, stamp: Time,
                     filter_of: Filter = Filter()) -> dict[str, Any]:
-    """Every message of a result, by its topic below ``~/``."""
-    vectors = {f'{sensor}/{term}': vector_message(result, sensor, term, stamp)
-               for sensor in SENSORS for term in LASTING_TERMS}
-    vectors |= {f'{sensor}/{TUNED_TERM}': tuned_message(result, sensor, filter_of, stamp)
-                for sensor in SENSORS}
-    vectors |= {f'{sensor}/{term}/interval/{end}':
-                interval_message(result, sensor, term, end, stamp)
-                for sensor in SENSORS for term in LASTING_TERMS for end in ENDS}
-    curves = {f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}
+    """Every message of a result, by its topic below ``~/``; NaN is what is not known."""
+    of_axis: dict[str, Callable[[AxisResult], float | None]] = {
+        TUNED_TERM: partial(_tuned, filter_of)}
+    for term in LASTING_TERMS:
+        of_axis[term] = partial(_value, term)
+        of_axis |= {f'{term}/interval/{end}': partial(_bound, term, end) for end in ENDS}
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
     return {'result': String(data=document),
-            'coefficients': coefficients_message(result, node_name, stamp), **vectors, **curves}
+            'coefficients': coefficients_message(result, node_name, stamp),
+            **{f'{sensor}/{topic}': _vector(result, sensor, stamp, number)
+               for sensor in SENSORS for topic, number in of_axis.items()},
+            **{f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}}
 
 
 def coefficients_message(result: Result, node_name: str, stamp: Time) -> DiagnosticArray:
@@ -79,54 +86,38 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     return array
 
 
-def vector_message(result: Result, sensor: str, term: str, stamp: Time) -> Vector3Stamped:
-    """One coefficient of the three axes of a sensor; NaN where it is not observable."""
-    return _vector(result, sensor, stamp, lambda axis: axis.coefficients[term].value)
+def _value(term: str, axis: AxisResult) -> float | None:
+    return axis.coefficients[term].value
 
 
-def tuned_message(result: Result, sensor: str, filter_of: Filter, stamp: Time
-                  ) -> Vector3Stamped:
-    """Random walk that makes a filter consistent; NaN for axes of which nothing is known yet."""
-    def walk(axis: AxisResult) -> float | None:
-        if not axis.coefficients['noise_density'].observable:
-            return None
-        try:
-            return tune(axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
-        except ImuAllanError:
-            # No drift model, or no noise at all: the axis's own status says why.
-            return None
-
-    return _vector(result, sensor, stamp, walk)
+def _tuned(filter_of: Filter, axis: AxisResult) -> float | None:
+    """Random walk that makes a filter consistent."""
+    if not axis.coefficients['noise_density'].observable:
+        return None
+    try:
+        return tune(axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
+    except ImuAllanError:
+        # No drift model, or no noise at all: the axis's own status says why.
+        return None
 
 
-def interval_message(result: Result, sensor: str, term: str, end: Literal['low', 'high'],
-                     stamp: Time) -> Vector3Stamped:
-    """
-    One end of the 95 % intervals of the three axes of a sensor.
-
-    Where a term is not observable, it lies between zero and the 95 % upper bound.
-    """
-    def bound(axis: AxisResult) -> float | None:
-        coefficient = axis.coefficients[term]
-        if coefficient.ci95 is not None:
-            return coefficient.ci95[ENDS.index(end)]
-        return coefficient.upper95 if end == 'high' or coefficient.upper95 is None else 0.0
-
-    return _vector(result, sensor, stamp, bound)
+def _bound(term: str, end: Literal['low', 'high'], axis: AxisResult) -> float | None:
+    """One end of a 95 % interval, which of a hidden term is from zero to its upper bound."""
+    coefficient = axis.coefficients[term]
+    if coefficient.ci95 is not None:
+        return coefficient.ci95[ENDS.index(end)]
+    return coefficient.upper95 if end == 'high' or coefficient.upper95 is None else 0.0
 
 
 def _vector(result: Result, sensor: str, stamp: Time,
-            of_axis: Callable[[AxisResult], float | None]) -> Vector3Stamped:
-    message = Vector3Stamped()
-    message.header.stamp = stamp
-    message.header.frame_id = result.source.frame_id or ''
-    values = {}
-    for letter in 'xyz':
-        axis = result.axes.get(f'{sensor}_{letter}')
-        value = of_axis(axis) if axis is not None else None
-        values[letter] = math.nan if value is None else value
-    message.vector = Vector3(**values)
-    return message
+            number: Callable[[AxisResult], float | None]) -> Vector3Stamped:
+    """Give a number of each of the three axes of a sensor."""
+    values = {letter: None if axis is None else number(axis) for letter in 'xyz'
+              for axis in [result.axes.get(f'{sensor}_{letter}')]}
+    return Vector3Stamped(
+        header=Header(stamp=stamp, frame_id=result.source.frame_id or ''),
+        vector=Vector3(**{letter: math.nan if value is None else value
+                          for letter, value in values.items()}))
 
 
 def curve_message(result: Result, sensor: str) -> Float64MultiArray:
@@ -205,11 +196,10 @@ def _forecast_values(axis: AxisResult) -> dict[str, object]:
     found = predicted_drift(axis, FORECAST_S)
     entries: dict[str, object] = {'predicted_drift/calibration_s': found.calibration_s,
                                   'predicted_drift/known_to_s': found.known_to_s}
-    gyro = found.position is None
-    parts = [('angle', 'rad', found.integral, found.integral_ci95) if gyro else
-             ('velocity', 'm/s', found.integral, found.integral_ci95)]
+    parts = [('angle', 'rad', found.integral, found.integral_ci95)]
     if found.position is not None and found.position_ci95 is not None:
-        parts.append(('position', 'm', found.position, found.position_ci95))
+        parts = [('velocity', 'm/s', found.integral, found.integral_ci95),
+                 ('position', 'm', found.position, found.position_ci95)]
     for what, unit, sigmas, bands in parts:
         for horizon, sigma, (low, high) in zip(found.horizons_s, sigmas, bands, strict=True):
             key = f'predicted_drift/{horizon:g}s/{what}'

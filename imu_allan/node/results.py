@@ -4,7 +4,6 @@
 
 from collections.abc import Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
 import time
 from typing import Any
 
@@ -28,15 +27,8 @@ SETTLED_S = 2.0
 """Where no further sample comes for so long, what has come is fitted to the end."""
 
 
-@dataclass(frozen=True)
-class _Fitted:
-    """What the worker makes of a snapshot."""
-
-    result: Result
-    of_lanes: list[Result]
-    messages: Mapping[str, Any]
-    findings: list[Finding]
-    took_s: float
+_Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float]
+"""The result, those of the lanes, messages, findings of the standards, and the time it took."""
 
 
 class Results:
@@ -108,7 +100,7 @@ class Results:
             findings = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
-            return _Fitted(result, of_lanes, messages, findings, time.monotonic() - started)
+            return result, of_lanes, messages, findings, time.monotonic() - started
 
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:
@@ -116,15 +108,13 @@ class Results:
             self._facts.fit_error = self._worker.failure('fit', future)
             if self._facts.fit_error:
                 return
-            fitted = future.result()
-            self._facts.fit_s, self._facts.findings = fitted.took_s, fitted.findings
-            self.latest = fitted.result
-            run.learn(fitted.of_lanes, fed if tested is None else None)
-            self._next_fit = began + max(FIT_SHARE * fitted.took_s,
-                                         FIT_GROWTH * run.duration_s)
+            self.latest, of_lanes, messages, findings, took_s = future.result()
+            self._facts.fit_s, self._facts.findings = took_s, findings
+            run.learn(of_lanes, fed if tested is None else None)
+            self._next_fit = began + max(FIT_SHARE * took_s, FIT_GROWTH * run.duration_s)
             give_back_memory()
-            self._publications.publish(fitted.messages)
-            self._announcements.see_result(fitted.result)
+            self._publications.publish(messages)
+            self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)
             self.draw_if_watched(run)
 

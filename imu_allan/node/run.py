@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
@@ -38,19 +38,12 @@ Backtests = Mapping[str, Backtest | None]
 Fits = Mapping[str, AxisFit | None]
 
 
-@dataclass(frozen=True)
-class LaneSnapshot:
+class LaneSnapshot(NamedTuple):
     """All that a lane had taken in at a moment."""
 
     characterization: Characterization
     half: Half | None
     remarks: Sequence[Finding]
-
-    def fitted(self, tested: Backtests | None = None) -> tuple[Result, Fits]:
-        """Fit it: the result, and the fits of its axes."""
-        result, fits = self.characterization.fitted(self.remarks, tested=tested)
-        own = {name: fit for name, fit in fits.items() if name.startswith(self.half or '')}
-        return result, own
 
 
 @dataclass(frozen=True)
@@ -60,10 +53,13 @@ class Snapshot:
     lanes: tuple[LaneSnapshot, ...]
 
     def fitted(self, tested: Backtests | None = None) -> tuple[list[Result], Fits]:
-        """Fit each lane; without backtests from before they are made."""
-        found = [lane.fitted(tested) for lane in self.lanes]
-        return ([result for result, _ in found],
-                {name: fit for _, fits in found for name, fit in fits.items()})
+        """Fit each lane: results, and fits by axis; what `tested` has is not tested again."""
+        results, fits = [], {}
+        for characterization, half, remarks in self.lanes:
+            result, found = characterization.fitted(remarks, tested=tested)
+            results.append(result)
+            fits.update({name: fit for name, fit in found.items() if name.startswith(half or '')})
+        return results, fits
 
     def as_one(self, results: Sequence[Result]) -> Result:
         """Join the results of the lanes."""
@@ -241,8 +237,7 @@ def unpack(state: State, setup: Setup) -> Run:
         lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
                  in enumerate(zip(setup.streams, about['lanes'], strict=True))]
         boot, before = boot_id(), about['boot']
-        # A state of an earlier release has none.
-        looks = SequentialLooks.from_plain(about['looks']) if 'looks' in about else None
+        looks = SequentialLooks.from_plain(about['looks'])
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error

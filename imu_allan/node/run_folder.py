@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 import contextlib
-import fcntl
 import os
 from pathlib import Path
 import re
@@ -14,14 +13,7 @@ import tempfile
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
-from imu_allan.writers.output_path import followed, open_folder, open_to_lock
-
-_CLAIMS: dict[Path, int] = {}
-"""Folders of this process, and the handles that hold their locks, the latest last."""
-_MOST_CLAIMS = 32
-"""Nodes of one process; a node that is reset for every unit on a bench has a thousand runs."""
-_MOST_OF_ONE_NAME = 100
-"""Nodes of one name that start in one second: one is a slip, a hundred a loop without end."""
+from imu_allan.writers.output_path import followed, open_folder
 
 
 def try_folder(output_dir: str) -> None:
@@ -50,47 +42,10 @@ def other_folders(state_file: Path | None) -> Iterator[str]:
 
 
 def run_folder(output_dir: str, node_name: str, result: Result) -> Path:
-    """Name the folder of one run: another run or another node has another."""
-    start = (result.source.start_time or 'unknown').partition('.')[0].removesuffix('Z')
+    """Name the folder of one run, to the microsecond: another IMU has another."""
+    start = (result.source.start_time or 'unknown').removesuffix('Z')
     name = f'{node_name.strip("/")}_{start}'
     return _expanded(output_dir) / re.sub(r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
-
-
-def claimed(folder: Path) -> Path:
-    """
-    Make the folder of a run, for this process alone.
-
-    Two nodes of one name that start in the same second would have the same; the second one gets
-    another, with a number. Held by a lock on the folder itself, which leaves no file and ends with
-    the process: after a restart the run goes on in its folder.
-    """
-    candidates = [folder, *(folder.with_name(f'{folder.name}-{number}')
-                            for number in range(2, _MOST_OF_ONE_NAME))]
-    for candidate in candidates:
-        if candidate in _CLAIMS:
-            _CLAIMS[candidate] = _CLAIMS.pop(candidate)
-            return candidate
-        # Where a folder cannot be made or opened, the files are about to tell why.
-        with contextlib.suppress(OSError):
-            handle = open_to_lock(candidate)
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                os.close(handle)
-                continue
-            _CLAIMS[candidate] = handle
-            if len(_CLAIMS) > _MOST_CLAIMS:
-                # A run that ended long ago: as if its process had.
-                os.close(_CLAIMS.pop(next(iter(_CLAIMS))))
-        return candidate
-    return folder
-
-
-def leave_if_empty(folder: Path) -> None:
-    """Remove a claimed folder into which nothing could be written, and the claim with it."""
-    with contextlib.suppress(OSError):
-        folder.rmdir()
-        os.close(_CLAIMS.pop(folder))
 
 
 def _try_file(name: str, folder: int) -> None:

@@ -20,7 +20,6 @@ from imu_allan.node.run import new_run, Run, Setup
 from imu_allan.node.same_imu import (
     FEWEST_MESSAGES,
     in_parts,
-    is_enough,
     Known,
     LEVEL_MESSAGES,
     LONGEST_LOOK_S,
@@ -41,6 +40,8 @@ _ALONE_NS = 2_000_000_000
 class _Topic:
     """Where the messages of a topic go."""
 
+    number: int
+    facts: Facts
     publisher: int | None = None  # whose messages they are
     heard_ns: int = 0  # when it was last heard
     elsewhere: bool = False  # they are of another IMU than that of the run
@@ -48,6 +49,15 @@ class _Topic:
     holding: int | None = None  # whose messages are held
     looked_s: float = 0.0  # of another IMU, since it was last looked whether it is another
     strangers: set[int] = field(default_factory=set)  # heard beside this publisher
+
+    @property
+    def by_level(self) -> bool:
+        """Whether the level of the noise, too, tells whose messages are held."""
+        return self.holding != self.publisher or self.elsewhere
+
+    def pass_over(self, blocks: Sequence[ImuBlock]) -> None:
+        """Leave out messages that nobody can tell whose they are, or that are of a stranger."""
+        self.facts.mixed_samples += messages(blocks)
 
 
 class Runs:
@@ -58,11 +68,10 @@ class Runs:
                  log: Log) -> None:
         self.run = run
         self._setup = setup
-        self._facts = facts
         self._look_s = look_s
         self._replaced = replaced
         self._log = log
-        self._topics = [_Topic() for _ in facts]
+        self._topics = [_Topic(number, each) for number, each in enumerate(facts)]
         self._other: Run | None = None
         self._why = UnusableState('', '')
 
@@ -75,120 +84,112 @@ class Runs:
         """Leave everything; whose messages come stays known."""
         self._other = None
         for topic in self._topics:
-            topic.elsewhere, topic.holding, topic.held = False, None, []
+            topic.holding, topic.held = None, []
         self._take_up(new_run(self._setup))
 
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages of one publisher that have come on a topic."""
-        rate_hz = self._known(number).rate_hz
+        topic = self._topics[number]
+        rate_hz = self._known(topic).rate_hz
         # What has piled up while the node was held up may be of one IMU first, then of another.
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
-            self._take_part(number, publisher, part)
+            self._take_part(topic, publisher, part)
 
-    def _take_part(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
+    def _take_part(self, topic: _Topic, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages that are looked at as one."""
-        topic, facts = self._topics[number], self._facts[number]
         last_ns = int(blocks[-1].receive_ns[-1])
         if publisher == MIXED:
             # Of publishers with frame_ids of their own the timeline keeps to the first.
             if len({block.frame_id for block in blocks}) == 1:
-                facts.mixed_samples += messages(blocks)
+                topic.pass_over(blocks)
             else:
-                self._feed(number, blocks)
+                self._feed(topic, blocks)
             return
-        if topic.publisher is None and not self.run.lanes[number].known.frame_id:
+        if topic.publisher is None and not self._known(topic).frame_id:
             topic.publisher = publisher
         if publisher == topic.publisher:
             topic.heard_ns = last_ns
-            if topic.holding != publisher and not self._wants_look(number, blocks):
-                self._feed(number, blocks)
+            if topic.holding != publisher and not self._wants_look(topic, blocks):
+                self._feed(topic, blocks)
                 return
         elif publisher in topic.strangers and last_ns - topic.heard_ns < _ALONE_NS:
-            facts.mixed_samples += messages(blocks)
+            topic.pass_over(blocks)
             return
         if topic.holding not in (None, publisher):
             silent = last_ns - int(topic.held[-1].receive_ns[-1]) > _ALONE_NS
             if not silent and topic.publisher not in (publisher, topic.holding):
-                facts.mixed_samples += messages(blocks)
+                topic.pass_over(blocks)
                 return
             # Nothing more comes of what is held.
-            self._decide(number)
+            self._decide(topic)
         topic.holding = publisher
         topic.held += blocks
-        facts.on_probation = True
+        topic.facts.on_probation = True
         # Who takes the place of another is told by its level; the first after a restart, too, if
         # so much may be lost in a crash.
         first = topic.publisher is None and self._look_s() < LOOK_S
         fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
-        if is_enough(self._known(number), topic.held, self._look_s(),
-                     by_level=self._by_level(topic), fewest=fewest):
-            self._decide(number)
+        if self._known(topic).is_told_by(topic.held, self._look_s(), by_level=topic.by_level,
+                                         fewest=fewest):
+            self._decide(topic)
 
     def finish(self) -> None:
         """Decide on what is held, if it is enough to decide on anything."""
-        for number, topic in enumerate(self._topics):
+        for topic in self._topics:
             if messages(topic.held) >= FEWEST_MESSAGES:
-                self._decide(number)
-
-    def _by_level(self, topic: _Topic) -> bool:
-        return topic.holding != topic.publisher or topic.elsewhere
+                self._decide(topic)
 
     def _run_of(self, topic: _Topic) -> Run:
         return self._other if topic.elsewhere and self._other is not None else self.run
 
-    def _known(self, number: int) -> Known:
-        return self._run_of(self._topics[number]).lanes[number].known
+    def _known(self, topic: _Topic) -> Known:
+        return self._run_of(topic).lanes[topic.number].known
 
-    def _wants_look(self, number: int, blocks: Sequence[ImuBlock]) -> bool:
-        topic = self._topics[number]
-        if topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S:
-            # Another sensor by its noise alone may be the same one, shaken for a while.
-            return True
-        return self._known(number).looks_other(blocks)
+    def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
+        # Another sensor by its noise alone may be the same one, shaken for a while.
+        return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
+                or self._known(topic).looks_other(blocks))
 
-    def _decide(self, number: int) -> None:
+    def _decide(self, topic: _Topic) -> None:
         """Give the messages that are held to the run of their IMU."""
-        topic = self._topics[number]
-        held, publisher, by_level = topic.held, topic.holding, self._by_level(topic)
+        held, publisher, by_level = topic.held, topic.holding, topic.by_level
         topic.held, topic.holding, topic.looked_s = [], None, 0.0
-        self._facts[number].on_probation = False
+        topic.facts.on_probation = False
         if messages(held) < FEWEST_MESSAGES:
             # So few show nothing.
-            self._facts[number].mixed_samples += messages(held)
+            topic.pass_over(held)
             return
         is_new = publisher != topic.publisher
         middle_ns = (int(held[0].receive_ns[0]) + int(held[-1].receive_ns[-1])) // 2
         if is_new and publisher is not None:
             if topic.publisher is not None and topic.heard_ns > middle_ns:
                 topic.strangers.add(publisher)
-                self._facts[number].mixed_samples += messages(held)
+                topic.pass_over(held)
                 return
             topic.strangers.discard(publisher)
         was, topic.publisher = topic.publisher, publisher
         topic.heard_ns = int(held[-1].receive_ns[-1])
-        lane = self.run.lanes[number]
+        lane = self.run.lanes[topic.number]
         why = lane.known.departure(held, by_level=by_level)
-        if why is None:
-            if topic.elsewhere:
-                topic.elsewhere = False
-                self._log.info(f'the messages on {self._facts[number].topic} are of the IMU of '
-                               'the run again: it goes on')
-                lane.power_on()
-            elif is_new and was is not None and lane.fed:
-                self._log.info(f'the driver on {self._facts[number].topic} was started anew: the '
-                               'IMU may have been switched off and on, so its mean is another one '
-                               'from here on')
-                lane.power_on()
-            self._feed(number, held)
+        if why is not None:
+            self._go_elsewhere(topic, why, held, by_level, is_new)
             return
-        self._go_elsewhere(number, why, held, by_level, is_new)
+        if topic.elsewhere:
+            topic.elsewhere = False
+            self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '
+                           'it goes on')
+            lane.power_on()
+        elif is_new and was is not None and lane.fed:
+            self._log.info(f'the driver on {topic.facts.topic} was started anew: the IMU may have '
+                           'been switched off and on, so its mean is another one from here on')
+            lane.power_on()
+        self._feed(topic, held)
 
-    def _go_elsewhere(self, number: int, why: UnusableState, held: list[ImuBlock], by_level: bool,
-                      is_new: bool) -> None:
+    def _go_elsewhere(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
+                      by_level: bool, is_new: bool) -> None:
         """Give messages to the run of another IMU, a new one if it is none that is known."""
-        topic = self._topics[number]
-        other, was_elsewhere = self._other, topic.elsewhere
+        number, other, was_elsewhere = topic.number, self._other, topic.elsewhere
         if other is None or other.lanes[number].known.departure(
                 held, by_level=by_level) is not None:
             other = self._other = new_run(self._setup)
@@ -203,17 +204,16 @@ class Runs:
         topic.elsewhere, self._why = True, why
         if not was_elsewhere:
             self._log.warning(
-                f'the messages on {self._facts[number].topic} are of another IMU, or it has been '
-                f'set otherwise: {why}; if they go on for {duration(self._proof_s())} they begin '
-                'a new run, ~/reset begins one at once', f'another IMU {number}', 0.0)
-        self._feed(number, held)
+                f'the messages on {topic.facts.topic} are of another IMU, or it has been set '
+                f'otherwise: {why}; if they go on for {duration(self._proof_s())} they begin a '
+                'new run, ~/reset begins one at once', f'another IMU {number}', 0.0)
+        self._feed(topic, held)
 
-    def _feed(self, number: int, blocks: Sequence[ImuBlock]) -> None:
-        topic, facts = self._topics[number], self._facts[number]
-        run = self._run_of(topic)
+    def _feed(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> None:
+        number, run = topic.number, self._run_of(topic)
         lane = run.lanes[number]
         lane.update(blocks)
-        facts.looping, facts.update_error = lane.seen.looping, lane.error
+        topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
         if run is self._other:
@@ -240,5 +240,5 @@ class Runs:
     def _take_up(self, run: Run) -> None:
         self.run.over = True
         self.run, run.over = run, False
-        for topic, facts in zip(self._topics, self._facts, strict=True):
-            topic.elsewhere = facts.looping = False
+        for topic in self._topics:
+            topic.elsewhere = topic.facts.looping = False

@@ -137,10 +137,18 @@ class Known:
                                  f'{ratio:.2f} times as large, as another sensor would')
         return None
 
-    def wants_longer_look(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> bool:
-        """Whether chance may have made a difference, or hidden one."""
-        return (0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < _OTHER_RATE
-                or (by_level and self._level_ratio(blocks, _SUSPECT) is not None))
+    def is_told_by(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
+                   fewest: int = FEWEST_MESSAGES) -> bool:
+        """Whether so many messages tell if they are of this IMU."""
+        count, lasted = messages(blocks), self.lasted_s(blocks)
+        if count >= _MOST_MESSAGES:
+            return True
+        if count < FEWEST_MESSAGES or lasted < seconds:
+            return False
+        # Chance may have made a difference, or hidden one.
+        by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < _OTHER_RATE or (
+            by_level and self._level_ratio(blocks, _SUSPECT) is not None)
+        return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
         """Time that messages span, by their stamps or their receipt."""
@@ -289,18 +297,6 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
                 part = []
     if part:
         yield part
-
-
-def is_enough(known: Known, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
-              fewest: int = FEWEST_MESSAGES) -> bool:
-    """Whether so many messages tell if they are of an IMU."""
-    count, lasted = messages(blocks), known.lasted_s(blocks)
-    if count >= _MOST_MESSAGES:
-        return True
-    if count < FEWEST_MESSAGES or lasted < seconds:
-        return False
-    return lasted >= LONGEST_LOOK_S or (
-        count >= fewest and not known.wants_longer_look(blocks, by_level=by_level))
 
 
 def _levels(blocks: Sequence[ImuBlock]) -> Floats:

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import SIMULATOR_SETTINGS
+from imu_allan.node.interface import SIMULATOR_SETTINGS, TOPIC
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
@@ -24,8 +24,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
-
-TOPIC = 'imu/data_raw'
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -82,8 +80,8 @@ class SimulatorNode(Node):
         self.create_service(Trigger, '~/drop', self._drop)
         self.create_service(Trigger, '~/knock', self._knock)
 
-    def serve(self, stop: StopRequest) -> None:
-        """Publish until the duration is over or `stop` is set."""
+    def serve(self, stop: StopRequest) -> int:
+        """Publish until the duration is over or `stop` is set; return the exit status."""
         executor = SingleThreadedExecutor()
         executor.add_node(self)
         try:
@@ -99,6 +97,7 @@ class SimulatorNode(Node):
             while not (stop or self._publisher.wait_for_all_acked(Duration(seconds=0.5))):
                 executor.spin_once(timeout_sec=0)
             self.get_logger().info(f'published {self._next} samples')
+            return 0
         finally:
             executor.shutdown()
 

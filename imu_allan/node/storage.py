@@ -18,16 +18,11 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.interface import DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
-from imu_allan.node.run_folder import (
-    claimed,
-    leave_if_empty,
-    other_folders,
-    run_folder,
-    try_folder,
-)
+from imu_allan.node.run_folder import other_folders, run_folder, try_folder
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
+from imu_allan.writers.folder_lock import turn_in
 
 
 class NothingToSave(ImuAllanError):
@@ -228,11 +223,14 @@ class Storage:
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topics} yet')
-            own = claimed(run_folder(folder, name, result))
+            own = run_folder(folder, name, result)
             try:
-                return save_folder(result, own, consumers, report=False, picture=picture)
+                with turn_in(own):
+                    return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
-                leave_if_empty(own)
+                # Nothing could be written.
+                with suppress(OSError):
+                    own.rmdir()
 
         def note(future: 'Future[list[Path]]') -> None:
             if isinstance(future.exception(), NothingToSave):

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Container
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
@@ -13,37 +12,31 @@ from imu_allan.node.log import Log
 T = TypeVar('T')
 
 
-@dataclass
-class _Job:
-    kind: str
-    future: Future[Any]
-    done: Callable[[Future[Any]], None]
-
-
 class Worker:
     """Does the work that takes longer than the executor's thread may be held up."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
         self._thread = ThreadPoolExecutor(1, 'imu_allan_worker')
-        self._jobs: list[_Job] = []
+        self._jobs: list[tuple[str, Future[Any], Callable[[Future[Any]], None]]] = []
 
     def start(self, kind: str, work: Callable[[], T],
               done: Callable[[Future[T]], None]) -> Future[T]:
         """Queue `work`; `done` is called by `hand_out` once it is finished."""
         future = self._thread.submit(work)
-        self._jobs.append(_Job(kind, future, done))
+        self._jobs.append((kind, future, done))
         return future
 
     def under_way(self, kind: str) -> bool:
         """Whether a job of this kind is queued, running or not handed out yet."""
-        return any(job.kind == kind for job in self._jobs)
+        return any(job == kind for job, _, _ in self._jobs)
 
     def hand_out(self) -> None:
         """Call `done` of every job that is finished, in this thread."""
-        for job in [job for job in self._jobs if job.future.done()]:
+        for job in [job for job in self._jobs if job[1].done()]:
             self._jobs.remove(job)
-            job.done(job.future)
+            _, future, done = job
+            done(future)
 
     def failure(self, kind: str, future: Future[Any]) -> str:
         """Tell of what went wrong in a job of a kind, if anything did; return it as a line."""
@@ -59,12 +52,12 @@ class Worker:
 
     def drop_queued(self, kinds: Container[str]) -> None:
         """Leave out what has not begun, of these kinds."""
-        self._jobs = [job for job in self._jobs
-                      if job.kind not in kinds or not job.future.cancel()]
+        self._jobs = [(kind, future, done) for kind, future, done in self._jobs
+                      if kind not in kinds or not future.cancel()]
 
     def finish(self, kinds: Container[str]) -> None:
         """Wait for what is running, drop what is queued, hand out what is done of these kinds."""
         self._thread.shutdown(wait=True, cancel_futures=True)
-        self._jobs = [job for job in self._jobs
-                      if job.kind in kinds and not job.future.cancelled()]
+        self._jobs = [(kind, future, done) for kind, future, done in self._jobs
+                      if kind in kinds and not future.cancelled()]
         self.hand_out()

@@ -11,7 +11,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.writers.output_path import open_to_lock
 
 PATIENCE_S = 30.0
-"""Writing takes seconds; whoever holds a folder for longer, such as a node its own, keeps it."""
+"""Writing takes seconds; whoever holds a folder for longer keeps it."""
 
 
 @contextlib.contextmanager

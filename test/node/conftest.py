@@ -16,7 +16,7 @@ import pytest
 
 if TYPE_CHECKING:
     from rclpy.context import Context
-    from ros_harness import Ros
+    from ros_harness import Health, Ros
 
 if importlib.util.find_spec('rclpy') is None:
     # pytest collects nothing here: every test of this folder needs ROS.
@@ -94,6 +94,14 @@ def ros(ros_context: 'Context', tmp_path: Path,
     harness = Ros(ros_context, tmp_path, _namespace(request.config))
     yield harness
     harness.close()
+
+
+@pytest.fixture
+def health(ros: 'Ros') -> 'Health':
+    """Give what the node of a test says of itself."""
+    from ros_harness import Health
+
+    return Health(ros)
 
 
 @pytest.fixture(scope='module')

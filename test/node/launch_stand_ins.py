@@ -48,7 +48,6 @@ class FindPackageShare:
     package: str
 
     def perform(self, _: LaunchContext) -> str:
-        """Only this package is there."""
         assert self.package == 'imu_allan'
         return str(ROOT)
 
@@ -57,7 +56,6 @@ class ThisLaunchFileDir:
     """Gives the folder of the launch file."""
 
     def perform(self, context: LaunchContext) -> str:
-        """Look it up."""
         return str(context.folder)
 
 
@@ -68,7 +66,6 @@ class PathJoinSubstitution:
     parts: Sequence[Any]
 
     def perform(self, context: LaunchContext) -> str:
-        """Join them."""
         return str(Path(*(performed(part, context) for part in self.parts)))
 
 
@@ -117,7 +114,6 @@ class OpaqueFunction:
     function: Callable[[LaunchContext], Sequence[Any]] = field(kw_only=True)
 
     def visit(self, context: LaunchContext) -> list[Any]:
-        """Visit what the function returns."""
         return [node for entity in self.function(context) for node in entity.visit(context)]
 
 
@@ -149,7 +145,6 @@ class LaunchDescription:
     entities: Sequence[Any]
 
     def visit(self, context: LaunchContext) -> list[Any]:
-        """Visit them in order, and give the nodes that are started."""
         return [node for entity in self.entities for node in entity.visit(context)]
 
 
@@ -171,7 +166,6 @@ class Node:
     sigkill_timeout: str = '5'
 
     def visit(self, context: LaunchContext) -> list['Node']:
-        """Keep what was known when it was started."""
         self._context = LaunchContext(context.configurations, context.folder)
         return [self]
 

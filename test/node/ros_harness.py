@@ -13,12 +13,17 @@ import signal
 import subprocess
 import sys
 import time
+from types import MappingProxyType
 from typing import Any, TypeVar
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.noise.terms import AXES
+from imu_allan.result import Timeline
+from imu_allan.timeline import TimelineSummary
 import numpy as np
 import pytest
 from rclpy._rclpy_pybind11 import RCLError
@@ -30,6 +35,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 from std_srvs.srv import SetBool, Trigger
+from whole_lines import Varying
 
 T = TypeVar('T')
 
@@ -237,6 +243,16 @@ class Ros:
             return None
         return json.loads(Path(response.message.splitlines()[0]).read_text())
 
+    def saved_with(self, samples: int) -> Any:
+        """Have the node save until it has so many samples; give the document."""
+        return self.until(lambda: (document := self.saved())
+                          and document['timeline']['samples'] == samples and document)
+
+    def results(self) -> list[Any]:
+        """Read the documents in the output folder."""
+        return [json.loads(path.read_text())
+                for path in sorted((self.folder / 'output').rglob('result.json'))]
+
     def recorder(self, topic: str = 'imu/data_raw') -> DrainedSubscription:
         """Subscribe to an Imu topic so that a simulator at full speed waits for it."""
         full = self.name(topic)
@@ -287,6 +303,57 @@ class Ros:
             process.popen.send_signal(signal.SIGTERM if process.polite else signal.SIGKILL)
         for process in running:
             process.wait()
+
+
+class Health:
+    """What ``/diagnostics`` says of the node of a test."""
+
+    def __init__(self, ros: Ros) -> None:
+        self._ros = ros
+        self.heard: list[DiagnosticStatus] = []
+        self.stamp_s = -1
+        ros.listen(DiagnosticArray, '/diagnostics', 10, self._hear)
+
+    def _hear(self, report: DiagnosticArray) -> None:
+        own = [status for status in report.status
+               if status.name.startswith(f'{self._ros.name("imu_allan")}: ')]
+        self.heard += own
+        if own:
+            self.stamp_s = report.header.stamp.sec
+
+    def status(self, part: str) -> DiagnosticStatus | None:
+        """Give the last status of a part, such as reception; None before it has come."""
+        return next((status for status in reversed(self.heard)
+                     if status.name.endswith(f': {part}')), None)
+
+    def level(self, part: str) -> bytes:
+        """Give its level; that of a stale one before it has come."""
+        found = self.status(part)
+        return b'\3' if found is None else bytes(found.level)
+
+    def message(self, part: str) -> str:
+        """Give what it says."""
+        found = self.status(part)
+        return '' if found is None else str(found.message)
+
+    def values(self, part: str) -> dict[str, str]:
+        """Give its values."""
+        found = self.status(part)
+        return {} if found is None else {entry.key: entry.value for entry in found.values}
+
+    def number(self, part: str, key: str) -> float:
+        """Give one of its values; NaN before it has come."""
+        return float(self.values(part).get(key, 'nan'))
+
+    def told(self, part: str, message: 'str | Varying', level: bytes | None = None) -> bool:
+        """Whether it has ever said so."""
+        return any(status.name.endswith(f': {part}') and message == status.message
+                   and level in (None, status.level) for status in self.heard)
+
+    def news(self) -> None:
+        """Wait for what is said from now on."""
+        self.heard.clear()
+        self._ros.until(lambda: self.heard)
 
 
 class Driver:
@@ -424,13 +491,15 @@ def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:
     return path
 
 
-def assert_kept_up(node: Process, lost: float, longest_hold_s: float, queue: float,
-                   rate_hz: float) -> None:
+def assert_kept_up(node: Process, health: Health, rate_hz: float) -> None:
     """
     Nothing may be lost, and reception not held up for longer than half the queue lasts.
 
     Unless the computer had no time for the node: what is lost then tells nothing about it.
     """
+    lost, queue = (health.number('reception', key) for key in ('lost', 'queue'))
+    longest_hold_s = max(float(entry.value) for status in health.heard for entry in status.values
+                         if entry.key == 'longest_hold_s')
     if (lost or longest_hold_s * rate_hz >= queue / 2) and node.starved_s > STARVED_S:
         pytest.skip(f'the computer kept the node waiting for {node.starved_s:.1f} s')
     assert lost == 0
@@ -448,15 +517,17 @@ def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
     """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
+from imu_allan.node.interface import CHARACTERIZATION, SIMULATOR
 from imu_allan.node.process import run_process
-def serve(stop):
+def made():
     from imu_allan.node.characterization_node import CharacterizationNode
     from imu_allan.node.simulator_node import SimulatorNode
-    nodes = {'imu_allan_node': CharacterizationNode, 'imu_simulator': SimulatorNode}
-    nodes[sys.argv[2]]().destroy_node()
-    return 0
+    node = {'imu_allan_node': CharacterizationNode, 'imu_simulator': SimulatorNode}[sys.argv[2]]()
+    node.serve = lambda stop: 0
+    return node
+interface = {one.program: one for one in (CHARACTERIZATION, SIMULATOR)}[sys.argv[2]]
 for arguments in json.loads(sys.argv[1]):
-    status = run_process(sys.argv[2], serve, ['--ros-args', *arguments])
+    status = run_process(interface, made, ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]
@@ -464,6 +535,22 @@ for arguments in json.loads(sys.argv[1]):
                           text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     parts = re.split(r'== status (\d+)\n', done.stdout)
     return [(int(status), text) for text, status in zip(parts[::2], parts[1::2], strict=False)]
+
+
+def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
+    """Give what a node that is well counts, and what of it is recent."""
+    made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
+                    'publishers': 1, 'received': 100, 'received_hz': 100.0, **changes})
+    made.recent.see(0.0, recent)
+    return made
+
+
+def summary(**changes: Any) -> TimelineSummary:
+    """Give what the timeline says of ten good seconds."""
+    return TimelineSummary(**{
+        'timeline': Timeline(100.0, 1000, 10.0), 'clock': 'header', 'frame_id': 'imu',
+        'start_time': None, 'remarks': (), 'present': (True,) * 6, 'measured_rate_hz': 100.0,
+        'jitter_s': 1e-5, **changes})
 
 
 def yaml_value(value: Any) -> str:

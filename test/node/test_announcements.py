@@ -2,23 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The log says every transition once, and how far the run has come."""
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.node.announcements import Announcements, progress_line
-from imu_allan.node.diagnostics import Facts, Recent
+from imu_allan.node.diagnostics import Recent, reception_conditions, timeline_conditions
 from imu_allan.node.log import Log
 from imu_allan.result import Result, Timeline
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.timeline import TimelineSummary
+from imu_allan.writers.words import message_of
 import pytest
-from ros_harness import Driver, Ros
+from ros_harness import facts, summary
 from whole_lines import Varying
 
 
@@ -39,27 +36,13 @@ class Heard:
 
 
 @pytest.fixture
-def heard() -> Iterator[Heard]:
+def heard() -> Heard:
     return Heard()
 
 
 @pytest.fixture
 def announcements(heard: Any) -> Announcements:
     return Announcements(Log(heard), '/imu')
-
-
-def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
-    made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
-                    'publishers': 1, 'received': 100, **changes})
-    made.recent.see(0.0, recent)
-    return made
-
-
-def summary(**changes: Any) -> TimelineSummary:
-    return TimelineSummary(**{
-        'timeline': Timeline(100.0, 1000, 10.0), 'clock': 'header', 'frame_id': 'imu',
-        'start_time': None, 'remarks': (), 'present': (True,) * 6, 'measured_rate_hz': 100.0,
-        **changes})
 
 
 @pytest.fixture(scope='module')
@@ -71,54 +54,49 @@ def result() -> Result:
     return run.result()
 
 
-def test_what_stays_as_it_is_is_said_once(announcements: Announcements, heard: Heard) -> None:
+def test_a_condition_is_told_once_when_it_begins_and_once_when_it_is_over(
+        announcements: Announcements, heard: Heard) -> None:
+    counts = {'malformed': 1, 'lost': 3, 'rejected': 1, 'clock_jumps': 1}
+    bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
+                temperature_topic='/warmth', temperature_missing=True)
+    moving = summary(moving=True, clock_jumps=1)
     for now in range(100):
-        announcements.see_reception(facts(publishers=2, mixed=True), ['/a', '/b'])
-        announcements.see_timeline(now, facts(expected_rate=200.0), summary(
-            moving=True, clock_jumps=1, remarks=(finding('several_publishers'),)))
-    assert heard.lines == [
-        'warning 2 publishers on /imu (/a and /b): where their samples mix they are passed over; '
-        'give every IMU a topic of its own',
-        'warning the messages on /imu are of more than one publisher: they are passed over',
-        "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps",
-        'warning neighbouring messages differ in turn, as those of two sensors that publish with '
-        'one frame_id do; give every IMU a topic of its own',
-        'warning the IMU moves: what it measures meanwhile is left out',
-        'warning the header clock jumped: no difference is taken across the jump',
-        'warning measured 100 Hz, expected 200 Hz; check expected_rate, or the setting of the '
-        'driver']
-
-
-def test_the_end_of_each_is_said_too(announcements: Announcements, heard: Heard) -> None:
-    bad = {'malformed': 1, 'lost': 3}
-    announcements.see_reception(facts(
-        bad, publishers=2, mixed=True, looping=True, namesakes=1, temperature_topic='/warmth',
-        temperature_missing=True), [])
-    announcements.see_timeline(0.0, facts({'rejected': 1}, expected_rate=50.0),
-                               summary(moving=True))
+        announcements.see_reception(bad)
+        announcements.see_timeline(now, bad, moving)
+    begun = [one for one in (*reception_conditions(bad), *timeline_conditions(bad, moving))
+             if one.present and one.over is not None]
+    assert len(begun) == 11
+    first = "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps"
+    assert [line for line in heard.lines if line != first] == [
+        f'warning {one.message}' for one in begun]
+    assert heard.lines.count(first) == 1
     heard.lines.clear()
-    announcements.see_reception(facts(
-        **bad, pause_s=4.0, restarts=1, temperature_topic='/warmth'), [])
-    announcements.see_timeline(1.0, facts(expected_rate=100.0), summary(
-        timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
+    good = facts(malformed=1, lost=3, pause_s=4.0, restarts=1, expected_rate=100.0,
+                 temperature_topic='/warmth')
+    for now in range(101, 200):
+        announcements.see_reception(good)
+        announcements.see_timeline(now, good, summary(
+            timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
     assert heard.lines == [
-        'info one publisher is left on /imu',
-        'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
         'info no other node has the same name any more',
+        'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
+        'info one publisher is left on /imu',
         'info the messages on /imu are new again',
         'info every message on /imu can be decoded again; 1 message could not be in all',
         'info no message on /imu is lost any more; 3 were in all',
-        'info messages come on /imu again after 4 s without: their publisher has restarted',
         'info the thermometer on /warmth is there',
+        'info messages come on /imu again after 4 s without: their publisher has restarted',
         'info the IMU is at rest again',
-        'info no message is rejected any more; 1 was in all',
-        'info the rate is the expected one again']
+        'info the rate is the expected one again',
+        'info no message is rejected any more; 1 was in all']
 
 
-def test_rejected_messages_are_told_with_the_reason(announcements: Announcements,
-                                                    heard: Heard) -> None:
-    announcements.see_timeline(0.0, facts({'rejected': 1}), summary())
-    assert heard.lines[-1] == 'warning 1 message rejected: NaN, infinite or declared absent'
+def test_a_remark_is_told_once_and_says_itself_why_messages_are_rejected(
+        announcements: Announcements, heard: Heard) -> None:
+    found = finding('several_publishers')
+    for now in range(3):
+        announcements.see_timeline(now, facts({'rejected': 1}), summary(remarks=(found,)))
+    assert heard.lines[1:] == [f'warning {message_of(found, live=True)}']
 
 
 def test_a_coefficient_is_told_when_it_becomes_observable(
@@ -186,20 +164,3 @@ def test_a_line_of_progress_says_what_has_come_what_shows_and_what_is_next(
         f'6,000 samples at 100 Hz in 60 s, 40 s of it at rest; {shown}')
     assert progress_line(replace(result, axes={})) == (
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
-
-
-def test_the_log_of_a_node_tells_its_story(ros: Ros) -> None:
-    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': 100.0})
-    driver = Driver(ros).wait_for_node()
-    driver.publish(4000, frame_id='imu\n')
-
-    for line in (f'characterizing the IMU on {driver.topic}',
-                 f"first samples on {driver.topic}: frame_id 'imu\\n', 200 Hz, header stamps",
-                 'measured 200 Hz, expected 100 Hz; check expected_rate, or the setting of the '
-                 'driver',
-                 Varying('observable: noise density (rad/s/sqrt(Hz)) of gyro <words>')):
-        ros.until(lambda line=line: line in node.lines)
-    assert node.stop() == 0
-    wrote = 'wrote result.json, curve.csv, imu.yaml, allan_deviation.png to '
-    [folder] = [line.removeprefix(wrote) for line in node.lines if line.startswith(wrote)]
-    assert Path(folder).is_dir()

@@ -3,17 +3,17 @@
 
 import hashlib
 import io
+import os
 from pathlib import Path
 import pickle
-import subprocess
-import sys
+import time
 import zipfile
 
 from hypothesis import given, settings, strategies
 from imu_allan.node.checkpoint import decode_state, encode_state, StateFile, UnusableState
 import numpy as np
 import pytest
-from whole_lines import refused
+from whole_lines import refused, Varying
 
 STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
          'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
@@ -57,18 +57,6 @@ def test_any_payload_with_a_right_checksum_is_refused_without_another_error(
     with pytest.raises(UnusableState) as caught:
         decode_state(framed(payload))
     assert caught.value.reason == 'damaged'
-
-
-def test_another_file_is_foreign() -> None:
-    with pytest.raises(UnusableState) as caught:
-        decode_state(b'%YAML:1.0\n')
-    assert caught.value.reason == 'foreign'
-
-
-def test_a_later_version_is_newer() -> None:
-    with refused('it has version 2, this imu_allan reads 1', UnusableState) as caught:
-        decode_state(framed(b'whatever the future brings', b'2'))
-    assert caught.value.reason == 'newer'
 
 
 def test_pickles_are_never_loaded(tmp_path: Path) -> None:
@@ -148,18 +136,13 @@ def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {*others, 'state.lock'}
 
 
-def test_a_file_in_use_by_another_process_is_refused_until_it_ends(tmp_path: Path) -> None:
+def test_a_file_in_use_is_refused_until_the_other_node_has_ended(tmp_path: Path) -> None:
     path = tmp_path / 'state'
-    hold = ('import sys; from imu_allan.node.checkpoint import StateFile; '
-            f'file = StateFile({str(path)!r}); print("held", flush=True); sys.stdin.read()')
-    with subprocess.Popen([sys.executable, '-c', hold], stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == b'held\n'
-        with refused(f'state_file {path}: is in use by another node; give every node a file of '
-                     'its own'):
-            StateFile(path)
-        other.kill()
+    other = StateFile(path)
+    with refused(f'state_file {path}: is in use by another node; give every node a file of its '
+                 'own'):
+        StateFile(path)
+    other.close()
     StateFile(path).close()
 
 
@@ -170,3 +153,45 @@ def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
         StateFile(tmp_path / 'file' / 'state')
     with refused(f'state_file {tmp_path}: is a folder; name a file in it'):
         StateFile(tmp_path)
+
+
+@pytest.mark.parametrize('name', ['state', 'state.lock'])
+def test_a_pipe_as_state_or_lock_is_one_line_at_once(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    began = time.monotonic()
+    with refused(f'state_file {tmp_path / "state"}: ' + (
+            'is a device, a pipe or a socket; name a regular file, or one that is not there yet'
+            if name == 'state' else
+            'cannot be written (state.lock is not a regular file); choose a folder that may be '
+            'written to')):
+        StateFile(tmp_path / 'state')
+    # A pipe is waited for until somebody writes to it: for ever.
+    assert time.monotonic() - began < 60
+    assert sorted(path.name for path in tmp_path.iterdir()) == [name]
+
+
+def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / 'precious').write_text('mine')
+    (tmp_path / 'state.lock').symlink_to(tmp_path / 'precious')
+    with refused(Varying(f'state_file {tmp_path / "state"}: cannot be written (<words>); choose a '
+                         'folder that may be written to')):
+        StateFile(tmp_path / 'state')
+    assert (tmp_path / 'precious').read_text() == 'mine'
+
+
+def test_state_and_lock_are_read_by_nobody_else(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'state')
+    file.save({'sums': np.arange(3.0)})
+    file.close()
+    assert {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {
+        'state': 0o600, 'state.lock': 0o600}
+
+
+def test_a_state_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'state')
+    file.save({'sums': np.arange(3.0)})
+    with refused(Varying(f'{tmp_path / "state"}: a state of <number> bytes could not be resumed '
+                         'from, so it is not written; the one before it stays')):
+        file.save({'sums': np.zeros(9_000_000)})
+    assert file.load() is not None
+    file.close()

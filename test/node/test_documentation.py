@@ -5,6 +5,8 @@
 import json
 from pathlib import Path
 import re
+import shutil
+import subprocess
 from typing import Any
 
 from imu_allan.node.interface import Setting, SETTINGS, SIMULATOR_SETTINGS
@@ -84,3 +86,54 @@ def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> N
         assert low < example.gyro_noise_density[0] < high
     finally:
         example.destroy_node()
+
+
+STAND_INS = {
+    'rclcpp/rclcpp.hpp': """
+#pragma once
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string>
+// As far as the example uses it: a subscription is called at once.
+namespace rclcpp {
+struct QoS { explicit QoS(size_t) {} QoS & transient_local() {return *this;} };
+template<typename T> struct Subscription
+{ using SharedPtr = std::shared_ptr<Subscription<T>>; };
+struct Node
+{
+  explicit Node(const std::string &) {}
+  template<typename T>
+  typename Subscription<T>::SharedPtr create_subscription(
+    const std::string & topic, const QoS &, std::function<void(const T &)> callback)
+  {
+    std::printf("%s\\n", topic.c_str());
+    callback(T());
+    return nullptr;
+  }
+};
+}
+""",
+    'geometry_msgs/msg/vector3_stamped.hpp': """
+#pragma once
+namespace geometry_msgs::msg {
+struct Vector3 { double x{1}, y{2}, z{3}; };
+struct Vector3Stamped { Vector3 vector; };
+}
+"""}
+
+
+def test_the_cpp_example_compiles_and_subscribes_to_what_the_node_publishes(
+        tmp_path: Path) -> None:
+    compiler = shutil.which('g++') or shutil.which('clang++')
+    if compiler is None:
+        pytest.skip('no C++ compiler')
+    for name, content in STAND_INS.items():
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text(content)
+    [example] = re.findall(r'^```cpp\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
+    (tmp_path / 'filter.cpp').write_text(f'{example}\nint main() {{Filter filter;}}\n')
+    subprocess.run([compiler, '-std=c++17', '-O0', '-Wall', '-Wextra', '-Werror', f'-I{tmp_path}',
+                    'filter.cpp', '-o', 'filter'], cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / 'filter'], capture_output=True, text=True, check=True)
+    assert done.stdout == 'imu_allan/gyro/noise_density\n'

@@ -10,7 +10,6 @@ from imu_allan.node import drained_subscription
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.imu_type import decoder, IMU
-from imu_allan.node.publishers import Publishers
 from imu_allan.node.reception import Reception
 import numpy as np
 import pytest
@@ -26,9 +25,9 @@ def message(number: int) -> bytes:
     return encode_imu(number, np.arange(6.0) + number, 'imu')
 
 
-def publisher(ros: Ros, subscription: DrainedSubscription, matched: int = 1) -> Publisher:
+def publisher(ros: Ros, subscription: DrainedSubscription) -> Publisher:
     made = ros.node.create_publisher(Imu, ros.name('imu'), RELIABLE)
-    ros.until(lambda: made.get_subscription_count() == 1 and subscription.publishers == matched)
+    ros.until(lambda: made.get_subscription_count() == subscription.publishers == 1)
     return made
 
 
@@ -42,13 +41,6 @@ def take_all(ros: Ros, subscription: DrainedSubscription, count: int
 
     ros.until(complete)
     return batches
-
-
-def attributed(batches: list[drained_subscription.Batch]) -> tuple[set[int], int]:
-    """Give the publishers of messages, and how many of theirs are lost."""
-    publishers = Publishers()
-    found = [publishers.of(batch.numbers, batch.receive_ns) for batch in batches]
-    return {key for keys, _ in found for key in keys.tolist()}, sum(lost for _, lost in found)
 
 
 def numbers(batches: list[drained_subscription.Batch]) -> list[int]:
@@ -117,53 +109,6 @@ def test_the_executor_leaves_the_messages_in_the_queue(ros: Ros) -> None:
     assert numbers([subscription.take()]) == list(range(10))
 
 
-def test_what_the_queue_could_not_hold_is_counted_as_lost(ros: Ros) -> None:
-    subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 10)
-    talker = publisher(ros, subscription)
-    talker.publish(message(0))
-    batches = take_all(ros, subscription, 1)
-    last = 1000
-    for number in range(1, last + 1):
-        talker.publish(message(number))
-
-    def last_has_come() -> bool:
-        batches.append(subscription.take())
-        return last in numbers(batches)
-
-    ros.until(last_has_come)
-    found = numbers(batches)
-    assert len(found) < last
-    assert attributed(batches) == ({1}, last + 1 - len(found))
-
-
-def test_a_publisher_that_starts_anew_has_lost_nothing(
-        ros: Ros, subscription: DrainedSubscription) -> None:
-    batches = []
-    for _ in range(2):
-        talker = publisher(ros, subscription)
-        for number in range(20):
-            talker.publish(message(number))
-        batches += take_all(ros, subscription, 20)
-        ros.node.destroy_publisher(talker)
-        ros.until(lambda: subscription.publishers == 0)
-    assert attributed(batches) == ({1, 2}, 0)
-
-
-def test_the_numbers_of_two_publishers_do_not_make_losses(
-        ros: Ros, subscription: DrainedSubscription) -> None:
-    first = publisher(ros, subscription)
-    for number in range(100):
-        first.publish(message(number))
-    batches = take_all(ros, subscription, 100)
-    second = publisher(ros, subscription, matched=2)
-    for number in range(20):
-        first.publish(message(number))
-        second.publish(message(number))
-    batches += take_all(ros, subscription, 40)
-    assert len(numbers(batches)) == 140
-    assert attributed(batches) == ({1, 2}, 0)
-
-
 @pytest.mark.parametrize('answer', ['no such method', 'messages'])
 def test_an_rclpy_whose_queue_answers_otherwise_is_served_by_callback(
         ros: Ros, monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
@@ -180,16 +125,3 @@ def test_an_rclpy_whose_queue_answers_otherwise_is_served_by_callback(
         talker.publish(message(number))
     assert numbers(take_all(ros, subscription, 10)) == list(range(10))
 
-
-def test_a_publisher_with_other_qos_is_told_of(ros: Ros) -> None:
-    name = ros.name('imu')
-    ros.node.declare_parameter(f'qos_overrides.{name}.subscription.reliability', 'reliable')
-    subscription = DrainedSubscription(ros.node, Imu, name, 10)
-    assert subscription.refused_publishers() == []
-    ros.node.create_publisher(Imu, name, QoSProfile(
-        depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-    [line] = ros.until(subscription.refused_publishers)
-    assert line == (
-        f'the QoS of {ros.name("tester")} does not go with that asked for (Best effort publisher '
-        'and reliable subscription); choose another with qos_overrides')
-    assert subscription.publishers == 0

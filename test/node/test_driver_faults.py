@@ -2,13 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a driver, its clock and the computer do to a node that is running."""
 
+from collections.abc import Callable
 import os
 import subprocess
 import time
+from typing import Any
 
+from imu_allan.cdr import encode_imu
+import numpy as np
 import pytest
+from rclpy.qos import QoSProfile
 from repeated import slow
-from ros_harness import Driver, RATE_HZ, Ros
+from ros_harness import Driver, Health, RATE_HZ, Ros
+from sensor_msgs.msg import Temperature
 from whole_lines import Varying
 
 
@@ -54,6 +60,56 @@ def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
     assert node.running
 
 
+def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
+    """Publish at about the rate of the stamps until the condition holds."""
+    began, first = time.monotonic(), driver.next
+
+    def going_on() -> Any:
+        due = round((time.monotonic() - began) * RATE_HZ) - (driver.next - first)
+        driver.publish(max(due, 0))
+        return condition()
+
+    driver.ros.until(going_on)
+
+
+@pytest.mark.parametrize('window', [
+    {'diagnostics.RECENT_S': 5.0, 'temperature_topic._MATCHING_S': 1.0,
+     'temperature_topic._SILENCE_S': 5.0},
+    slow({})], ids=['short', 'true'])
+def test_one_bad_moment_is_told_once_and_is_no_warning_for_the_rest_of_the_run(
+        ros: Ros, health: Health, window: dict[str, float]) -> None:
+    topic = ros.name('imu/temperature')
+    node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
+                     constants=window)
+    driver = Driver(ros).wait_for_node()
+    missing = f'nothing publishes {topic}: there is no temperature'
+    meanwhile(driver, lambda: missing in node.lines)
+    publisher = ros.node.create_publisher(Temperature, topic, QoSProfile(depth=10))
+    ros.until(publisher.get_subscription_count)
+    meanwhile(driver, lambda: f'the thermometer on {topic} is there' in node.lines)
+    publisher.publish(Temperature(temperature=20.0))
+    driver.send(b'\0\1\0\0nothing of the kind')
+    driver.next += 1
+    driver.send(encode_imu(1_700_000_000 * 10**9 + round(driver.next / RATE_HZ * 1e9),
+                           np.full(6, np.nan), 'imu'))
+    driver.next += 1
+    malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 30 s: '
+                        '<words>')
+    meanwhile(driver, lambda: health.message('reception') == malformed)
+    meanwhile(driver, lambda: health.message('timeline') == Varying('<words> in the last 30 s'))
+    meanwhile(driver, lambda: Varying(f'no temperature on {topic} for <number> s') in node.lines)
+    publisher.publish(Temperature(temperature=20.0))
+    meanwhile(driver, lambda: f'temperatures come on {topic} again' in node.lines)
+    # Levels are about now, totals stay.
+    meanwhile(driver, lambda: health.level('reception') == health.level('timeline') == b'\0')
+    assert health.number('reception', 'malformed') == 1
+    assert health.number('timeline', 'missing') == health.number('timeline', 'rejected') == 1
+    for line in (malformed, missing,
+                 f'every message on {driver.topic} can be decoded again; 1 message could not be '
+                 'in all', '1 message rejected: NaN, infinite or declared absent'):
+        assert node.lines.count(line) == 1, node.log  # type: ignore[arg-type]
+
+
 REMEDY = 'remove files from it, or give it room, such as with --shm-size of docker run'
 
 
@@ -75,7 +131,7 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(ros: Ros) ->
                                             'wait_for_subscriptions': 1},
                           shared_memory=True, wrapper=short)
     assert simulator.wait() == 0, simulator.log
-    ros.until(lambda: (document := ros.saved()) and document['timeline']['samples'] == 2000)
+    assert ros.saved_with(2000)
     assert 'Traceback' not in node.log
     assert Varying('imu_allan_node: /dev/shm has only <number> MB of room: messages come over the '
                    f'network, at more cost; {REMEDY}') in node.lines

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """High rates, busy computers, long runs: nothing is lost, nothing grows."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
@@ -10,9 +10,18 @@ import subprocess
 import sys
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-from ros_harness import assert_kept_up, Driver, LARGEST_MB, PATIENCE_S, Process, resident_mb, Ros
+from repeated import slow
+from ros_harness import (
+    assert_kept_up,
+    Driver,
+    Health,
+    LARGEST_MB,
+    PATIENCE_S,
+    Process,
+    resident_mb,
+    Ros,
+)
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import Trigger
 
@@ -24,39 +33,19 @@ def cpu_seconds(process: Process) -> float:
     return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) * 1e-9
 
 
-class Reception:
-    """What the node has received, from its last report."""
+def wait_for(ros: Ros, health: Health, node: Process, numbered: float,
+             timeout: float = PATIENCE_S) -> float:
+    """Wait for messages, lost ones too; return the most memory held until then, in MB."""
+    most = 0.0
 
-    def __init__(self, ros: Ros, node: Process) -> None:
-        self._ros = ros
-        self._node = node
-        self._facts: dict[str, float] = {}
-        ros.listen(DiagnosticArray, '/diagnostics', 10, self._hear)
+    def arrived() -> bool:
+        nonlocal most
+        # A fit comes and goes within a second: a single look would be a matter of luck.
+        most = max(most, resident_mb(node.popen.pid))
+        return sum(health.number('reception', key) for key in ('received', 'lost')) >= numbered
 
-    def _hear(self, report: DiagnosticArray) -> None:
-        for status in report.status:
-            if (status.name.endswith('/imu_allan: reception')
-                    and status.hardware_id == self._ros.name('imu/data_raw')):
-                self._facts = {v.key: float(v.value) for v in status.values
-                               if v.key in ('received', 'lost', 'longest_hold_s', 'queue')}
-
-    def __getitem__(self, key: str) -> float:
-        self._ros.until(lambda: self._facts)
-        return self._facts[key]
-
-    def wait_for(self, numbered: float, timeout: float) -> float:
-        """Wait for messages, lost ones too; return the most memory held until then, in MB."""
-        most = 0.0
-
-        def arrived() -> bool:
-            nonlocal most
-            assert self._node.running, self._node.log
-            # A fit comes and goes within a second: a single look would be a matter of luck.
-            most = max(most, resident_mb(self._node.popen.pid))
-            return self['received'] + self['lost'] >= numbered
-
-        self._ros.until(arrived, timeout)
-        return most
+    ros.until(arrived, timeout)
+    return most
 
 
 @contextmanager
@@ -68,32 +57,24 @@ def busy_core() -> Iterator[None]:
             process.kill()
 
 
-def receive_everything(ros: Ros, rate_hz: float, seconds: float,
-                       beside: AbstractContextManager[None]) -> None:
-    """Let an IMU publish in real time; nothing may be lost."""
+@pytest.mark.parametrize(('rate_hz', 'seconds', 'beside'), [
+    (1000.0, 4.0, busy_core), slow(1000.0, 600.0, busy_core), slow(4000.0, 60.0, nullcontext)])
+def test_nothing_is_lost_in_real_time_beside_a_busy_core(
+        ros: Ros, rate_hz: float, seconds: float,
+        beside: Callable[[], AbstractContextManager[None]]) -> None:
     node = ros.start('imu_allan_node', {
         'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
         'checkpoint_period': 5.0}, best_effort=True, shared_memory=True)
-    reception = Reception(ros, node)
-    count = rate_hz * seconds
-    longest = 0.0
-    with beside:
+    health = Health(ros)
+    with beside():
         simulator = ros.start('imu_simulator', {
             'rate': rate_hz, 'duration': seconds, 'wait_for_subscriptions': 1},
             shared_memory=True)
-        ros.until(lambda: 'publishing' in simulator.log)
-        while simulator.running:
-            ros.executor.spin_once(timeout_sec=1.0)
-            longest = max(longest, reception['longest_hold_s'])
-        assert simulator.wait() == 0
         # Best effort begins when both sides have found each other: the first may be missed.
-        ros.until(lambda: reception['received'] + reception['lost'] >= count - 200)
-    assert_kept_up(node, reception['lost'], longest, reception['queue'], rate_hz)
+        wait_for(ros, health, node, rate_hz * seconds - 200, seconds + PATIENCE_S)
+        assert simulator.wait() == 0
+    assert_kept_up(node, health, rate_hz)
     assert node.stop() == 0
-
-
-def test_nothing_is_lost_at_1_khz_beside_a_busy_core(ros: Ros) -> None:
-    receive_everything(ros, 1000.0, 4.0, busy_core())
 
 
 def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
@@ -101,23 +82,11 @@ def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
     ros.start('imu_simulator', {'rate': 1000.0, 'wait_for_subscriptions': 1},
               shared_memory=True)
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
-    reception = Reception(ros, node)
-    reception.wait_for(1000, PATIENCE_S)
-    longest = 0.0
-    while len(images) < 2:
+    health = Health(ros)
+    wait_for(ros, health, node, 1000)
+    while not images:
         assert ros.call(Trigger, 'imu_allan/save').success
-        longest = max(longest, reception['longest_hold_s'])
-    assert_kept_up(node, reception['lost'], longest, reception['queue'], 1000.0)
-
-
-@pytest.mark.slow
-def test_nothing_is_lost_at_1_khz_for_ten_minutes_beside_a_busy_core(ros: Ros) -> None:
-    receive_everything(ros, 1000.0, 600.0, busy_core())
-
-
-@pytest.mark.slow
-def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
-    receive_everything(ros, 4000.0, 60.0, nullcontext())
+    assert_kept_up(node, health, 1000.0)
 
 
 @pytest.mark.slow
@@ -125,7 +94,7 @@ def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
 def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate_hz: float
                                                  ) -> None:
     node = ros.start('imu_allan_node', best_effort=True, shared_memory=True)
-    reception = Reception(ros, node)
+    health = Health(ros)
     began = time.monotonic()
     floods = [subprocess.Popen(
         [sys.executable, str(Path(__file__).with_name('flooding.py')), ros.name('imu/data_raw'),
@@ -136,8 +105,9 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
         ros.executor.spin_once(timeout_sec=0.5)
         most = max(most, resident_mb(node.popen.pid))
     published = sum(int(process.communicate()[0]) for process in floods)
-    print(f'{published} messages in {time.monotonic() - began:.0f} s, {reception["received"]:.0f} '
-          f'received: {most:.0f} MB, {cpu_seconds(node):.1f} s of CPU', flush=True)
+    print(f'{published} messages in {time.monotonic() - began:.0f} s, '
+          f'{health.number("reception", "received"):.0f} received: {most:.0f} MB, '
+          f'{cpu_seconds(node):.1f} s of CPU', flush=True)
     assert most < LARGEST_MB
     assert ros.call(Trigger, 'imu_allan/reset').success
     driver = Driver(ros).wait_for_node()
@@ -162,19 +132,19 @@ def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool
     simulator = ros.start('imu_simulator', {
         'rate': 1000.0, 'duration': hours * 3600, 'speed': speed, 'wait_for_subscriptions': 1},
         shared_memory=True)
-    reception = Reception(ros, node)
+    health = Health(ros)
     total = hours * 3.6e6
     # Best effort begins when both sides have found each other: the first may be missed.
     unseen = 200 if best_effort else 0
     marks = []
     for part in range(1, 9):
-        most = reception.wait_for(total * part / 8 - unseen, 7200)
-        marks.append((reception['received'], most, cpu_seconds(node)))
+        most = wait_for(ros, health, node, total * part / 8 - unseen, 7200)
+        marks.append((health.number('reception', 'received'), most, cpu_seconds(node)))
         print('{:12.0f} samples {:6.1f} MB {:8.1f} s of CPU'.format(*marks[-1]), flush=True)
     assert simulator.wait() == 0
     # Every message is received or counted. How many are lost at 25 times the rate depends on
     # what else the computer does: it needs one that has nothing else to do.
-    assert reception['lost'] <= (0.001 * total if best_effort else 0)
+    assert health.number('reception', 'lost') <= (0.001 * total if best_effort else 0)
     assert node.stop() == 0
     return marks
 

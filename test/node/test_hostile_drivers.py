@@ -12,7 +12,7 @@ from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, Ros
+from ros_harness import Driver, Health, Process, Ros
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -57,26 +57,16 @@ HOSTILE: dict[str, Callable[[int], bytes]] = {
 }
 
 
-class Listener:
-    """Subscribes to every topic of the node and to its reports."""
+def listen_to_everything(ros: Ros) -> None:
+    own = f'{ros.name("imu_allan")}/'
 
-    def __init__(self, ros: Ros) -> None:
-        self._ros = ros
-        self._reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-        ros.until(lambda: len(self._topics()) >= 10)
-        for topic, kind in self._topics().items():
-            ros.listen(KINDS[kind], topic)
-
-    def _topics(self) -> dict[str, str]:
-        own = f'{self._ros.name("imu_allan")}/'
-        return {name: types[0] for name, types in self._ros.node.get_topic_names_and_types()
+    def topics() -> dict[str, str]:
+        return {name: types[0] for name, types in ros.node.get_topic_names_and_types()
                 if name.startswith(own) and types[0] in KINDS}
 
-    def wait_for_report(self) -> None:
-        """Wait for a report that is made from now on."""
-        self._reports.clear()
-        self._ros.until(lambda: [status for report in self._reports for status in report.status
-                                 if status.hardware_id == self._ros.name('imu/data_raw')])
+    ros.until(lambda: len(topics()) >= 10)
+    for topic, kind in topics().items():
+        ros.listen(KINDS[kind], topic)
 
 
 def assert_well(node: Process) -> None:
@@ -87,19 +77,19 @@ def assert_well(node: Process) -> None:
 @pytest.mark.parametrize(('clock', 'hostile'), [('auto', HOSTILE), ('header', [
     'stamps of zero', 'one stamp for all', 'whole seconds', 'stamps that run backward'])])
 def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
-        ros: Ros, clock: str, hostile: Iterable[str]) -> None:
+        ros: Ros, health: Health, clock: str, hostile: Iterable[str]) -> None:
     node = ros.start('imu_allan_node', {
         'clock': clock, 'publish_period': 1.0, 'checkpoint_period': 1.0,
         'state_file': str(ros.folder / 'state')}, constants={
             'reports.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
-    driver, listener = Driver(ros), Listener(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
+    listen_to_everything(ros)
     for kind in hostile:
         for index in range(200):
             driver.send(HOSTILE[kind](index))
         # What is still under way at a reset would be of the next run.
         driver.until_taken()
-        listener.wait_for_report()
+        health.news()
         assert_well(node)
         assert ros.call(Trigger, 'imu_allan/reset').success
     driver.publish(4000)
@@ -132,30 +122,12 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
     assert ('internal error: the node ends and saves what it has learnt; please report it'
             in node.lines)
     assert (ros.folder / 'state').stat().st_size > 10_000
-    [path] = (ros.folder / 'output').rglob('result.json')
-    assert json.loads(path.read_text())['timeline']['samples'] == 4000
-
-
-def test_a_state_folder_that_is_gone_does_not_keep_the_result_from_being_saved(
-        ros: Ros) -> None:
-    folder = ros.folder / 'states'
-    node = ros.start('imu_allan_node', {'state_file': str(folder / 'state')})
-    driver = Driver(ros).wait_for_node()
-    driver.publish(4000)
-    assert driver.publisher.wait_for_all_acked()
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-    folder.write_text('in the way')
-    assert node.stop() == 1
-    assert (f'{folder}/state: cannot be written (Not a directory); choose a folder that exists on '
-            'a disk with room and may be written to') in node.lines
-    [path] = (ros.folder / 'output').rglob('result.json')
-    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+    [document] = ros.results()
+    assert document['timeline']['samples'] == 4000
 
 
 def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the_end(
-        ros: Ros) -> None:
+        ros: Ros, health: Health) -> None:
     (ros.folder / 'file').write_text('in the way')
     unwritable = str(ros.folder / 'file' / 'output')
     node = ros.start('imu_allan_node', {'output_dir': unwritable,
@@ -163,16 +135,9 @@ def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the
     line = (f'output_dir {unwritable}: cannot be written (Not a directory); set the parameter to '
             'a folder that may be written to')
     ros.until(lambda: line in node.lines)
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     driver = Driver(ros).wait_for_node()
     driver.publish(4000)
-
-    def storage() -> list[str]:
-        return [status.message for report in reports for status in report.status
-                if status.name.endswith(': storage') and status.level == b'\2'
-                and status.hardware_id == ros.name('imu/data_raw')]
-
-    assert ros.until(storage)[-1] == line
+    ros.until(lambda: health.told('storage', line, b'\2'))
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
     assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '

@@ -12,6 +12,7 @@ import subprocess
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
+from imu_allan.node.interface import SETTINGS
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.tuning.forecast import predicted_drift
@@ -28,7 +29,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from ros_harness import Ros, told_in
+from ros_harness import Health, Ros, told_in
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
@@ -55,14 +56,12 @@ def live(shared_ros: Ros) -> Ros:
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3},
         shared_memory=True)
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    health = Health(ros)
     ros.until(lambda: not simulator.running)
     assert simulator.wait() == 0
-    count = int(RATE_HZ * DURATION_S)
-    ros.until(lambda: reports and values(reports[-1], 'timeline').get('samples') == str(count))
+    ros.until(lambda: health.number('timeline', 'samples') == RATE_HZ * DURATION_S)
     # What came last is fitted to the end, once nothing more comes.
-    ros.until(lambda: values(
-        reports[-1], 'estimation').get('fitted_duration_s') == repr(DURATION_S))
+    ros.until(lambda: health.number('estimation', 'fitted_duration_s') == DURATION_S)
     return ros
 
 
@@ -187,23 +186,18 @@ def test_the_forecast_of_every_axis_is_among_the_values(live: Ros, result: Resul
                          if key.startswith('predicted_drift/') and key.count('/') == 3}
 
 
-def test_a_volatile_subscription_that_comes_late_gets_the_last_result(live: Ros) -> None:
-    arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients', 10)
-    array = live.until(lambda: arrays)[0]
-    assert [s.name.rpartition(' ')[2] for s in array.status] == list(AXES)
-
-
 def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
     counts = {topic: live.listen(kind, f'imu_allan/{topic}') for kind, topic in (
         (String, 'result'), (DiagnosticArray, 'coefficients'),
         (Vector3Stamped, 'gyro/noise_density'))}
     live.until(lambda: all(counts.values()))
-    reports = live.listen(DiagnosticArray, '/diagnostics', 10)
-    # Half a dozen periods, in one of which somebody new has come.
-    live.until(lambda: len(reports) > 1)
+    health = Health(live)
+    # Half a dozen periods, in one of which somebody new has come, and not asked for what was.
+    live.until(lambda: health.heard)
     late = live.listen(String, 'imu_allan/result', 10)
     live.until(lambda: late)
-    live.until(lambda: len(reports) > 4)
+    for _ in range(3):
+        health.news()
     assert len(late) == 1
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
@@ -327,28 +321,22 @@ def test_the_plot_is_drawn_for_a_subscriber_and_is_a_png(live: Ros) -> None:
 
 
 def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> None:
-    reports = live.listen(DiagnosticArray, '/diagnostics', 10)
-    report = live.until(lambda: reports)[-1]
-    assert [s.name for s in report.status] == [
-        f'{live.name("imu_allan")}: {part}'
+    health = Health(live)
+    live.until(lambda: health.heard)
+    assert [(one.name, one.hardware_id) for one in health.heard[:4]] == [
+        (f'{live.name("imu_allan")}: {part}', live.name('imu/data_raw'))
         for part in ('reception', 'timeline', 'estimation', 'storage')]
-    assert all(s.hardware_id == live.name('imu/data_raw') for s in report.status)
-    reception = values(report, 'reception')
+    reception, timeline = health.values('reception'), health.values('timeline')
     assert reception['received'] == str(int(RATE_HZ * DURATION_S))
-    assert reception['lost'] == '0'
+    assert reception['lost'] == reception['publishers'] == '0'
     # A fit may be in it, and few messages beside it.
     assert 1e-6 < float(reception['cpu_per_message_s']) < 10
-    assert reception['publishers'] == '0'
-    silent = status(report, 'reception')
-    assert silent is not None
-    assert silent.level == DiagnosticStatus.ERROR
-    timeline = values(report, 'timeline')
+    assert health.level('reception') == DiagnosticStatus.ERROR
     assert float(timeline['rate_hz']) == pytest.approx(RATE_HZ, rel=1e-6)
     assert float(timeline['jitter_s']) < 1e-6
     assert timeline['clock'] == 'header'
     assert timeline['missing'] == timeline['duplicates'] == timeline['out_of_order'] == '0'
-    estimation = values(report, 'estimation')
-    assert estimation['observable/noise_density'] == '6'
+    assert health.values('estimation')['observable/noise_density'] == '6'
 
 
 def test_every_parameter_out_of_range_is_refused_with_a_reason(live: Ros) -> None:
@@ -392,12 +380,10 @@ def test_parameters_that_fit_each_other_can_be_set_one_after_the_other(live: Ros
 
 
 def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None:
+    depth = f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth'
     names = live.call(ListParameters, 'imu_allan/list_parameters').result.names
-    own = {'publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion',
-           'expected_rate', 'gap_tolerance', 'export_for', 'clock', 'spec_file', 'reference',
-           'aiding_interval', 'coast', 'temperature_topic', 'imu_type', 'gyro_field',
-           'accel_field', 'stamp_field'}
-    assert own <= set(names)
+    own = {setting.name: setting for setting in SETTINGS}
+    assert {*own, depth} <= set(names)
     response = live.call(DescribeParameters, 'imu_allan/describe_parameters',
                          DescribeParameters.Request(names=sorted(own)))
     for descriptor in response.descriptors:
@@ -406,17 +392,9 @@ def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None
             assert descriptor.floating_point_range, descriptor.name
         if descriptor.type == Parameter.Type.INTEGER.value:
             assert descriptor.integer_range, descriptor.name
-    read_only = {d.name for d in response.descriptors if d.read_only}
-    assert read_only == {'state_file', 'motion', 'clock', 'expected_rate', 'gap_tolerance',
-                         'spec_file', 'reference', 'temperature_topic', 'imu_type',
-                         'gyro_field', 'accel_field', 'stamp_field'}
-    assert f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth' in names
-
-
-def test_the_queue_holds_two_seconds_and_more(live: Ros) -> None:
-    name = f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth'
+        assert descriptor.read_only == own[descriptor.name].read_only, descriptor.name
     response = live.call(GetParameters, 'imu_allan/get_parameters',
-                         GetParameters.Request(names=[name]))
+                         GetParameters.Request(names=[depth]))
     assert response.values[0].integer_value == 10_000
 
 

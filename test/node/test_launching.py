@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch files start, on stand-ins for launch; and a real node started so."""
 
-import json
-import os
 from pathlib import Path
 import re
 import subprocess
 import sys
 
-from imu_allan.result import Result
+from imu_allan.characterization import Characterization
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.result_file import save_result
 from launch_stand_ins import declared, launched, ROOT
 import pytest
 from rcl_interfaces.srv import GetParameters
@@ -47,9 +48,8 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
     start = 'import sys; from imu_allan.node.imu_allan_node import main; sys.exit(main())'
     log = ros.folder / 'log'
     with log.open('wb') as output:
-        process = subprocess.Popen(
-            [sys.executable, '-c', start, *node.command(ros.folder)], stdout=output,
-            stderr=subprocess.STDOUT, env=dict(os.environ))
+        process = subprocess.Popen([sys.executable, '-c', start, *node.command(ros.folder)],
+                                   stdout=output, stderr=subprocess.STDOUT)
     try:
         ros.until(lambda: 'characterizing the IMU' in log.read_text()
                   or process.poll() is not None)
@@ -88,14 +88,19 @@ def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
     assert (node.sigterm_timeout, node.sigkill_timeout) == ('30', '30')
 
 
-def test_a_parameter_file_that_is_missing_or_a_wrong_choice_ends_the_launch() -> None:
+def test_a_missing_file_a_wrong_choice_or_list_ends_the_launch() -> None:
     file = LAUNCH / 'imu_allan.launch.py'
     with refused('params_file /no/such: no such file', RuntimeError):
         launched(file, params_file='/no/such')
     with refused('Argument "log_level" provided value "loud" is not valid.', RuntimeError):
         launched(file, log_level='loud')
+    several = LAUNCH / 'several_imus.launch.py'
     with refused('Required launch argument "imus" was not provided.', RuntimeError):
-        launched(LAUNCH / 'several_imus.launch.py')
+        launched(several)
+    with refused("imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu", RuntimeError):
+        launched(several, imus='front')
+    with refused('imus: two IMUs in the namespace front', RuntimeError):
+        launched(several, imus='front=/a front=/b')
 
 
 def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own(
@@ -130,15 +135,9 @@ def test_the_demo_hands_its_arguments_to_the_simulator(tmp_path: Path) -> None:
 @pytest.fixture
 def reference(tmp_path: Path) -> Path:
     """Write a result from before."""
-    from imu_allan.analysis import analyze
-    from imu_allan.recordings.write import write_recording
-    from imu_allan.sensor.noise_model import parse_model
-    from imu_allan.sensor.simulated_imu import simulated_blocks
-
-    model = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
-                        'accel: {noise_density: 150 ug/sqrt(Hz)}\n')
-    path = write_recording(tmp_path / 'a', simulated_blocks(model, 100.0, 3000, start_ns=10**18))
-    result: Result = analyze(path)
-    (tmp_path / 'reference.json').write_text(result.to_json())
-    assert json.loads(result.to_json())['axes']
+    run = Characterization(kind='topic', topic='/imu')
+    for block in simulated_blocks(parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}'), 100.0,
+                                  3000, start_ns=10**18):
+        run.update(block)
+    save_result(run.result(), tmp_path / 'reference.json')
     return tmp_path / 'reference.json'

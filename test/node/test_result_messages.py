@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 import json
 import math
-from types import MappingProxyType
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -14,14 +13,7 @@ from geometry_msgs.msg import Vector3Stamped
 from imu_allan.finding import finding
 from imu_allan.node.characterization_node import queue_messages
 from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
-from imu_allan.node.result_messages import (
-    coefficients_message,
-    curve_message,
-    ENDS,
-    interval_message,
-    result_messages,
-    vector_message,
-)
+from imu_allan.node.result_messages import result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -38,6 +30,7 @@ from imu_allan.timeline import TimelineSummary
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
+from ros_harness import facts, summary
 
 STAMP = Time(sec=12, nanosec=34)
 
@@ -66,6 +59,23 @@ def result_of(axes: Mapping[str, AxisResult]) -> Result:
                   Timeline(100.0, 1000, 10.0), axes)
 
 
+def messages_of(axes: Mapping[str, AxisResult]) -> dict[str, Any]:
+    return result_messages(result_of(axes), 'imu_allan', STAMP)
+
+
+def status_of(name: str, axis: AxisResult) -> DiagnosticStatus:
+    [status] = messages_of({name: axis})['coefficients'].status
+    return status
+
+
+def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | None = None
+          ) -> DiagnosticStatus:
+    """Give a status of ``/diagnostics``."""
+    array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
+    [status] = [one for one in array.status if one.name == f'imu_allan: {part}']
+    return status
+
+
 ALL = {'noise_density': 1e-3, 'rate_random_walk': 1e-5}
 
 
@@ -75,10 +85,9 @@ def entries(status: DiagnosticStatus) -> dict[str, str]:
 
 def test_numbers_are_written_to_the_last_digit() -> None:
     value = 0.1 + 0.2
-    result = result_of({'gyro_x': axis_result('gyro_x', {'noise_density': value})})
-    [status] = coefficients_message(result, 'imu_allan', STAMP).status
-    assert float(entries(status)['noise_density/value']) == value
-    assert entries(status)['noise_density/ci95_low'] == repr(value * 0.9)
+    found = entries(status_of('gyro_x', axis_result('gyro_x', {'noise_density': value})))
+    assert float(found['noise_density/value']) == value
+    assert found['noise_density/ci95_low'] == repr(value * 0.9)
 
 
 @pytest.mark.parametrize(('values', 'fields', 'level', 'words'), [
@@ -90,43 +99,38 @@ def test_numbers_are_written_to_the_last_digit() -> None:
      'noise density and rate random walk are observable; no noise model fits this axis well')])
 def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
         values: Mapping[str, float], fields: dict[str, Any], level: bytes, words: str) -> None:
-    result = result_of({'accel_y': axis_result('accel_y', values, **dict(fields))})
-    [status] = coefficients_message(result, 'imu_allan', STAMP).status
-    assert status.level == level
-    assert status.message == words
+    status = status_of('accel_y', axis_result('accel_y', values, **dict(fields)))
+    assert (status.level, status.message) == (level, words)
 
 
 def test_tones_and_band_limit_are_among_the_values() -> None:
-    axis = axis_result('gyro_z', ALL, tones=(Tone(50.0, 1e-3),), band_limit_s=0.02)
-    [status] = coefficients_message(result_of({'gyro_z': axis}), 'imu_allan', STAMP).status
-    assert entries(status)['tones/0/frequency_hz'] == '50.0'
-    assert entries(status)['band_limit_s'] == '0.02'
+    found = entries(status_of('gyro_z', axis_result(
+        'gyro_z', ALL, tones=(Tone(50.0, 1e-3),), band_limit_s=0.02)))
+    assert found['tones/0/frequency_hz'] == '50.0'
+    assert found['band_limit_s'] == '0.02'
 
 
 def test_an_axis_that_is_absent_is_nan_beside_the_others() -> None:
-    result = result_of({'gyro_x': axis_result('gyro_x', ALL)})
-    vector = vector_message(result, 'gyro', 'noise_density', STAMP)
+    messages = messages_of({'gyro_x': axis_result('gyro_x', ALL)})
+    vector = messages['gyro/noise_density']
     assert vector.vector.x == 1e-3
     assert math.isnan(vector.vector.y)
-    assert math.isnan(vector_message(result, 'accel', 'noise_density', STAMP).vector.z)
+    assert math.isnan(messages['accel/noise_density'].vector.z)
     assert vector.header.stamp == STAMP
-    rows = np.array(curve_message(result, 'gyro').data).reshape(4, 25)
+    rows = np.array(messages['gyro/allan_deviation'].data).reshape(4, 25)
     assert np.isfinite(rows[:2, :10]).all()
     assert np.isnan(rows[2:]).all()
-    assert np.isnan(curve_message(result, 'accel').data).all()
+    assert np.isnan(messages['accel/allan_deviation'].data).all()
 
 
 def test_the_interval_of_a_hidden_coefficient_reaches_from_zero_to_its_bound() -> None:
-    result = result_of({'gyro_x': axis_result('gyro_x', {'noise_density': 1e-3})})
-    shown = [interval_message(result, 'gyro', 'noise_density', end, STAMP).vector.x
-             for end in ENDS]
-    assert tuple(shown) == result.axes['gyro_x'].coefficients['noise_density'].ci95
-    hidden = result.axes['gyro_x'].coefficients['rate_random_walk']
-    low, high = (interval_message(result, 'gyro', 'rate_random_walk', end, STAMP)
-                 for end in ENDS)
-    assert (low.vector.x, high.vector.x) == (0.0, hidden.upper95)
-    assert math.isnan(low.vector.y)
-    assert math.isnan(high.vector.y)
+    axis = axis_result('gyro_x', {'noise_density': 1e-3})
+    messages = messages_of({'gyro_x': axis})
+    for term, ends in (('noise_density', axis.coefficients['noise_density'].ci95),
+                       ('rate_random_walk', (0.0, axis.coefficients['rate_random_walk'].upper95))):
+        vectors = [messages[f'gyro/{term}/interval/{end}'].vector for end in ('low', 'high')]
+        assert tuple(vector.x for vector in vectors) == ends
+        assert all(math.isnan(vector.y) for vector in vectors)
 
 
 def test_remarks_of_the_fit_stand_with_their_axis() -> None:
@@ -134,14 +138,13 @@ def test_remarks_of_the_fit_stand_with_their_axis() -> None:
                      message='gyro_y: words that decide nothing')
     result = replace(result_of({name: axis_result(name, ALL) for name in ('gyro_x', 'gyro_y')}),
                      warnings=(remark,))
-    x, y = coefficients_message(result, '/imu_allan', STAMP).status
+    x, y = result_messages(result, 'imu_allan', STAMP)['coefficients'].status
     words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
              'driver gives small values as 0; no coefficient is given; switch the deadband off, '
              'then call ~/reset')
     assert entries(x)['remarks/deadband'] == words
     assert 'remarks/deadband' not in entries(y)
-    array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], result)
-    [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
+    status = shown('estimation', facts(), summary(), result)
     assert entries(status)['remarks/deadband'] == f'gyro x: {words}'
 
 
@@ -153,13 +156,7 @@ def test_the_estimation_tells_every_finding_in_the_order_of_the_result() -> None
              finding('frozen', messages=20, since_s=3.0)]
     result = with_words(replace(
         result_of({name: axis_result(name, ALL) for name in AXES}), warnings=tuple(found)))
-
-    def estimation(shown: Result) -> DiagnosticStatus:
-        array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], shown)
-        [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
-        return status
-
-    status = estimation(result)
+    status = shown('estimation', facts(), summary(), result)
     told = [entry.key for entry in status.values if entry.key.startswith('remarks/')]
     assert [key.split('/')[1] for key in told] == [one.code for one in result.warnings]
     assert len(set(told)) == len(result.warnings)
@@ -169,39 +166,24 @@ def test_the_estimation_tells_every_finding_in_the_order_of_the_result() -> None
     assert status.message == '; '.join(
         message_of(one, live=True) for one in result.warnings if one.code == 'deadband')
     # What is good to know alone is no warning.
-    assert estimation(replace(result, warnings=result.warnings[3:])).level == OK
+    mild = replace(result, warnings=result.warnings[3:])
+    assert shown('estimation', facts(), summary(), mild).level == OK
 
 
 def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
     axis = axis_result('accel_x', ALL, octaves=28)
-    rows = np.array(curve_message(result_of({'accel_x': axis}), 'accel').data).reshape(4, 25)
+    rows = np.array(messages_of({'accel_x': axis})['accel/allan_deviation'].data).reshape(4, 25)
     np.testing.assert_array_equal(rows[0], axis.curve.tau_s[3:])
     np.testing.assert_array_equal(rows[1], axis.curve.adev[3:])
 
 
 def test_a_result_without_axes_empties_every_topic() -> None:
-    messages = result_messages(result_of({}), 'imu_allan', STAMP)
+    messages = messages_of({})
     assert json.loads(messages.pop('result').data)['axes'] == {}
     assert list(messages.pop('coefficients').status) == []
     vectors = [message for message in messages.values() if isinstance(message, Vector3Stamped)]
     assert (len(messages), len(vectors)) == (22, 20)
     assert all(math.isnan(vector.vector.x) for vector in vectors)
-
-
-def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
-    settings: dict[str, Any] = {'topic': '/imu/data_raw', 'queue': 10_000, 'expected_rate': 0.0,
-                                'state_file': '', 'publishers': 1, 'received_hz': 100.0}
-    made = Facts(**{**settings, **changes})
-    made.recent.see(0.0, recent)
-    return made
-
-
-def summary(**changes: Any) -> TimelineSummary:
-    timeline = changes.pop('timeline', Timeline(100.0, 1000, 10.0))
-    settings: dict[str, Any] = {'clock': 'header', 'frame_id': 'imu', 'start_time': None,
-                                'remarks': (), 'present': (True,) * 6,
-                                'measured_rate_hz': 100.0, 'jitter_s': 1e-5}
-    return TimelineSummary(timeline=timeline, **{**settings, **changes})
 
 
 JUMPED = finding('clock_jumps', clock='header', count=2)
@@ -210,37 +192,43 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 @pytest.mark.parametrize(('part', 'facts_', 'summary_', 'level', 'words'), [
     ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
-    ('reception', facts(publishers=0), summary(), ERROR, 'nothing publishes /imu/data_raw'),
+    ('reception', facts(publishers=0), summary(), ERROR, 'nothing publishes /imu'),
     ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
-    ('reception', facts(publishers=2), summary(), WARN,
-     '2 publishers on /imu/data_raw: where their samples mix they are passed over'),
+    ('reception', facts(publishers=2, publisher_names=('/a', '/b')), summary(), WARN,
+     '2 publishers on /imu (/a and /b): where their samples mix they are passed over; give every '
+     'IMU a topic of its own'),
     ('reception', facts(mixed=True, publishers=2), summary(), ERROR,
-     'messages of more than one publisher on /imu/data_raw: they are passed over'),
+     'the messages on /imu are of more than one publisher: they are passed over'),
     ('reception', facts(namesakes=1), summary(), ERROR,
-     'another node has the same name: start one of them with another name'),
+     'another node has the same name: their topics and services cannot be kept apart; start one '
+     'of them with another name'),
     ('reception', facts(publishers=0, refused=['/driver publishes a/msg/B, not sensor_msgs/Imu']),
      summary(), ERROR, '/driver publishes a/msg/B, not sensor_msgs/Imu'),
     ('reception', facts(looping=True), summary(), WARN,
-     'the messages repeat: what has come before is passed over'),
+     'the messages on /imu repeat from the first one on, as a recording played in a loop does: '
+     'what has come before is passed over'),
     ('reception', facts({'lost': 12}), summary(), WARN,
-     '12 messages lost in the last 30 s: on the way, between publisher and node; ask for reliable '
-     'delivery with qos_overrides'),
+     '12 messages on /imu lost in the last 30 s: on the way, between publisher and node; ask for '
+     'reliable delivery with qos_overrides'),
     ('reception', facts({'lost': 12, 'overrun': 1}, queue=5), summary(), WARN,
-     '12 messages lost in the last 30 s: the queue of 5 messages is too short for what comes '
-     'between two looks; leave qos_overrides./imu/data_raw.subscription.depth out, or set it to '
+     '12 messages on /imu lost in the last 30 s: the queue of 5 messages is too short for what '
+     'comes between two looks; leave qos_overrides./imu.subscription.depth out, or set it to '
      '2.5 s of messages'),
     ('reception', facts(lost=12, malformed=3), summary(), OK, 'receiving 100 messages per second'),
     ('reception', facts({'malformed': 3}, malformed_why='too short'), summary(), WARN,
-     '3 messages could not be decoded in the last 30 s: too short'),
-    ('reception', facts(temperature_topic='/t'), summary(), WARN, 'nothing publishes /t'),
-    ('reception', facts(temperature_topic='/t', thermometers=1, temperature_silent_s=40.0),
-     summary(), WARN, 'no temperature for 40 s'),
+     '3 messages on /imu could not be decoded in the last 30 s: too short'),
+    ('reception', facts(temperature_topic='/t', temperature_missing=True), summary(), WARN,
+     'nothing publishes /t: there is no temperature'),
+    ('reception', facts(temperature_topic='/t', temperature_silent_s=40.0), summary(), WARN,
+     'no temperature on /t for 40 s'),
     ('reception', facts(paused=True), summary(), WARN, 'paused: samples are passed over'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
-    ('timeline', facts(), summary(moving=True), WARN, 'the IMU moves: this part is left out'),
+    ('timeline', facts(), summary(moving=True), WARN,
+     'the IMU moves: what it measures meanwhile is left out'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
-    ('timeline', facts(expected_rate=200.0), summary(), WARN, 'measured 100 Hz, expected 200 Hz'),
+    ('timeline', facts(expected_rate=200.0), summary(), WARN,
+     'measured 100 Hz, expected 200 Hz; check expected_rate, or the setting of the driver'),
     ('timeline', facts(expected_rate=101.0), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
@@ -264,11 +252,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
 def test_the_verdict_of_a_status_names_what_is_wrong(
         part: str, facts_: Facts, summary_: TimelineSummary, level: bytes, words: str) -> None:
-    array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], None)
-    [status] = [s for s in array.status if s.name == f'imu_allan: {part}']
-    assert status.level == level
-    assert status.message == words
-    assert status.hardware_id == '/imu/data_raw'
+    status = shown(part, facts_, summary_)
+    assert (status.level, status.message, status.hardware_id) == (level, words, '/imu')
 
 
 def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
@@ -277,8 +262,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
                               waits={'rate_random_walk': 5000.0, 'bias_instability': 900.0}),
         'gyro_y': axis_result('gyro_y', ALL, waits={'bias_instability': 1200.0})})
     assert waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
-    array = diagnostics_message('imu_allan', STAMP, [(facts(), summary())], result)
-    [status] = [s for s in array.status if s.name == 'imu_allan: estimation']
+    status = shown('estimation', facts(), summary(), result)
     assert status.message == 'bias instability of gyro x expected to be observable in 15 min'
     assert entries(status)['next_observable_in_s'] == '900.0'
     assert entries(status)['observable/rate_random_walk'] == '1'
@@ -293,7 +277,5 @@ def test_the_queue_holds_two_seconds_at_every_rate(rate_hz: float) -> None:
 def test_gaps_are_counted_with_the_longest() -> None:
     seen = summary(timeline=Timeline(100.0, 1000, 20.0, missing=700, gaps=(Span(1.0, 2.0),)),
                    gaps=2, gaps_s=7.0, longest_gap_s=5.0)
-    array = diagnostics_message('imu_allan', STAMP, [(facts(), seen)], None)
-    [status] = [s for s in array.status if s.name == 'imu_allan: timeline']
-    assert entries(status)['gaps'] == '2'
-    assert entries(status)['longest_gap_s'] == '5.0'
+    found = entries(shown('timeline', facts(), seen))
+    assert (found['gaps'], found['longest_gap_s']) == ('2', '5.0')

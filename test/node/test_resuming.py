@@ -3,7 +3,6 @@
 """A run goes on after a crash or a reboot; what it cannot go on with is kept and told."""
 
 import hashlib
-import json
 from pathlib import Path
 import random
 import signal
@@ -15,13 +14,23 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import Lane, pack, Run, Setup, unpack
-from imu_allan.node.same_imu import is_enough, LOOK_S
+from imu_allan.node.same_imu import LOOK_S
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, STARVED_S, told_in
+from repeated import slow
+from ros_harness import (
+    Driver,
+    Health,
+    Process,
+    RATE_HZ,
+    Ros,
+    start_repeatedly,
+    STARVED_S,
+    told_in,
+)
 from std_srvs.srv import Trigger
 from whole_lines import Varying
 
@@ -61,31 +70,21 @@ def kill(driver: Driver, node: Process) -> None:
     driver.dead |= driver.subscriptions()
 
 
+def messages_in(state_file: Path) -> int:
+    """Count the messages that a state file holds."""
+    state = {key: array for key, array in decode_state(state_file.read_bytes()).items()
+             if key != 'node'}
+    return Characterization.from_state(state).summary().messages
+
+
 def kept_aside(ros: Ros) -> list[Path]:
     return sorted(path for path in ros.folder.glob('state.*') if path.suffix != '.lock')
 
 
 def samples_at_the_end(ros: Ros, node: Process) -> int:
     assert node.stop() == 0, node.log
-    documents = [json.loads(path.read_text())
-                 for path in (ros.folder / 'output').rglob('result.json')]
-    latest = max(documents, key=lambda document: str(document['source']['start_time']))
+    latest = max(ros.results(), key=lambda document: str(document['source']['start_time']))
     return int(latest['timeline']['samples'])
-
-
-def test_a_node_goes_on_where_the_last_one_was_killed(ros: Ros, checkpoint: Path) -> None:
-    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    node, driver = start(ros), Driver(ros).wait_for_node()
-    array = ros.until(lambda: arrays)[0]
-    assert len(array.status) == 6, 'the result so far is published before any new sample'
-    assert f'resumed 10 s of data from {checkpoint}' in node.lines
-    driver.publish(500)
-    time.sleep(PERIOD_S)
-    driver.publish(500)
-    assert driver.publisher.wait_for_all_acked()
-    assert samples_at_the_end(ros, node) == SAMPLES + 1000
-    assert kept_aside(ros) == []
-    assert checkpoint.exists()
 
 
 def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint: Path) -> None:
@@ -125,7 +124,7 @@ def test_a_look_takes_longer_where_jitter_could_be_the_reason(
     run = unpack(decode_state(checkpoint.read_bytes()),
                  Setup(ros.name('imu/data_raw'), TimelineOptions()))
     known, held = run.lanes[0].known, [messages(rate_hz, 0.5)]
-    while not is_enough(known, held, LOOK_S, by_level=False):
+    while not known.is_told_by(held, LOOK_S, by_level=False):
         assert len(held) < 40
         held.append(messages(rate_hz, 0.5, 0.5 * len(held)))
     assert 0.5 * len(held) == pytest.approx(needed_s, abs=0.5)
@@ -181,36 +180,20 @@ def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: P
                 f'{ros.name("imu/data_raw")}; it is kept as second.topic.<words>')]
 
 
-def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
-    first = start(ros)
-    ros.until(lambda: 'characterizing' in first.log)
-    second = start(ros)
-    assert second.wait() == 1
-    assert second.lines == [f'imu_allan_node: state_file {ros.folder / "state"}: is in use by '
-                            'another node; give every node a file of its own']
-
-
-def test_reset_empties_the_state_file_at_once(ros: Ros, checkpoint: Path) -> None:
+def test_reset_empties_the_state_file_at_once(
+        ros: Ros, checkpoint: Path, health: Health) -> None:
     node = start(ros)
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-
-    def storage() -> list[str]:
-        return [status.message for report in reports for status in report.status
-                if status.name == f'{ros.name("imu_allan")}: storage']
-
-    ros.until(lambda: f'resumed 10 s of data from {checkpoint}' in storage())
+    ros.until(lambda: health.told('storage', f'resumed 10 s of data from {checkpoint}'))
     assert ros.call(Trigger, 'imu_allan/reset').success
-    reports.clear()
-    ros.until(lambda: 'a new run' in storage())
+    ros.until(lambda: health.told('storage', 'a new run'))
     node.popen.kill()
     node.popen.wait()
-    state = {key: array for key, array in decode_state(checkpoint.read_bytes()).items()
-             if key != 'node'}
-    assert Characterization.from_state(state).summary().messages == 0
+    assert messages_in(checkpoint) == 0
     assert kept_aside(ros) == []
 
 
-def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
+def test_a_state_file_that_cannot_be_written_any_more_is_told_and_costs_no_result(
+        ros: Ros) -> None:
     folder = ros.folder / 'disk'
     node = ros.start('imu_allan_node', {'state_file': str(folder / 'state'),
                                         'checkpoint_period': PERIOD_S})
@@ -223,12 +206,15 @@ def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
     driver.publish(500)
     ros.until(lambda: f'{folder / "state"}: cannot be written (Not a directory); choose a folder '
                       'that exists on a disk with room and may be written to' in node.lines)
-    assert ros.call(Trigger, 'imu_allan/save').success
+    driver.publish(1500)
+    assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
+    assert [document['timeline']['samples'] for document in ros.results()] == [2000]
 
 
-def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
-    """Kill the node again and again while samples come in real time."""
+@pytest.mark.parametrize(('kills', 'seconds'), [(2, 3.0), slow(50, 8.0)])
+def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
+        ros: Ros, kills: int, seconds: float) -> None:
     chance = random.Random(kills)
     driver = Driver(ros, depth=5000)
     state_file = ros.folder / 'state'
@@ -262,11 +248,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
         kill(driver, node)
         # The robot stood still for a second without a node.
         driver.next += 200
-        now = 0
-        if state_file.exists():
-            state = {key: array for key, array in decode_state(state_file.read_bytes()).items()
-                     if key != 'node'}
-            now = Characterization.from_state(state).summary().messages
+        now = messages_in(state_file) if state_file.exists() else 0
         assert now >= kept, turn
         # What had been received one period before, and if it came late, not all at once.
         due = [count for when, count in received if when < killed - PERIOD_S - late_s]
@@ -281,13 +263,3 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
     assert kept_aside(ros) == []
     assert list(ros.folder.glob('.state*')) == []
     assert node.stop(signal.SIGTERM) == 0
-
-
-def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
-        ros: Ros) -> None:
-    survive_kills(ros, 2, 3.0)
-
-
-@pytest.mark.slow
-def test_fifty_kills_at_random_moments_leave_a_whole_state(ros: Ros) -> None:
-    survive_kills(ros, 50, 8.0)

@@ -10,10 +10,10 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
-from imu_allan.timeline import TimelineSummary
 import numpy as np
 import pytest
-from ros_harness import Driver, Ros
+from repeated import slow
+from ros_harness import assert_density, Driver, Ros
 from whole_lines import Varying
 
 MODEL = """
@@ -84,14 +84,6 @@ class Robot:
         self._next += count
         self.run.update(ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool), 'imu'))
 
-    def result(self) -> tuple[Result, TimelineSummary]:
-        """Give what the stops have shown."""
-        return self.run.result(), self.run.summary()
-
-
-def used_s(summary: TimelineSummary) -> float:
-    return summary.timeline.samples / RATE_HZ - summary.excluded_s
-
 
 def assert_honest(result: Result) -> None:
     """Every interval or bound is about the true value, with room for chance."""
@@ -103,23 +95,15 @@ def assert_honest(result: Result) -> None:
         assert axis.goodness_of_fit.acceptable
 
 
-def test_an_afternoon_of_stop_and_go_shows_the_noise_of_the_sensor() -> None:
-    robot = Robot(1)
+@pytest.mark.parametrize(('seed', 'hours'), [(1, 2), slow(3, 7 * 24)])
+def test_stop_and_go_shows_the_noise_of_the_sensor(seed: int, hours: float) -> None:
+    robot = Robot(seed)
     robot.stop(120)
-    robot.day(2)
-    result, summary = robot.result()
+    robot.day(hours)
+    result, summary = robot.run.result(), robot.run.summary()
     assert_honest(result)
-    assert 0.7 * robot.at_rest_s < used_s(summary) < 1.02 * robot.at_rest_s
-
-
-@pytest.mark.slow
-def test_a_week_of_stop_and_go_shows_the_noise_of_the_sensor() -> None:
-    robot = Robot(3)
-    robot.stop(120)
-    robot.day(7 * 24)
-    result, summary = robot.result()
-    assert_honest(result)
-    assert 0.7 * robot.at_rest_s < used_s(summary) < 1.02 * robot.at_rest_s
+    used_s = summary.timeline.samples / RATE_HZ - summary.excluded_s
+    assert 0.7 * robot.at_rest_s < used_s < 1.02 * robot.at_rest_s
 
 
 def test_a_node_that_starts_on_a_moving_robot_learns_from_the_first_stop_alone(ros: Ros) -> None:
@@ -135,10 +119,7 @@ def test_a_node_that_starts_on_a_moving_robot_learns_from_the_first_stop_alone(r
         document = ros.saved()
         return document if document and set(document['axes']) == set(AXES) else None
 
-    document = ros.until(saved)
-    for name in AXES:
-        low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
-        assert low - (high - low) < 0.01 / 50**0.5 < high + (high - low), name
+    assert_density(ros.until(saved), 50.0)
 
 
 def test_an_axis_that_falls_quiet_is_told_and_loses_no_run(ros: Ros) -> None:

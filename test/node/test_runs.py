@@ -28,19 +28,33 @@ def block(pace: Sequence[tuple[float, float]], start_s: float, seed: int = 1) ->
     return ImuBlock(stamps, stamps, samples, np.zeros((len(stamps), 2), bool), 'imu')
 
 
-@pytest.mark.parametrize('together', [500, 6000])
-def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_together(
-        together: int) -> None:
+@pytest.fixture
+def facts() -> Facts:
+    return Facts('/imu', 10_000, 0.0, '')
+
+
+@pytest.fixture
+def replaced() -> list[Run]:
+    return []
+
+
+@pytest.fixture
+def runs(facts: Facts, replaced: list[Run]) -> Runs:
+    """Give a run that knows its IMU."""
     setup = Setup('/imu', TimelineOptions())
-    replaced: list[Run] = []
 
     def note(run: Run, _: UnusableState) -> None:
         replaced.append(run)
 
-    runs = Runs(setup, new_run(setup), [Facts('/imu', 10_000, 0.0, '')], lambda: 0.5, note,
-                Log(get_logger('test_runs')))
+    runs = Runs(setup, new_run(setup), [facts], lambda: 0.5, note, Log(get_logger('test_runs')))
     runs.take(0, 1, [block([(PROVEN_S, RATE_HZ)], 0.0)])
     runs.run.learn([runs.run.lanes[0].characterization.result()], None)
+    return runs
+
+
+@pytest.mark.parametrize('together', [500, 6000])
+def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_together(
+        runs: Runs, replaced: list[Run], together: int) -> None:
     # At other rates for less time than it takes to prove another IMU.
     later = block([(8.0, 109.4), (20.0, RATE_HZ), (8.0, 107.8), (50.0, RATE_HZ)], PROVEN_S, 2)
     for first in range(0, len(later), together):
@@ -49,3 +63,4 @@ def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_toge
     samples = runs.run.lanes[0].characterization.summary().timeline.samples
     # Some seconds pass until it is known whose they are.
     assert samples > RATE_HZ * (PROVEN_S + 70 - 20)
+

@@ -3,14 +3,10 @@
 """Services and parameters in any order and at any pace, while samples come in."""
 
 from collections import Counter
-import json
-from pathlib import Path
 import random
-import signal
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
 import numpy as np
 import pytest
@@ -18,7 +14,16 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.qos import QoSProfile
 from repeated import slow
-from ros_harness import assert_kept_up, Driver, LARGEST_MB, Process, resident_mb, Ros, too_early
+from ros_harness import (
+    assert_kept_up,
+    Driver,
+    Health,
+    LARGEST_MB,
+    Process,
+    resident_mb,
+    Ros,
+    too_early,
+)
 from std_srvs.srv import SetBool, Trigger
 
 NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion', 'clock',
@@ -98,7 +103,9 @@ def assert_well(node: Process) -> None:
     assert 'Traceback' not in node.log, node.log
 
 
-def ask_in_any_order(ros: Ros, requests: int, seed: int) -> None:
+@pytest.mark.parametrize(('requests', 'seed'), [(100, 1), slow(10_000, 2)])
+def test_services_in_any_order_leave_a_node_that_works(
+        ros: Ros, requests: int, seed: int) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'checkpoint_period': 1.0,
                                         'state_file': str(ros.folder / 'state')})
     driver = Driver(ros).wait_for_node()
@@ -124,32 +131,9 @@ def ask_in_any_order(ros: Ros, requests: int, seed: int) -> None:
     assert ros.call(SetBool, 'imu_allan/pause').success
     assert ros.call(Trigger, 'imu_allan/reset').success
     driver.publish(3000)
-    response = ros.until(lambda: saved(ros))
-    assert 'result.json' in response.message
+    assert ros.until(ros.saved)
     assert_well(node)
     assert node.stop() == 0
-
-
-def saved(ros: Ros) -> Any:
-    response = ros.call(Trigger, 'imu_allan/save')
-    assert response.success or too_early(response), response.message
-    return response if response.success else None
-
-
-def samples_of(response: Any) -> int:
-    if response is None:
-        return 0
-    document = json.loads(Path(response.message.splitlines()[0]).read_text())
-    return int(document['timeline']['samples'])
-
-
-def test_services_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
-    ask_in_any_order(ros, 100, 1)
-
-
-@pytest.mark.slow
-def test_ten_thousand_requests_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
-    ask_in_any_order(ros, 10_000, 2)
 
 
 def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) -> None:
@@ -158,7 +142,7 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
     driver.wait_for_node()
     driver.publish(3000)
     # None may come after the reset.
-    ros.until(lambda: samples_of(saved(ros)) == 3000)
+    assert ros.saved_with(3000)
     # Once the first is answered, both sides know of the client: no request is sent twice.
     client.ask(Trigger, 'save')
     client.wait()
@@ -176,39 +160,16 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
     assert_well(node)
 
 
-def test_a_signal_while_a_save_is_under_way_ends_the_node_without_a_traceback(ros: Ros) -> None:
-    node, driver, client = ros.start('imu_allan_node'), Driver(ros), Client(ros)
-    driver.wait_for_node()
-    driver.publish(3000)
-    ros.until(lambda: samples_of(saved(ros)) == 3000)
-    client.ask(Trigger, 'save')
-    client.wait()
-    client.ask(Trigger, 'save')
-    # By then it has been taken, and waits for the worker.
-    for _ in range(3):
-        ros.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request())
-    assert node.stop(signal.SIGTERM) == 0, node.log
-    assert 'Traceback' not in node.log, node.log
-
-
-def call_at_100_hz(ros: Ros, seconds: float) -> None:
-    """Call services beside a 1 kHz IMU: nothing may be lost, all must be answered."""
+@pytest.mark.parametrize('seconds', [2.0, slow(60.0)])
+def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(
+        ros: Ros, seconds: float) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 2.0}, best_effort=True,
                      shared_memory=True)
-    facts: dict[str, float] = {}
-
-    def hear(report: DiagnosticArray) -> None:
-        for status in report.status:
-            if status.hardware_id.startswith(f'{ros.namespace}/'):
-                facts.update({v.key: float(v.value) for v in status.values
-                              if v.key in ('received', 'lost', 'queue', 'longest_hold_s')})
-
-    ros.listen(DiagnosticArray, '/diagnostics', 10, hear)
-    client = Client(ros)
+    health, client = Health(ros), Client(ros)
     simulator = ros.start('imu_simulator', {
         'rate': 1000.0, 'wait_for_subscriptions': 1}, shared_memory=True)
     ros.until(lambda: 'publishing' in simulator.log)
-    began, longest = time.monotonic(), 0.0
+    began = time.monotonic()
     for number in range(round(100 * seconds)):
         if number % 3 or not client.has_room('save'):
             client.ask(*((SetBool, 'pause'), (GetParameters, 'get_parameters'))[number % 2])
@@ -216,33 +177,23 @@ def call_at_100_hz(ros: Ros, seconds: float) -> None:
             client.ask(Trigger, 'save')
         while time.monotonic() < began + number / 100:
             ros.executor.spin_once(timeout_sec=0.002)
-        longest = max(longest, facts.get('longest_hold_s', 0.0))
     client.wait()
-    ros.until(lambda: facts.get('received', 0) >= seconds * 1000)
+    ros.until(lambda: health.number('reception', 'received') >= seconds * 1000)
     assert simulator.running
-    assert_kept_up(node, facts['lost'], max(longest, facts['longest_hold_s']), facts['queue'],
-                   1000.0)
+    assert_kept_up(node, health, 1000.0)
     assert [answer.message for service, answer in client.answers if service == 'save'
             and not answer.success and not too_early(answer)] == []
     assert_well(node)
     assert node.stop() == 0
 
 
-def test_a_hundred_calls_a_second_lose_no_sample(ros: Ros) -> None:
-    call_at_100_hz(ros, 2.0)
-
-
-@pytest.mark.slow
-def test_a_hundred_calls_a_second_for_a_minute_lose_no_sample(ros: Ros) -> None:
-    call_at_100_hz(ros, 60.0)
-
-
 CALLS = ((Trigger, 'save'), (Trigger, 'reset'), (SetBool, 'pause'),
          (GetParameters, 'get_parameters'), (SetParameters, 'set_parameters'))
 
 
-def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
-    """Let many clients of every service call at the same moment, again and again."""
+@pytest.mark.parametrize(('callers', 'seconds'), [(12, 0.0), slow(40, 60.0)])
+def test_every_one_of_many_clients_that_call_at_once_is_answered(
+        ros: Ros, callers: int, seconds: float) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 2.0,
                                         'state_file': str(ros.folder / 'state')})
     driver = Driver(ros).wait_for_node()
@@ -265,12 +216,6 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
     assert node.stop() == 0
     for client in clients:
         ros.node.destroy_client(client)
-
-
-@pytest.mark.parametrize(('callers', 'seconds'), [(12, 0.0), slow(40, 60.0)])
-def test_every_one_of_many_clients_that_call_at_once_is_answered(
-        ros: Ros, callers: int, seconds: float) -> None:
-    call_at_once(ros, callers, seconds)
 
 
 def test_what_nobody_should_send_does_not_flood_the_log(ros: Ros) -> None:
@@ -297,12 +242,13 @@ def test_what_nobody_should_send_does_not_flood_the_log(ros: Ros) -> None:
         'paused: samples are passed over', 'going on; the pause counts as a gap']
 
 
-def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
-    """Ask for a save 200 times a second from each client, beside a 200 Hz IMU."""
+@pytest.mark.parametrize(('clients', 'seconds'), [(3, 0.3), slow(3, 1.0), slow(1, 10.0)])
+def test_every_save_is_answered_where_clients_ask_200_times_a_second(
+        ros: Ros, clients: int, seconds: float) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 2.0})
     simulator = ros.start('imu_simulator', {'rate': 200.0, 'wait_for_subscriptions': 1})
     ros.until(lambda: 'publishing' in simulator.log)
-    ros.until(lambda: saved(ros))
+    ros.until(ros.saved)
     # That of an ordinary client holds ten answers: on a busy computer that says nothing of a node.
     asking = [ros.node.create_client(Trigger, ros.name('imu_allan/save'),
                                      qos_profile=QoSProfile(depth=10_000))
@@ -319,9 +265,3 @@ def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
     assert_well(node)
     for client in asking:
         ros.node.destroy_client(client)
-
-
-@pytest.mark.parametrize(('clients', 'seconds'), [(3, 0.3), slow(3, 1.0), slow(1, 10.0)])
-def test_every_save_is_answered_where_clients_ask_200_times_a_second(
-        ros: Ros, clients: int, seconds: float) -> None:
-    save_at_200_hz(ros, clients, seconds)

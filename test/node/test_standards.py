@@ -5,7 +5,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.node.run import Lane, Run
 from imu_allan.node.standards import Finding, Looks, Standards
@@ -15,7 +14,7 @@ from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 import pytest
-from ros_harness import Driver, Ros
+from ros_harness import Driver, Health, Ros
 from whole_lines import refused, Varying
 
 
@@ -143,17 +142,12 @@ def test_a_file_that_cannot_be_read_is_named_with_its_parameter(tmp_path: Path) 
         Standards(reference=str(tmp_path / 'nothing.json'))
 
 
-def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(ros: Ros) -> None:
+def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
+        ros: Ros, health: Health) -> None:
     spec = written(ros.folder, 'gyro: {noise_density: 1e-4 rad/s/sqrt(Hz)}')
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'spec_file': spec})
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     driver = Driver(ros).wait_for_node()
-
-    def broken() -> list[str]:
-        return [status.message for report in reports for status in report.status
-                if status.name == f'{ros.name("imu_allan")}: specification'
-                and status.level == b'\2']
-
     # Certain takes longer than likely.
-    assert ros.until(lambda: driver.publish(500) or broken())[-1] == Varying(above('1e-4'))
+    ros.until(lambda: driver.publish(500) or health.told(
+        'specification', Varying(above('1e-4')), b'\2'))
     assert Varying(f'specification: {above("1e-4")}') in node.lines

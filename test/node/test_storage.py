@@ -101,6 +101,17 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     assert 'its latest samples are not in it: No space left on device' in logger.lines
 
 
+def test_runs_that_begin_in_one_second_have_folders_of_their_own(
+        storage: Storage, worker: Worker, tmp_path: Path) -> None:
+    for start in (1, 1, 2):
+        run = new_run(SETUP)
+        feed(run, 2000, start)
+        storage.save(run, picture=False).result()
+    storage.save(new_run(SETUP), picture=False).exception()
+    worker.finish({'save'})
+    assert len(list((tmp_path / 'output').iterdir())) == 2
+
+
 def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
         storage: Storage, worker: Worker, tmp_path: Path) -> None:
     run = storage.first_run()

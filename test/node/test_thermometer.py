@@ -6,14 +6,13 @@ import json
 from types import SimpleNamespace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
 from imu_allan.node import temperature_topic
 from imu_allan.node.diagnostics import Facts
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from ros_harness import Driver, Ros, start_repeatedly
+from ros_harness import Driver, Health, Ros
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 
@@ -35,18 +34,13 @@ def reading(stamp_ns: int, value: float) -> Temperature:
     return message
 
 
-def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros) -> None:
+def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: Health) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
                                  'temperature_topic': 'imu/temperature'},
               constants={'temperature_topic._MATCHING_S': 1.0})
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-
-    def told(message: str) -> bool:
-        return any(status.message == message for report in reports for status in report.status
-                   if status.name == f'{ros.name("imu_allan")}: reception')
-
     driver = Driver(ros).wait_for_node()
-    ros.until(lambda: told(f'nothing publishes {ros.name("imu/temperature")}'))
+    ros.until(lambda: health.told('reception', f'nothing publishes {ros.name("imu/temperature")}: '
+                                  'there is no temperature'))
     thermometer = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
     ros.until(lambda: thermometer.get_subscription_count() == 1)
     results = ros.listen(String, 'imu_allan/result')
@@ -70,14 +64,6 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros) -> None:
     assert low < PER_KELVIN < high
     assert high - low < 0.1 * PER_KELVIN
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
-
-
-def test_a_topic_that_is_no_name_ends_the_start_with_one_line(ros: Ros) -> None:
-    [(status, text)] = start_repeatedly(ros, [['-p', 'temperature_topic:=not a name']])
-    assert status == 1
-    assert text == (
-        'imu_allan_node: parameter temperature_topic: Invalid topic name: topic name must not '
-        "contain characters other than alphanumerics, '_', '~', '{', or '}': 'not a name'\n")
 
 
 def test_a_thermometer_in_kelvin_is_taken_as_in_a_recording(monkeypatch: Any) -> None:

@@ -7,7 +7,6 @@ import json
 import signal
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, Vector3Stamped
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from ros_harness import Driver, Process, recorded, Ros, start_repeatedly
+from ros_harness import Driver, Health, Process, recorded, Ros
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -68,21 +67,7 @@ class Camera:
         """Save until the file has so many samples, and return what it holds."""
         for driver in self.drivers.values():
             driver.until_taken()
-        return dict(self.ros.until(
-            lambda: (document := self.ros.saved())
-            and document['timeline']['samples'] == samples and document))
-
-    def received(self, samples: int, accel_samples: int) -> None:
-        """Wait until so many have come, used or not."""
-        self._reports = self.ros.listen(DiagnosticArray, '/diagnostics', 10)
-        self.ros.until(lambda: self._received('gyro') >= samples
-                       and self._received('accel') >= accel_samples)
-
-    def _received(self, name: str) -> int:
-        found = [int(entry.value) for array in self._reports for status in array.status
-                 if status.name == f'{self.ros.name("imu_allan")}: reception {name}'
-                 for entry in status.values if entry.key == 'received']
-        return max(found, default=0)
+        return dict(self.ros.saved_with(samples))
 
 
 def numbers_of(document: dict[str, Any]) -> dict[str, Any]:
@@ -159,24 +144,17 @@ def test_a_run_of_two_topics_goes_on_after_a_kill(ros: Ros) -> None:
                               f'{topics}; it is kept as state.topic.<words>') in third.lines)
 
 
-def test_a_half_that_is_silent_costs_the_other_nothing_and_is_told(ros: Ros) -> None:
+def test_a_half_that_is_silent_costs_the_other_nothing_and_is_told(ros: Ros, health: Health
+                                                                   ) -> None:
     camera = Camera(ros)
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     camera.publish('accel', half('accel', 20.0))
     document = camera.saved(2500)
     assert sorted(document['axes']) == ['accel_x', 'accel_y', 'accel_z']
-
-    def told() -> Any:
-        levels = {status.name.rpartition(': ')[2]: status for array in reports
-                  for status in array.status}
-        silent = levels.get('reception gyro')
-        return levels if silent is not None and silent.message == Varying(
-            'no message for <number> s') else None
-
-    levels = ros.until(told)
-    assert levels['reception gyro'].level == b'\2'
-    assert levels['reception gyro'].hardware_id == camera.drivers['gyro'].topic
-    assert levels['timeline accel'].hardware_id == camera.drivers['accel'].topic
+    ros.until(lambda: health.told('reception gyro', Varying('no message for <number> s'), b'\2'))
+    for name, part in ('gyro', 'reception'), ('accel', 'timeline'):
+        status = health.status(f'{part} {name}')
+        assert status is not None
+        assert status.hardware_id == camera.drivers[name].topic
 
 
 def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run(ros: Ros) -> None:
@@ -210,7 +188,7 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run(ros: Ros) -
     assert len(list((ros.folder / 'output').iterdir())) == 3
 
 
-def test_reset_and_pause_mean_both_halves(ros: Ros) -> None:
+def test_reset_and_pause_mean_both_halves(ros: Ros, health: Health) -> None:
     camera = Camera(ros)
     for name in RATES_HZ:
         camera.publish(name, half(name, 5.0))
@@ -223,7 +201,8 @@ def test_reset_and_pause_mean_both_halves(ros: Ros) -> None:
     assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
     for name in RATES_HZ:
         camera.publish(name, half(name, 5.0, start_s=15.0))
-    camera.received(3000, 1875)
+    ros.until(lambda: health.number('reception gyro', 'received') >= 3000
+              and health.number('reception accel', 'received') >= 1875)
     assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=False)).success
     for name in RATES_HZ:
         camera.publish(name, half(name, 5.0, start_s=20.0))
@@ -233,11 +212,11 @@ def test_reset_and_pause_mean_both_halves(ros: Ros) -> None:
 
 
 @pytest.mark.slow
-def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(ros: Ros) -> None:
+def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(
+        ros: Ros, health: Health) -> None:
     gyro, accel = (ros.name(f'camera/{name}/sample') for name in RATES_HZ)
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'gyro_topic': gyro,
                                         'accel_topic': accel}, best_effort=True)
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     results = ros.listen(String, 'imu_allan/result')
 
     def driver(topic: str) -> Process:
@@ -251,15 +230,9 @@ def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(ros: R
     ros.until(lambda: len(latest()['axes']) == 6)
     killed.popen.send_signal(signal.SIGKILL)
     killed.wait()
-    reports.clear()
-
-    def silent() -> set[str]:
-        return {status.name.rpartition(' ')[2] for array in reports[-1:]
-                for status in array.status
-                if ': reception' in status.name and status.level == b'\2'}
-
-    ros.until(silent)
-    assert silent() == {'gyro'}
+    health.heard.clear()
+    ros.until(lambda: health.level('reception gyro') == b'\2')
+    assert health.level('reception accel') < b'\2'
     driver(gyro)
     ros.until(lambda: latest()['timeline']['gaps'])
     assert len(latest()['axes']) == 6
@@ -267,12 +240,14 @@ def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(ros: R
     assert node.stop() == 0
 
 
-def test_each_half_may_have_a_type_of_its_own(ros: Ros) -> None:
+def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros: Ros) -> None:
+    state = ros.folder / 'state'
     topics = {name: ros.name(f'driver/{name}') for name in RATES_HZ}
     parameters = {
         'publish_period': 0.5, 'gyro_topic': topics['gyro'], 'accel_topic': topics['accel'],
         'imu_type': 'geometry_msgs/msg/Vector3Stamped', 'gyro_field': 'vector deg/s',
-        'accel_type': 'geometry_msgs/msg/AccelStamped', 'accel_field': 'accel.linear'}
+        'accel_type': 'geometry_msgs/msg/AccelStamped', 'accel_field': 'accel.linear',
+        'state_file': str(state)}
     for topic in topics.values():
         parameters |= {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
                        f'qos_overrides.{topic}.subscription.history': 'keep_all'}
@@ -293,11 +268,10 @@ def test_each_half_may_have_a_type_of_its_own(ros: Ros) -> None:
             publishers[name].publish(message)
 
     def whole() -> Any:
-        document = ros.saved()
-        return document if document and len(document['axes']) == 6 and (
-            document['timeline']['samples'] == len(blocks['gyro'])) else None
+        document = ros.saved_with(len(blocks['gyro']))
+        return document['axes'] if len(document['axes']) == 6 else None
 
-    axes = ros.until(whole)['axes']
+    axes = ros.until(whole)
     assert axes['accel_y']['sample_rate_hz'] == pytest.approx(125.0, rel=1e-6)
     for number, name in enumerate(('gyro_x', 'gyro_y', 'gyro_z')):
         assert axes[name]['mean'] == pytest.approx(
@@ -305,32 +279,13 @@ def test_each_half_may_have_a_type_of_its_own(ros: Ros) -> None:
         assert axes[name]['coefficients']['noise_density']['value'] == pytest.approx(
             0.01 / 200**0.5, rel=0.1)
     assert node.stop() == 0
-
-
-def test_half_a_pair_of_topics_is_refused(ros: Ros) -> None:
-    cases = [
-        (('gyro_topic:=/g',),
-         'parameter gyro_topic: needs accel_topic, too: an IMU on two topics has both'),
-        (('accel_topic:=/a',),
-         'parameter accel_topic: needs gyro_topic, too: an IMU on two topics has both'),
-        (('gyro_topic:=/a', 'accel_topic:=/a'),
-         'parameters gyro_topic and accel_topic: both are /a'),
-        (('gyro_topic:=/a', "accel_topic:='/a b'"),
-         'parameter accel_topic: Invalid topic name: topic name must not contain characters other '
-         "than alphanumerics, '_', '~', '{', or '}': '/a b'"),
-        (('accel_unit:=deg/s',),
-         'parameter imu_type: accel_unit deg/s: deg/s cannot be turned into m/s^2'),
-        (('accel_type:=sensor_msgs/msg/Imu',),
-         'parameter accel_type: needs gyro_topic and accel_topic; imu_type is the type of one '
-         'topic'),
-        (('gyro_topic:=/g', 'accel_topic:=/a', 'accel_type:=sensor_msgs/msg/Joy'),
-         'parameter accel_type: type sensor_msgs/msg/Joy holds no samples of an IMU that are '
-         'known; name the fields that hold them with gyro_field and accel_field')]
-    results = start_repeatedly(ros, [
-        [word for part in parts for word in ('-p', part)] for parts, _ in cases])
-    for (status, text), (_, line) in zip(results, cases, strict=True):
-        assert status == 1, text
-        assert text == f'imu_allan_node: {line}\n'
+    # Fields read otherwise are another run.
+    again = ros.start('imu_allan_node', {**parameters, 'gyro_field': 'vector'}, best_effort=True)
+    read = 'geometry_msgs/msg/Vector3Stamped {} accel.linear geometry_msgs/msg/AccelStamped'
+    ros.until(lambda: Varying(
+        f'a new run: {state} could not be resumed from, its messages were read as '
+        f'{read.format("vector deg/s")}, now as {read.format("vector")}; it is kept as '
+        'state.settings.<words>') in again.lines)
 
 
 @pytest.mark.parametrize('said', [{}, {'accel_unit': 'g', 'gyro_unit': 'deg/s'}],

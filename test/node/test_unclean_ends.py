@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run that ended without saving goes on; one that was ended is finished."""
 
-import json
 import os
 from pathlib import Path
 import signal
@@ -12,8 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, StateFile
 import pytest
-from repeated import slow
-from ros_harness import Driver, Process, Ros
+from ros_harness import Driver, Health, Process, Ros
 from whole_lines import Varying
 
 
@@ -33,10 +31,6 @@ def state_of(ros: Ros, home: Path) -> Path:
     return home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
 
 
-def results(ros: Ros) -> list[Any]:
-    return [json.loads(path.read_text()) for path in (ros.folder / 'output').rglob('result.json')]
-
-
 def kept(path: Path) -> int:
     """Count the samples in a state file."""
     if not path.exists():
@@ -44,19 +38,6 @@ def kept(path: Path) -> int:
     state = {key: array for key, array in decode_state(path.read_bytes()).items()
              if key != 'node'}
     return int(Characterization.from_state(state).summary().timeline.samples)
-
-
-@pytest.mark.parametrize('number', [signal.SIGHUP, slow(signal.SIGQUIT)])
-def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: signal.Signals
-                                               ) -> None:
-    node, driver = start(ros, home), Driver(ros).wait_for_node()
-    driver.publish(2000)
-    assert driver.publisher.wait_for_all_acked()
-    assert node.stop(number) == 0, node.log
-    [document] = results(ros)
-    assert document['timeline']['samples'] == 2000
-    # It was saved, so the next start begins another run.
-    assert not state_of(ros, home).exists()
 
 
 def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
@@ -71,12 +52,12 @@ def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothi
     driver.publish(2000)
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 0, node.log
-    assert results(ros)[0]['timeline']['samples'] == 2000
+    assert ros.results()[0]['timeline']['samples'] == 2000
     assert not home.exists()
 
 
-def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros, home: Path
-                                                                       ) -> None:
+def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
+        ros: Ros, home: Path, health: Health) -> None:
     node, driver = start(ros, home), Driver(ros, depth=5000)
     driver.wait_for_node()
     driver.publish(2000)
@@ -89,16 +70,15 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros,
     assert again.lines[0] == Varying(
         f'resumed <words> of data from {state}, of a run that has ended without saving; call '
         '~/reset to begin anew')
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    # The result so far is published before any new sample.
+    assert len(ros.until(lambda: arrays)[0].status) == 6
     driver.wait_for_node()
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     driver.publish(1000)
     # The node that was killed acknowledges nothing.
-    ros.until(lambda: any(
-        (entry.key, entry.value) == ('received', '1000') for report in reports
-        for status in report.status if status.hardware_id == driver.topic
-        for entry in status.values))
+    ros.until(lambda: health.number('reception', 'received') == 1000)
     assert again.stop() == 0, again.log
-    assert max(document['timeline']['samples'] for document in results(ros)) == 3000
+    assert max(document['timeline']['samples'] for document in ros.results()) == 3000
     last = start(ros, home)
     assert last.lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
 

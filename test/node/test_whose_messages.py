@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import json
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
@@ -220,33 +219,3 @@ def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
     sensor.measure(30.0)
     assert_density(saved(ros, sensor), 100.0, sensor.noise)
 
-
-def test_a_second_publisher_costs_no_losses_and_no_samples(ros: Ros) -> None:
-    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-    node, sensor = begin(ros), Sensor(ros, 200.0)
-    sensor.plug_in()
-    sensor.measure(20.0)
-    fitted(ros, node)
-    other = Sensor(ros, 200.0, seed=2)
-    other.noise *= 5
-    other.now_ns = sensor.now_ns
-    other.plug_in()
-    for _ in range(400):
-        sensor.measure(0.02)
-        other.measure(0.02)
-    other.unplug()
-    go_on(ros, sensor, 3, 4.0)
-
-    def reception() -> dict[str, str]:
-        reports.clear()
-        ros.until(lambda: [report for report in reports if any(
-            status.name == f'{ros.name("imu_allan")}: reception' for status in report.status)])
-        return {entry.key: entry.value for report in reports for status in report.status
-                if status.name == f'{ros.name("imu_allan")}: reception'
-                for entry in status.values}
-
-    found = reception()
-    assert int(found['lost']) == 0
-    document = saved(ros, sensor)
-    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=200)
-    assert_density(document, 200.0)
