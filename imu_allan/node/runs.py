@@ -84,7 +84,7 @@ class Runs:
         """Leave everything; whose messages come stays known."""
         self._other = None
         for topic in self._topics:
-            topic.holding, topic.held = None, []
+            topic.holding, topic.held, topic.facts.on_probation = None, [], False
         self._take_up(new_run(self._setup))
 
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:

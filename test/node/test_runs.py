@@ -64,3 +64,9 @@ def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_toge
     # Some seconds pass until it is known whose they are.
     assert samples > RATE_HZ * (PROVEN_S + 70 - 20)
 
+
+def test_a_reset_ends_the_look_at_whose_messages_come(runs: Runs, facts: Facts) -> None:
+    runs.take(0, 2, [block([(0.3, RATE_HZ)], PROVEN_S + 5, 2)])
+    assert facts.on_probation
+    runs.begin_anew()
+    assert not facts.on_probation
