@@ -4,7 +4,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-import json
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -13,7 +12,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.node.checkpoint import State, UnusableState
+from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.imu_type import IMU
 from imu_allan.node.same_imu import Known, Seen
 from imu_allan.node.sequential import rest_s, SequentialLooks
@@ -21,17 +20,15 @@ from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.result import Backtest, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
+from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.words import with_words
-import numpy as np
 from numpy.typing import NDArray
 
 BACKTEST_GROWTH = 1.15
 """A backtest is made again when the record is longer by so much: what it says has hardly changed
 before, and each of its filters runs over half of the record."""
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
-_KEY = 'node'
-_SEEN = 'seen/'
 
 Half = Literal['gyro', 'accel']
 Backtests = Mapping[str, Backtest | None]
@@ -206,45 +203,65 @@ class Setup:
         return [(self.topic, 'gyro'), (self.accel_topic, 'accel')]
 
 
-def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
+@dataclass
+class _Kept(Record):
+    """What is saved of a lane beside its characterization."""
+
+    known: Known
+    seen: Seen
+    in_g: bool | None
+
+
+@dataclass
+class _Saved(Record):
+    """What is saved of a run beside its characterizations."""
+
+    setup: Setup
+    boot: str
+    looks: SequentialLooks
+    lanes: list[_Kept]
+
+
+def pack(run: Run, setup: Setup) -> State:
     """Give the arrays to save of a run."""
-    lanes = [{'known': lane.known.to_plain(),
-              'in_g': None if lane.unit is None else lane.unit.decision} for lane in run.lanes]
-    about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
-                        'messages': setup.messages, 'boot': boot_id(), 'lanes': lanes,
-                        'looks': run.sequential.to_plain()})
-    return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
-               for key, array in {
-                   **lane.characterization.to_state(),
-                   **{f'{_SEEN}{name}': kept for name, kept in _remembered(lane).items()},
-               }.items()},
-            _KEY: np.array(about)}
+    kept = []
+    for lane in run.lanes:
+        # Messages that wait for their unit are not saved: they have not been seen yet.
+        waits = lane.unit is not None and lane.unit.waiting
+        kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
+                          None if lane.unit is None else lane.unit.decision))
+    saved = _Saved(setup, boot_id(), run.sequential, kept)
+    parts = {'run': state_of(saved)} | {
+        f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
+    return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
 
 
-def unpack(state: State, setup: Setup) -> Run:
+def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
     """Give the run that was saved, ready to go on: the next sample is not related to the last."""
     try:
-        about = json.loads(str(state[_KEY]))
-        topic, options = about['topic'], TimelineOptions(**about['options'])
-        if topic != setup.topics:
-            raise UnusableState('topic', f'it is of the topic {topic}')
-        if about['messages'] != setup.messages:
-            raise UnusableState('settings', f'its messages were read as {about["messages"]}, now '
-                                f'as {setup.messages}')
-        if options != setup.options:
+        saved = restored(_Saved, part_of(state, 'run'))
+        before = saved.setup
+        if before.topics != setup.topics:
+            raise UnusableState('topic', f'it is of the topic {before.topics}')
+        if before.messages != setup.messages:
+            raise UnusableState('settings', f'its messages were read as {before.messages}, now as '
+                                f'{setup.messages}')
+        if before.options != setup.options:
             raise UnusableState('settings', 'it was made with other parameters '
-                                f'({_difference(options, setup.options)})')
-        lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
-                 in enumerate(zip(setup.streams, about['lanes'], strict=True))]
-        boot, before = boot_id(), about['boot']
-        looks = SequentialLooks.from_plain(about['looks'])
+                                f'({_difference(before.options, setup.options)})')
+        lanes = [Lane(Characterization.from_state(part_of(state, f'lane{number}')), half,
+                      AccelerationUnit(kept.in_g) if setup.finds_unit else None, kept.known,
+                      kept.seen)
+                 for number, ((_, half), kept) in enumerate(
+                     zip(setup.streams, saved.lanes, strict=True))]
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
         raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
+    boot = boot_id()
     for number, lane in enumerate(lanes):
         try:
-            if boot and boot == before:
+            if boot and boot == saved.boot:
                 # Whoever starts a node again on the same boot has not switched the IMU off.
                 lane.characterization.break_run()
             else:
@@ -255,7 +272,7 @@ def unpack(state: State, setup: Setup) -> Run:
         except (ValueError, TypeError, IndexError, ArithmeticError) as error:
             raise UnusableState('damaged', f'its arrays do not belong together ({error})'
                                 ) from error
-    return Run(*lanes, looks=looks)
+    return Run(*lanes, looks=saved.looks)
 
 
 def new_run(setup: Setup) -> Run:
@@ -265,36 +282,12 @@ def new_run(setup: Setup) -> Run:
                  for topic, half in setup.streams))
 
 
-def _lane(state: State, number: int, half: Half | None, about: Mapping[str, Any], setup: Setup
-          ) -> Lane:
-    prefix = _prefix(number)
-    own = {key[len(prefix):]: array for key, array in state.items()
-           if key != _KEY and key.startswith(prefix)}
-    in_g = about['in_g']
-    return Lane(Characterization.from_state(own), half,
-                AccelerationUnit(None if in_g is None else bool(in_g)) if setup.finds_unit
-                else None, Known.from_plain(about['known']),
-                Seen.from_state({key[len(_SEEN):]: array for key, array in own.items()
-                                 if key.startswith(_SEEN)}))
-
-
 def boot_id() -> str:
     """Return what tells one boot of this computer from another; empty where nothing does."""
     try:
         return BOOT_ID.read_text().strip()
     except OSError:
         return ''
-
-
-def _remembered(lane: Lane) -> dict[str, NDArray[Any]]:
-    """Give what the lane knows of messages that have come, if they are in the state."""
-    waits = lane.unit is not None and lane.unit.waiting
-    return {} if waits else lane.seen.to_state()
-
-
-def _prefix(number: int) -> str:
-    """Return what the arrays of a lane begin with: those of the first have no prefix."""
-    return f'lane{number}/' if number else ''
 
 
 def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:

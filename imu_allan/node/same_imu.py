@@ -7,13 +7,14 @@ An IMU is known by its frame_id, by the rate of its messages and, where another 
 them, by the level of its noise.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.recordings.same_recording import is_kept
 from imu_allan.result import Source
+from imu_allan.state import Record
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
@@ -52,21 +53,20 @@ _MOST = 2048
 got lost one of the next few is among them, a hundred of a day at 100 Hz thousands later."""
 _SHORTEST_NS = 1_000_000_000
 """A recording is longer; stamps that stand still are another fault."""
-_ARRAYS = ('stamps', 'samples', 'counts')
 
 
-class Known:
+@dataclass
+class Known(Record):
     """What is known of an IMU by its messages."""
 
-    def __init__(self) -> None:
-        self.frame_id: str | None = None
-        # By whose stamps the rate is measured.
-        self.clock: str | None = None
-        # Of messages: of a sensor that is polled they are more than samples.
-        self.rate_hz: float | None = None
-        self._levels = np.empty((0, 6))
+    frame_id: str | None = None
+    clock: str | None = None  # by whose stamps the rate is measured
+    rate_hz: float | None = None  # of messages: of a sensor that is polled more than of samples
+    is_sure: bool = False  # about the rate
+    levels: Floats = field(default_factory=lambda: np.empty((0, 6)))
+
+    def __post_init__(self) -> None:
         self._recent: list[ImuBlock] = []
-        self._is_sure = False
 
     def see(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages that are of this IMU."""
@@ -74,7 +74,7 @@ class Known:
             self.frame_id = blocks[0].frame_id
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
-            self._levels = np.concatenate([self._levels, _levels(own)])[-_GROUPS:]
+            self.levels = np.concatenate([self.levels, _levels(own)])[-_GROUPS:]
             self._recent += own
         while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES
                                          or self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S):
@@ -85,11 +85,11 @@ class Known:
         if source.clock is None:
             return
         if source.clock != self.clock:
-            self._is_sure = False
+            self.is_sure = False
         self.clock = source.clock
-        if not self._is_sure and (rate := self.measured_hz(self._recent)):
+        if not self.is_sure and (rate := self.measured_hz(self._recent)):
             self.rate_hz = rate
-            self._is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
+            self.is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
                              or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
     def like(self, blocks: Sequence[ImuBlock]) -> 'Known':
@@ -173,7 +173,7 @@ class Known:
         """Ratio of the noise to that known, where they differ by so many standard errors."""
         found: float | None = None
         for axis, groups in enumerate(_levels(blocks).T):
-            (before, error_before), (now, error_now) = map(_calm, (self._levels[:, axis], groups))
+            (before, error_before), (now, error_now) = map(_calm, (self.levels[:, axis], groups))
             apart = abs(now - before)
             if (before > 0 and apart > _SAME_LEVEL * before
                     and apart > sure * np.hypot(error_before, error_now)
@@ -185,97 +185,70 @@ class Known:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
                                for block in blocks])
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return {'frame_id': self.frame_id, 'clock': self.clock, 'rate_hz': self.rate_hz,
-                'is_sure': self._is_sure, 'levels': np.nan_to_num(self._levels).tolist()}
 
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> 'Known':
-        """Go on from `to_plain`; KeyError, TypeError or ValueError if it is none of it."""
-        known = cls()
-        known.frame_id, known.clock = plain['frame_id'], plain['clock']
-        known.rate_hz = None if plain['rate_hz'] is None else float(plain['rate_hz'])
-        known._is_sure = bool(plain['is_sure'])
-        known._levels = np.array(plain['levels'], np.float64).reshape(-1, 6)[-_GROUPS:]
-        return known
-
-
-class Seen:
+@dataclass
+class Seen(Record):
     """
     Samples that have come, so that a recording that is played in a loop counts once.
 
     The same samples twice would make intervals narrower than the data allow.
     """
 
-    def __init__(self) -> None:
-        self._stamps = np.empty(0, np.int64)
-        self._samples = np.empty((0, 6))
-        self._bits = 0
-        self._last_ns = 0
+    stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    samples: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    bits: int = 0  # that the stamps of those that are remembered have in common
+    last_ns: int = 0
+
+    def __post_init__(self) -> None:
+        # Whether the samples that come now have come before.
         self.looping = False
-        """Whether the samples that come now have come before."""
+
+    def check(self) -> None:
+        """Raise ValueError where they do not belong together."""
+        if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
+                or not 0 <= self.bits < 64 or self.last_ns < 0):
+            raise ValueError('what is remembered of earlier samples is damaged')
 
     def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
         """Give the samples of these blocks that are no repetition."""
         passed = []
         for block in blocks:
             if self.looping or self._begins_again(block):
-                new = block.header_ns > self._last_ns
+                new = block.header_ns > self.last_ns
                 self.looping = not new.any()
                 block = block.part(new)
             if len(block):
                 self._remember(block)
-                self._last_ns = max(self._last_ns, int(block.header_ns.max()))
+                self.last_ns = max(self.last_ns, int(block.header_ns.max()))
                 passed.append(block)
         return passed
 
     def _remember(self, block: ImuBlock) -> None:
-        fresh = block.header_ns > self._last_ns
-        kept = fresh & is_kept(block.header_ns, self._bits)
-        kept |= fresh & (np.cumsum(fresh) + len(self._stamps) <= _FIRST)
+        fresh = block.header_ns > self.last_ns
+        kept = fresh & is_kept(block.header_ns, self.bits)
+        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= _FIRST)
         if not kept.any():
             return
-        self._stamps = np.append(self._stamps, block.header_ns[kept])
-        self._samples = np.concatenate([self._samples, block.samples[kept]])
-        while len(self._stamps) > _MOST:
-            self._bits += 1
-            kept = is_kept(self._stamps, self._bits)
+        self.stamps = np.append(self.stamps, block.header_ns[kept])
+        self.samples = np.concatenate([self.samples, block.samples[kept]])
+        while len(self.stamps) > _MOST:
+            self.bits += 1
+            kept = is_kept(self.stamps, self.bits)
             kept[:_FIRST] = True
-            self._stamps, self._samples = self._stamps[kept], self._samples[kept]
+            self.stamps, self.samples = self.stamps[kept], self.samples[kept]
 
     def _begins_again(self, block: ImuBlock) -> bool:
-        if not len(self._stamps) or self._last_ns - int(self._stamps[0]) < _SHORTEST_NS:
+        if not len(self.stamps) or self.last_ns - int(self.stamps[0]) < _SHORTEST_NS:
             return False
-        back = block.header_ns < self._last_ns
+        back = block.header_ns < self.last_ns
         if not back.any():
             return False
-        for row in np.flatnonzero(back & np.isin(block.header_ns, self._stamps)):
-            same = self._samples[self._stamps == block.header_ns[row]]
+        for row in np.flatnonzero(back & np.isin(block.header_ns, self.stamps)):
+            same = self.samples[self.stamps == block.header_ns[row]]
             # An axis that is absent is NaN, which equals nothing.
             if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
                 return True
         return False
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Return what is remembered, as plain arrays."""
-        return dict(zip(_ARRAYS, (self._stamps, self._samples,
-                                  np.array([self._bits, self._last_ns])), strict=True))
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Seen':
-        """Go on from `to_state`; from nothing as from the start."""
-        self = cls()
-        if not state:
-            return self
-        stamps, samples, counts = (state.get(name, np.empty(0)) for name in _ARRAYS)
-        if (stamps.dtype != np.int64 or counts.dtype != np.int64 or samples.dtype != np.float64
-                or stamps.ndim != 1 or samples.shape != (len(stamps), 6) or counts.shape != (2,)
-                or len(stamps) > _MOST or not 0 <= counts[0] < 64 or counts[1] < 0):
-            raise ValueError('what is remembered of earlier samples is damaged')
-        self._stamps, self._samples = stamps, samples
-        self._bits, self._last_ns = counts.tolist()
-        return self
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:

@@ -9,11 +9,10 @@ many fits there are, a record has few such stretches. Where the fit tells how pr
 it has to be probable, too.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from imu_allan.result import Coefficient, Result, Timeline
+from imu_allan.state import Record
 
 GROWTH = 3.0
 """The record grows by this while every fit has to show a term, which costs as much time. Without
@@ -31,44 +30,32 @@ _LEAST_USED = 0.1
 """Of the messages: where fewer become part of the record, nothing is to be expected of time."""
 _AT_ONCE = 'noise_density'
 """Shows in the shortest record, and has nothing to be mistaken for."""
-_Key = tuple[str, str]
 
 
-class SequentialLooks:
-    """Looks at the results of one run, one after the other."""
+@dataclass
+class SequentialLooks(Record):
+    """
+    Looks at the results of one run, one after the other: after a restart one more, not the first.
 
-    def __init__(self) -> None:
-        self._messages = 0
-        self._record_s = 0.0
-        self._first_s = 0.0
+    Another thread may save them meanwhile: what is in it is replaced, not changed.
+    """
+
+    messages: int = 0
+    record_s: float = 0.0
+    first_s: float = 0.0
+    hidden_s: dict[str, float] = field(default_factory=dict)
+    shown: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
         self._growing = True
-        self._hidden_s: dict[_Key, float] = {}
-        self._shown: set[_Key] = set()
-        self._expected: dict[_Key, list[tuple[float, float]]] = {}
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return what JSON can hold of it: after a restart a look is one more, not the first."""
-        return {'messages': self._messages, 'record_s': self._record_s, 'first_s': self._first_s,
-                'hidden_s': [[*key, time] for key, time in self._hidden_s.copy().items()],
-                'shown': sorted(self._shown.copy())}
-
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> 'SequentialLooks':
-        """Go on from `to_plain`; KeyError, TypeError or ValueError if it is none of it."""
-        looks = cls()
-        looks._messages = int(plain['messages'])
-        looks._record_s, looks._first_s = float(plain['record_s']), float(plain['first_s'])
-        looks._hidden_s = {(str(axis), str(term)): float(time)
-                           for axis, term, time in plain['hidden_s']}
-        looks._shown = {(str(axis), str(term)) for axis, term in plain['shown']}
-        return looks
+        self._expected: dict[str, list[tuple[float, float]]] = {}
 
     def judged(self, result: Result, *, more_comes: bool = True) -> Result:
         """Return the result as it may be published; nothing is expected where no more comes."""
         self._see_growth(result)
         self._growing &= more_comes
         return replace(result, axes={name: replace(axis, coefficients={
-            term: self._coefficient((name, term), found)
+            term: self._coefficient(f'{name}/{term}', found)
             for term, found in axis.coefficients.items()})
             for name, axis in result.axes.items()})
 
@@ -79,34 +66,34 @@ class SequentialLooks:
                     + timeline.rejected)
         rate = timeline.sample_rate_hz
         record_s = rest_s(timeline, sum(span.duration_s for span in timeline.motion))
-        if rate and messages > self._messages:
-            added = (record_s - self._record_s) * rate
-            self._growing = added > _LEAST_USED * (messages - self._messages)
-        if not self._messages:
-            self._first_s = record_s if record_s < ONE_LOOK_S else 0.0
-        self._messages, self._record_s = messages, record_s
+        if rate and messages > self.messages:
+            added = (record_s - self.record_s) * rate
+            self._growing = added > _LEAST_USED * (messages - self.messages)
+        if not self.messages:
+            self.first_s = record_s if record_s < ONE_LOOK_S else 0.0
+        self.messages, self.record_s = messages, record_s
 
-    def _coefficient(self, key: _Key, found: Coefficient) -> Coefficient:
+    def _coefficient(self, key: str, found: Coefficient) -> Coefficient:
         if not found.observable:
-            self._hidden_s[key] = self._record_s
-            self._shown.discard(key)
+            self.hidden_s = {**self.hidden_s, key: self.record_s}
+            self.shown = [one for one in self.shown if one != key]
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
         probable = found.presence is None or found.presence >= PROBABLE
-        wait_s = GROWTH * self._hidden_s.get(key, self._first_s) - self._record_s
-        if (probable and wait_s <= 0) or key in self._shown or key[1] == _AT_ONCE:
-            self._shown.add(key)
+        wait_s = GROWTH * self.hidden_s.get(key, self.first_s) - self.record_s
+        if (probable and wait_s <= 0) or key in self.shown or key.endswith(f'/{_AT_ONCE}'):
+            self.shown = [*(one for one in self.shown if one != key), key]
             return found
         bound = None if found.ci95 is None else max(map(abs, found.ci95))
         return replace(found, observable=False, value=None, ci95=None, upper95=bound,
                        observable_in_s=wait_s if self._growing and probable else None,
                        ci_halves_in_s=None, between=None)
 
-    def _steady_wait(self, key: _Key, wait_s: float | None) -> float | None:
+    def _steady_wait(self, key: str, wait_s: float | None) -> float | None:
         """Give a wait whose end has not receded since the record was `GROWTH` times shorter."""
         if wait_s is None:
             self._expected.pop(key, None)
             return None
-        now_s, looks = self._record_s, self._expected.setdefault(key, [])
+        now_s, looks = self.record_s, self._expected.setdefault(key, [])
         looks.append((now_s, now_s + wait_s))
         while len(looks) > 1 and GROWTH * looks[1][0] <= now_s:
             looks.pop(0)

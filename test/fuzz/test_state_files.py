@@ -73,7 +73,7 @@ def damaged(choice: Random) -> dict[str, NDArray[Any]]:
         else:
             del state[key]
             if choice.random() < .3:
-                state[choice.choice(['x', '../x', 'timeline/x'])] = array
+                state[choice.choice(['x', '../x', 'lane0/timeline/x'])] = array
             if not state:
                 return dict(STATE)
     return state
@@ -112,15 +112,15 @@ def test_damaged_states_are_gone_on_with_or_refused():
 def test_stamps_that_are_no_integers_are_refused():
     # Found by mutation: NaN as an integer is a warning and an absurd stamp.
     state = dict(STATE)
-    key = 'timeline/blocks/0/receive_ns'
+    key = 'lane0/timeline/blocks/0/receive_ns'
     state[key] = np.full(state[key].shape, np.nan)
     assert not resumed(checkpoint.encode_state(state))
 
 
 @pytest.mark.parametrize(('key', 'field', 'value'), [
-    ('timeline/content', 'changed', [1, 2, 3]), ('timeline/content', 'last', [0.0]),
-    ('timeline/counts', 'gravity', [0.0]),
-    ('timeline/options', 'clock', 'a[]uto'), ('timeline/options', 'motion', 'no')])
+    ('lane0/timeline/content', 'changed', [1, 2, 3]), ('lane0/timeline/content', 'last', [0.0]),
+    ('lane0/timeline/counts', 'gravity', [0.0]),
+    ('lane0/timeline/options', 'clock', 'a[]uto'), ('lane0/timeline/options', 'motion', 'no')])
 def test_what_only_a_forger_writes_is_refused(key, field, value):
     # Found by mutation: a state that is gone on with ended the node at the next samples.
     document = json.loads(str(STATE[key]))

@@ -19,10 +19,13 @@ from typing import Any, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.characterization import Characterization
+from imu_allan.node.checkpoint import decode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Timeline
+from imu_allan.state import part_of
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 import pytest
@@ -504,6 +507,14 @@ def assert_kept_up(node: Process, health: Health, rate_hz: float) -> None:
         pytest.skip(f'the computer kept the node waiting for {node.starved_s:.1f} s')
     assert lost == 0
     assert longest_hold_s * rate_hz < queue / 2
+
+
+def kept_in(state_file: Path) -> TimelineSummary:
+    """Tell what a state file holds of its messages; nothing if it is not there yet."""
+    if not state_file.exists():
+        return Characterization(kind='topic').summary()
+    state = part_of(decode_state(state_file.read_bytes()), 'lane0')
+    return Characterization.from_state(state).summary()
 
 
 def resident_mb(pid: int) -> float:

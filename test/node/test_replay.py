@@ -6,6 +6,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.same_imu import Seen
+from imu_allan.state import restored, state_of
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -44,8 +45,8 @@ def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> N
     watch = Seen()
     for first in range(0, count, 100):
         watch.unseen([whole.part(slice(first, first + 100))])
-    assert sum(array.nbytes for array in watch.to_state().values()) < 200_000
-    for again in (watch, Seen.from_state(watch.to_state())):
+    assert sum(array.nbytes for array in state_of(watch).values()) < 200_000
+    for again in (watch, restored(Seen, state_of(watch))):
         passed = sum(len(block) for first in range(50, count, 10)
                      for block in again.unseen([whole.part(slice(first, first + 10))]))
         assert passed < 500
@@ -68,6 +69,10 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
     watch = Seen()
     watch.unseen([played(np.random.default_rng(5).normal(size=(1000, 6)))])
-    for name in watch.to_state():
+    whole = state_of(watch)
+    for name in ('stamps', 'samples'):
+        with pytest.raises((TypeError, ValueError)):
+            restored(Seen, {**whole, name: np.zeros((3, 3))})
+    for damaged in ({'stamps': whole['stamps'][:9]}, {'bits': np.array('64')}):
         with refused('what is remembered of earlier samples is damaged', ValueError):
-            Seen.from_state({**watch.to_state(), name: np.zeros((3, 3))})
+            restored(Seen, {**whole, **damaged})

@@ -24,6 +24,7 @@ from repeated import slow
 from ros_harness import (
     Driver,
     Health,
+    kept_in,
     Process,
     RATE_HZ,
     Ros,
@@ -68,13 +69,6 @@ def kill(driver: Driver, node: Process) -> None:
     node.popen.wait()
     # DDS forgets a killed node only when its lease runs out.
     driver.dead |= driver.subscriptions()
-
-
-def messages_in(state_file: Path) -> int:
-    """Count the messages that a state file holds."""
-    state = {key: array for key, array in decode_state(state_file.read_bytes()).items()
-             if key != 'node'}
-    return Characterization.from_state(state).summary().messages
 
 
 def kept_aside(ros: Ros) -> list[Path]:
@@ -142,7 +136,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None
         ('damaged', whole[:-1] + b'x', 'its checksum is wrong'),
         ('damaged', whole[:100], 'its checksum is wrong'),
         ('damaged', b'', no_state),
-        ('damaged', whole, 'its arrays do not belong together (node is missing)'),
+        ('damaged', whole, 'its arrays do not belong together (setup is missing)'),
         ('foreign', b'a photo of my robot', no_state),
         ('newer', b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload,
          'it has version 99, this imu_allan reads 1')]
@@ -188,7 +182,7 @@ def test_reset_empties_the_state_file_at_once(
     ros.until(lambda: health.told('storage', 'a new run'))
     node.popen.kill()
     node.popen.wait()
-    assert messages_in(checkpoint) == 0
+    assert kept_in(checkpoint).messages == 0
     assert kept_aside(ros) == []
 
 
@@ -248,7 +242,7 @@ def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most
         kill(driver, node)
         # The robot stood still for a second without a node.
         driver.next += 200
-        now = messages_in(state_file) if state_file.exists() else 0
+        now = kept_in(state_file).messages
         assert now >= kept, turn
         # What had been received one period before, and if it came late, not all at once.
         due = [count for when, count in received if when < killed - PERIOD_S - late_s]

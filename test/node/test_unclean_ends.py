@@ -8,10 +8,9 @@ import signal
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.characterization import Characterization
-from imu_allan.node.checkpoint import decode_state, StateFile
+from imu_allan.node.checkpoint import StateFile
 import pytest
-from ros_harness import Driver, Health, Process, Ros
+from ros_harness import Driver, Health, kept_in, Process, Ros
 from whole_lines import Varying
 
 
@@ -29,15 +28,6 @@ def start(ros: Ros, home: Path, **parameters: Any) -> Process:
 
 def state_of(ros: Ros, home: Path) -> Path:
     return home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
-
-
-def kept(path: Path) -> int:
-    """Count the samples in a state file."""
-    if not path.exists():
-        return 0
-    state = {key: array for key, array in decode_state(path.read_bytes()).items()
-             if key != 'node'}
-    return int(Characterization.from_state(state).summary().timeline.samples)
 
 
 def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
@@ -62,7 +52,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
     driver.wait_for_node()
     driver.publish(2000)
     state = state_of(ros, home)
-    ros.until(lambda: kept(state) == 2000)
+    ros.until(lambda: kept_in(state).timeline.samples == 2000)
     node.popen.kill()
     node.popen.wait()
     driver.dead |= driver.subscriptions()

@@ -134,7 +134,8 @@ def test_messages_that_wait_are_in_the_result():
     for part in in_parts(block, 1):
         lane.update([part])
     for _ in range(2):
-        result, _ = lane.snapshot().fitted()
+        characterization, _, remarks = lane.snapshot()
+        result, _ = characterization.fitted(remarks)
         assert result.timeline.samples == 20
         assert result.axes['accel_z'].mean == pytest.approx(9.80665, rel=2e-3)
         assert 'unit_g' in {remark.code for remark in result.warnings}
