@@ -21,6 +21,7 @@ from typing import Any, IO
 import zipfile
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.interface import at_home
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.output_path import followed
 import numpy as np
@@ -105,10 +106,7 @@ class StateFile:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         try:
-            self.path = followed(Path(path).expanduser())
-        except RuntimeError as error:
-            raise ImuAllanError(f'state_file {path}: this user has no home folder; write the '
-                                'path without ~') from error
+            self.path = followed(at_home(path, 'state_file'))
         except OSError as error:
             raise ImuAllanError(f'state_file {path}: cannot be used ({error.strerror}); choose '
                                 'another folder') from error

@@ -5,9 +5,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from os import PathLike
+from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from imu_allan.errors import ImuAllanError
 from imu_allan.writers.filters import CONSUMERS
 
 Value = str | int | float | bool | Sequence[str]
@@ -179,6 +182,16 @@ SIMULATOR = Interface(
     (('~/drop', 'std_srvs/Trigger', 'leave samples out'),
      ('~/knock', 'std_srvs/Trigger', 'knock the IMU')),
     SIMULATOR_SETTINGS)
+
+
+def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
+    """Give the path that a parameter names, with the home folder in the place of ``~``."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        named = f'{parameter} {path}'.lstrip()
+        raise ImuAllanError(f'{named}: this user has no home folder; write the path without ~'
+                            ) from error
 
 
 def wants_help(args: Sequence[str]) -> bool:

@@ -11,14 +11,14 @@ import secrets
 import tempfile
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import DEFAULT_OUTPUT_DIR
+from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
 from imu_allan.writers.output_path import followed, open_folder
 
 
 def try_folder(output_dir: str) -> None:
     """Write a file into the output folder and remove it, as a save will have to."""
-    expanded = _expanded(output_dir)
+    expanded = at_home(output_dir, 'output_dir')
     try:
         folder = open_folder(followed(expanded))
         try:
@@ -45,7 +45,8 @@ def run_folder(output_dir: str, node_name: str, result: Result) -> Path:
     """Name the folder of one run, to the microsecond: another IMU has another."""
     start = (result.source.start_time or 'unknown').removesuffix('Z')
     name = f'{node_name.strip("/")}_{start}'
-    return _expanded(output_dir) / re.sub(r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
+    return at_home(output_dir, 'output_dir') / re.sub(
+        r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
 
 
 def _try_file(name: str, folder: int) -> None:
@@ -56,11 +57,3 @@ def _try_file(name: str, folder: int) -> None:
     finally:
         os.close(handle)
         os.unlink(name, dir_fd=folder)
-
-
-def _expanded(folder: str) -> Path:
-    try:
-        return Path(folder).expanduser()
-    except RuntimeError as error:
-        raise ImuAllanError(f'output_dir {folder}: this user has no home folder; '
-                            'write the path without ~') from error

@@ -4,11 +4,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.interface import at_home
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
@@ -69,10 +69,10 @@ class Standards:
         try:
             if spec_file:
                 parameter = 'spec_file'
-                self._specification = load_model(_path(spec_file))
+                self._specification = load_model(at_home(spec_file))
             if reference:
                 parameter = 'reference'
-                self._reference = load_result(_path(reference))
+                self._reference = load_result(at_home(reference))
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
@@ -91,14 +91,6 @@ class Standards:
         if self._reference is not None:
             findings.append(_against_reference(result, self._reference))
         return findings
-
-
-def _path(text: str) -> Path:
-    try:
-        return Path(text).expanduser()
-    except RuntimeError as error:
-        raise ImuAllanError(f'{text}: this user has no home folder; write the path without ~'
-                            ) from error
 
 
 def _against_specification(verdicts: Sequence[Verdict], decided: Standing | None) -> Finding:

@@ -523,6 +523,11 @@ def resident_mb(pid: int) -> float:
     return int(pages) * 4096 / 1e6
 
 
+NO_BOOLEAN = ("Trying to set parameter 'use_sim_time' to 'maybe' of type 'STRING', expecting type "
+              "'BOOL': use_sim_time")
+"""What is said of a parameter that every node has."""
+
+
 def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
                      program: str = 'imu_allan_node') -> list[tuple[int, str]]:
     """Start a node with each arguments in turn, in one process; give status and output."""

@@ -60,11 +60,3 @@ def test_what_help_names_is_what_the_node_has(ros: Ros, program: str) -> None:
     ros.until(lambda: wanted <= offered())
     unnamed = {name for name in offered() - wanted if 'parameter' not in name}
     assert unnamed <= {'/rosout', f'{node}/get_type_description', '/clock'}
-
-
-@pytest.mark.parametrize('program', ENTRY_POINTS)
-def test_a_parameter_that_every_node_has_is_refused_in_one_line(ros: Ros, program: str) -> None:
-    node = ros.start(program, {'use_sim_time': 'maybe'})
-    assert node.wait() == 1
-    assert node.lines == [f"{program}: Trying to set parameter 'use_sim_time' to 'maybe' of type "
-                          "'STRING', expecting type 'BOOL': use_sim_time"]
