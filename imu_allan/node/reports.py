@@ -12,7 +12,7 @@ from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
-from imu_allan.node.run import Lane, Run
+from imu_allan.node.run import Lane, Run, useless
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted
@@ -103,7 +103,7 @@ class Reports:
             snapshot.finish()
         except ImuAllanError as error:
             # The samples that the timeline holds back are of no use; the next ones may be.
-            facts.update_error = str(error)
+            facts.update_error = useless(error)
             self._log.error(facts.update_error, f'useless samples {facts.topic}')
         else:
             facts.update_error = ''

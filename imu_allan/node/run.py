@@ -123,7 +123,7 @@ class Lane:
         try:
             to.update(block if self.half is None else block.only(self.half))
         except ImuAllanError as error:
-            self.error = str(error)
+            self.error = useless(error)
 
 
 class Run:
@@ -175,6 +175,12 @@ class Run:
             self._tested = tested_at
             self._backtests = {name: axis.backtest for result in results
                                for name, axis in result.axes.items()}
+
+
+def useless(error: ImuAllanError) -> str:
+    """Say why messages are of no use, with the remedies that a node has in place of a command."""
+    return str(error).replace(' or state the sample rate (analyze --rate)', '').replace(
+        'analyze --clock', 'parameter clock')
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 """The run goes on whatever piles up while the node is held up."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
@@ -70,3 +71,11 @@ def test_a_reset_ends_the_look_at_whose_messages_come(runs: Runs, facts: Facts) 
     assert facts.on_probation
     runs.begin_anew()
     assert not facts.on_probation
+
+
+def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:
+    setup = Setup('/imu', TimelineOptions(clock='header'))
+    [lane] = new_run(setup).lanes
+    sound = block([(60.0, RATE_HZ)], 0.0)
+    lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
+    assert lane.error == 'header stamps are zero: choose the other clock (parameter clock)'
