@@ -6,17 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import floor, log10
 
-from imu_allan.characterization.findings import (
-    constant_remark,
-    deadband_remark,
-    fit_remarks,
-    leaving_remark,
-    saturated_remark,
-    steadiness_remarks,
-    step_remarks,
-    still_remark,
-)
-from imu_allan.finding import Finding
+from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
+from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
@@ -24,19 +15,17 @@ from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.faults.axis_fault import (
     axis_fault,
-    AxisFault,
     Constant,
     sample_noise,
     StoodStill,
 )
 from imu_allan.noise.faults.saturation import CutOff
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
-from imu_allan.noise.outlook import outlook
+from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.answer import Estimate
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.groups import Groups, WHITE
-from imu_allan.noise.record.signal_over_time import Columns
+from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.tones import strongest
@@ -46,8 +35,10 @@ from imu_allan.result import (
     Curve,
     Deadband,
     DriftModel,
+    GaussMarkov,
     GoodnessOfFit,
     Interval,
+    PowerLaw,
     Saturation,
     Segment,
     Signal,
@@ -152,116 +143,115 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     """
     finished = estimator.finished()
     dt = 1.0 / sample_rate_hz
-    points = octaves(finished)
-    mean = finished.mean
-    noise = sample_noise(finished)
-    columns = finished.signal.columns()
-    signals = _signals(finished, columns, dt)
+    points, signals = octaves(finished), _signals(finished, dt)
     found = []
     fits = fit_axes(finished, dt) if fits is None else fits
-    for axis, (quantity, fitted_axis) in enumerate(zip(quantities, fits, strict=True)):
-        base = replace(_empty(quantity, float(mean[axis]) if finished.samples else None),
+    for axis, (quantity, fitted) in enumerate(zip(quantities, fits, strict=True)):
+        base = replace(_empty(quantity, float(finished.mean[axis]) if finished.samples else None),
                        signal=signals[axis])
-        remarks: list[Finding] = []
-        if fitted_axis is None:
-            fault = axis_fault(finished, axis)
-            curve = (_flat_curve(points, dt) if isinstance(fault, Constant)
-                     else _curve(points, axis, dt, {}))
-            if fault is not None:
-                base, remarks = _with_fault(base, fault, quantity, dt)
-            found.append((replace(base, curve=curve), remarks))
-            continue
-        steps = step_remarks(float(finished.census.step[axis]), float(noise[axis]), quantity)
-        fitted = fitted_axis.fit
-        if steps:
-            # Counts that come one by one leave little below their rate, as a filter does.
-            fitted = replace(fitted, high_pass_hz=None)
-        named, weaker = strongest(fitted_axis.lines)
-        remarks = [*fit_remarks(fitted, quantity), *steps]
-        process = fitted.gauss_markov
-        drift = None if fitted.high_pass_hz is not None else fit_drift_model(
-            fitted_axis.groups, dt, process.correlation_time_s if process else None)
-        parts = _stationarity(fitted_axis, axis, dt, finished, drift)
-        if parts is not None and fitted_axis.steadiness is not None:
-            remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
-        seen = {key: e.observable for key, e in fitted.estimates.items()}
-        hinted = {key: e.value if e.presence > _HINTED else 0.0
-                  for key, e in fitted.estimates.items()}
-        # A longer record would know a power law better, too: of that there is no forecast.
-        forecast = ({} if fitted.power_law is not None
-                    else outlook(hinted, seen, dt, finished.samples * dt))
-        if fitted.walk_unclear or fitted.bias_step is not None:
-            # A longer record shows what it is, not how large.
-            forecast['rate_random_walk'] = None, None
-        if fitted.high_pass_hz is not None:
-            forecast |= dict.fromkeys(SLOW_TERMS, (None, None))
-        coefficients = {
-            key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
-                         between=fitted.between.get(key))
-            for key, estimate in fitted.estimates.items()}
-        curve = _curve(points, axis, dt, fitted.values, _law_of(fitted))
-        if fitted.high_pass_hz is None:
-            highest = interval(points.avar[:, axis], np.array(curve.edf), _CERTAIN)[1]
-            coefficients |= {key: _below_curve(coefficients[key], key, curve, highest)
-                             for key in SLOW_TERMS}
-        leaves_at = None if fitted.mean_moves or fitted.high_pass_hz else _leaves_at(
-            points, axis, curve, [_fitted(fitted_axis, drift), _fitted(fitted_axis, None)], dt)
-        if leaves_at is not None and fitted.acceptable:
-            remarks.append(leaving_remark(leaves_at))
-        found.append((with_model_curve(replace(
-            base,
-            band_limit_s=fitted.window_s,
-            band_edge_hz=fitted.edge_hz,
-            tones=named,
-            weaker_tones=weaker,
-            coefficients={key: coefficients[key] for key in TERMS},
-            goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
-                                          fitted.acceptable and leaves_at is None),
-            curve=curve,
-            drift_model=drift,
-            gauss_markov=fitted.gauss_markov,
-            power_law=fitted.power_law,
-            high_passed_hz=fitted.high_pass_hz,
-            spectrum=_spectrum(fitted_axis.whole),
-            trend=fitted.trend,
-            stationarity=parts,
-            coarse_step=float(finished.census.step[axis]) if steps else None,
-        )), remarks))
+        found.append(_unfitted(base, finished, axis, points, dt) if fitted is None
+                     else _fitted(base, fitted, finished, axis, points, dt))
     return found
 
 
-def _with_fault(axis: AxisResult, fault: AxisFault, quantity: Quantity, dt: float
-                ) -> tuple[AxisResult, list[Finding]]:
+def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves, dt: float
+              ) -> tuple[AxisResult, list[Finding]]:
     """Enter into an axis why it does not measure, and say so."""
-    match fault:
+    base = replace(base, curve=_curve(points, axis, dt, {}))
+    match axis_fault(finished, axis):
         case Constant(value):
-            return axis, [constant_remark(value, quantity)]
-        case Deadband():
-            return replace(axis, deadband=fault), [deadband_remark(fault, quantity)]
+            return base, [finding('constant_axis', value=value, unit=base.unit)]
+        case Deadband(width, share) as deadband:
+            return replace(base, deadband=deadband), [
+                finding('deadband', share=share, width=width, unit=base.unit)]
         case StoodStill(first, samples):
             span = Span(first * dt, samples * dt)
-            return replace(axis, stood_still=span), [still_remark(span)]
-        case CutOff(value, share):
-            return (replace(axis, saturated=Saturation(value, share)),
-                    [saturated_remark(fault, quantity)])
+            return replace(base, stood_still=span), [
+                finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)]
+        case CutOff(value, share, is_highest):
+            return replace(base, saturated=Saturation(value, share)), [
+                finding('saturated', share=share, value=value, unit=base.unit,
+                        end='highest' if is_highest else 'lowest')]
+    return base, []
+
+
+def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, points: Octaves,
+            dt: float) -> tuple[AxisResult, list[Finding]]:
+    """Enter into an axis what was fitted, and say what is worth telling."""
+    quantity, fitted = Quantity(base.quantity), found.fit
+    step, noise = float(finished.census.step[axis]), float(sample_noise(finished)[axis])
+    coarse = 0 < noise < step < np.inf
+    if coarse:
+        # Counts that come one by one leave little below their rate, as a filter does.
+        fitted = replace(fitted, high_pass_hz=None)
+    remarks = fit_remarks(fitted, quantity)
+    if coarse:
+        remarks.append(finding('coarse_resolution', step=step, unit=base.unit,
+                               ratio=step / noise))
+    process = fitted.gauss_markov
+    drift = None if fitted.high_pass_hz is not None else fit_drift_model(
+        found.groups, dt, process.correlation_time_s if process else None)
+    parts = _stationarity(found, axis, dt, finished, drift)
+    if parts is not None and found.steadiness is not None:
+        remarks += steadiness_remarks(found.steadiness, parts.segments)
+    forecast = _forecast(fitted, dt, finished.samples)
+    coefficients = {
+        key: replace(_coefficient(key, quantity, estimate, *forecast.get(key, (None, None))),
+                     between=fitted.between.get(key))
+        for key, estimate in fitted.estimates.items()}
+    curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
+    if fitted.high_pass_hz is None:
+        highest = interval(points.avar[:, axis], np.array(curve.edf), _CERTAIN)[1]
+        coefficients |= {key: _below_curve(coefficients[key], key, curve, highest)
+                         for key in SLOW_TERMS}
+    leaves_at = None if fitted.mean_moves or fitted.high_pass_hz else _leaves_at(
+        points, axis, curve, [_model(found, drift), _model(found, None)], dt)
+    if leaves_at is not None and fitted.acceptable:
+        # The model does not follow the curve at its long end.
+        remarks.append(finding('poor_fit', leaves_at_s=leaves_at))
+    named, weaker = strongest(found.lines)
+    # A column for unit white noise turns power into density, at every stage.
+    density = found.whole.power / found.whole.design[:, WHITE]
+    return with_model_curve(replace(
+        base,
+        band_limit_s=fitted.window_s,
+        band_edge_hz=fitted.edge_hz,
+        tones=named,
+        weaker_tones=weaker,
+        coefficients={key: coefficients[key] for key in TERMS},
+        goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
+                                      fitted.acceptable and leaves_at is None),
+        curve=curve,
+        drift_model=drift,
+        gauss_markov=process,
+        power_law=fitted.power_law,
+        high_passed_hz=fitted.high_pass_hz,
+        spectrum=Spectrum(tuple(found.whole.frequency.tolist()), tuple(density.tolist())),
+        trend=fitted.trend,
+        stationarity=parts,
+        coarse_step=step if coarse else None)), remarks
+
+
+def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
+    """Give for how much longer to record, of those coefficients that this would help."""
+    if fitted.power_law is not None:
+        # A longer record would know a power law better, too: of that there is no forecast.
+        return {}
+    forecast = outlook(
+        {key: e.value if e.presence > _HINTED else 0.0 for key, e in fitted.estimates.items()},
+        {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
+    if fitted.high_pass_hz is not None:
+        return forecast | dict.fromkeys(SLOW_TERMS, (None, None))
+    if fitted.walk_unclear or fitted.bias_step is not None:
+        # A longer record shows what it is, not how large.
+        return forecast | {'rate_random_walk': (None, None)}
+    return forecast
 
 
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
     return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
         key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS}))
-
-
-def unsteady(axis: AxisResult) -> AxisResult:
-    """
-    Return an axis whose noise is known not to stay the same, whatever its segments say.
-
-    Its intervals stay as they are: it is drift over a filter's horizon that differs, of which no
-    coefficient alone speaks.
-    """
-    if axis.stationarity is None:
-        return axis
-    return replace(axis, stationarity=replace(axis.stationarity, steady=False))
 
 
 def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
@@ -293,12 +283,6 @@ def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
                       GoodnessOfFit(None, None, False), Curve((), (), (), (), (), ()))
 
 
-def _law_of(fitted: AxisReport) -> tuple[float, float] | None:
-    """Give amplitude and exponent of slow noise that is no flicker."""
-    law = fitted.power_law
-    return None if law is None else (law.amplitude, law.exponent)
-
-
 def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
                   model: DriftModel | None) -> Stationarity | None:
     """Give the segments of an axis, each with its own mean, density and drift."""
@@ -307,7 +291,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
         return None
     frequency = powers.frequency / dt
     density = found.fit.estimates['noise_density']
-    model_of = FittedModel(found.fit.values, power_law=_law_of(found.fit))
+    model_of = FittedModel(found.fit.values, power_law=found.fit.power_law)
     ratio = white_ratio(powers, axis, density.value**2, model_of.density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
     drift = _drift_levels(powers, axis, dt, max(density.value, _NO_DENSITY)**2, model)
@@ -339,81 +323,56 @@ def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
     return [found[number] for number in range(len(powers.start))]
 
 
-def _spectrum(groups: Groups) -> Spectrum:
-    return Spectrum(tuple(groups.frequency.tolist()), tuple(_density(groups).tolist()))
-
-
-def _density(groups: Groups) -> Array:
-    """Density of an axis: a column for unit white noise turns power into it, at every stage."""
-    return groups.power / groups.design[:, WHITE]
-
-
 def _coefficient(key: str, quantity: Quantity, estimate: Estimate,
-                 forecast: tuple[float | None, float | None]) -> Coefficient:
-    term = TERMS[key]
-    unit = term.unit(quantity)
-    if estimate.observable:
-        return Coefficient(term.symbol, unit, True, float(estimate.value),
-                           (float(estimate.low), float(estimate.high)), None, None, forecast[1],
-                           presence=float(estimate.presence))
-    upper = float(estimate.upper) if np.isfinite(estimate.upper) else None
-    return Coefficient(term.symbol, unit, False, None, None, upper, forecast[0], None,
-                       presence=float(estimate.presence))
+                 observable_in_s: float | None, ci_halves_in_s: float | None) -> Coefficient:
+    bound = Coefficient(
+        TERMS[key].symbol, TERMS[key].unit(quantity), False, None, None,
+        float(estimate.upper) if np.isfinite(estimate.upper) else None,
+        observable_in_s, presence=float(estimate.presence))
+    return bound if not estimate.observable else replace(
+        bound, observable=True, value=float(estimate.value),
+        ci95=(float(estimate.low), float(estimate.high)), upper95=None, observable_in_s=None,
+        ci_halves_in_s=ci_halves_in_s)
 
 
-def _signals(finished: Estimator, columns: Columns, dt: float) -> list[Signal | None]:
+def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
     """Return the signal of every axis over time; None before the first sample."""
     if finished.reference is None:
         return [None] * finished.axes
+    columns = finished.signal.columns()
     signals: list[Signal | None] = []
-    for axis, reference in enumerate(finished.reference):
+    for axis, reference in enumerate(finished.reference.tolist()):
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
         # A hundred thousandth of the range is far below what a picture shows, and short in JSON.
         digits = max(0, _DIGITS_OF_RANGE - floor(log10(spread))) if spread > 0 else 17
-
-        def written(values: Array, offset: float = float(reference),
-                    digits: int = digits) -> tuple[float | None, ...]:
-            return tuple(None if np.isnan(value) else round(value + offset, digits)
-                         for value in values.tolist())
-
-        signals.append(Signal(columns.width * dt, written(columns.low[axis]),
-                              written(columns.mean[axis]), written(columns.high[axis])))
+        low, mean, high = (
+            tuple(None if np.isnan(value) else round(value + reference, digits)
+                  for value in rows[axis].tolist())
+            for rows in (columns.low, columns.mean, columns.high))
+        signals.append(Signal(columns.width * dt, low, mean, high))
     return signals
 
 
-def _flat_curve(points: Octaves, dt: float) -> Curve:
-    """Deviation 0 at every averaging time: a constant signal."""
-    n = len(points.size)
-    dof = tuple(edf({'noise_density': 1.0}, int(m), int(s), int(c), dt)
-                for m, s, c in zip(points.size, points.stride, points.count, strict=True))
-    zero = (0.0,) * n
-    nothing = ((0.0, 0.0),) * n
-    return Curve(tuple((points.size * dt).tolist()), zero, dof, nothing, nothing, zero)
-
-
-def _fitted(found: AxisFit, drift: DriftModel | None) -> FittedModel:
+def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     """
     Describe all that was fitted, reported or not: the drift model where there is one, or terms.
 
     The drift model is for the slow end of what the terms may miss; beside a power law they miss
     nothing.
     """
-    values = found.fit.values
-    processes: tuple[tuple[float, float], ...] = ()
-    law = _law_of(found.fit)
-    if drift is not None and law is None:
+    fitted = found.fit
+    values = fitted.values
+    processes: tuple[GaussMarkov, ...] = (fitted.gauss_markov,) if fitted.gauss_markov else ()
+    if drift is not None and fitted.power_law is None:
         values = {'quantization_noise': values['quantization_noise'],
                   'noise_density': drift.noise_density,
                   'rate_random_walk': drift.rate_random_walk}
-        processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
-    elif found.fit.gauss_markov:
-        process = found.fit.gauss_markov
-        processes = ((process.sigma, process.correlation_time_s),)
-    return FittedModel(values, found.fit.window_s, processes, tuple(found.lines), law)
+        processes = drift.processes
+    return FittedModel(values, fitted.window_s, processes, tuple(found.lines), fitted.power_law)
 
 
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
-           law: tuple[float, float] | None = None) -> Curve:
+           law: PowerLaw | None = None) -> Curve:
     """Allan deviation of one axis without a model, and the intervals of the fitted terms."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())

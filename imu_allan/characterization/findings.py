@@ -3,17 +3,16 @@
 """What was found in the noise, as findings, in one module as they are read together."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from math import ceil, exp, inf, isfinite, isinf, log
+from math import ceil, exp, isfinite, isinf, log
 from typing import Any
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
-from imu_allan.noise.faults.saturation import CutOff
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
-from imu_allan.result import AxisResult, Deadband, Segment, Span, Trend
+from imu_allan.result import AxisResult, Segment, Trend
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 from scipy.special import fdtri
@@ -36,39 +35,6 @@ _LEAST_CHANGE = log(1.3)
 """Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
 _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is reported as one step."""
-
-
-def constant_remark(value: float, quantity: Quantity) -> Finding:
-    """Say that an axis never changes."""
-    return finding('constant_axis', value=value, unit=quantity.unit)
-
-
-def still_remark(span: Span) -> Finding:
-    """Say that an axis gave one value for a while."""
-    return finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)
-
-
-def saturated_remark(end: CutOff, quantity: Quantity) -> Finding:
-    """Say that the output ends where the noise does not."""
-    return finding('saturated', share=end.share, value=end.value, unit=quantity.unit,
-                   end='highest' if end.is_highest else 'lowest')
-
-
-def deadband_remark(found: Deadband, quantity: Quantity) -> Finding:
-    """Say that small values are given as zero."""
-    return finding('deadband', share=found.share, width=found.width, unit=quantity.unit)
-
-
-def copy_remark(one: str, other: str, sign: int) -> Finding:
-    """Say that two axes are one."""
-    return finding('copied_axis', (one, other), opposite=sign < 0)
-
-
-def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Finding]:
-    """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
-    if not noise < step < inf or noise <= 0:
-        return []
-    return [finding('coarse_resolution', step=step, unit=quantity.unit, ratio=step / noise)]
 
 
 def tone_findings(axes: Mapping[str, AxisResult]) -> list[Finding]:
@@ -103,11 +69,6 @@ def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
         remarks.append(finding('gauss_markov', sigma=process.sigma, unit=quantity.unit,
                                correlation_time_s=process.correlation_time_s))
     return [*remarks, *_mean_remarks(fitted, quantity)]
-
-
-def leaving_remark(tau_s: float) -> Finding:
-    """Say that the model does not follow the curve at its long end."""
-    return finding('poor_fit', leaves_at_s=tau_s)
 
 
 def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:

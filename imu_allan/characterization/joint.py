@@ -11,7 +11,7 @@ axes or filter) is refused; recordings that contradict each other are reported.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, log, sqrt
+from math import exp, inf, log, sqrt
 
 from imu_allan.characterization.axis import axis_results, widened
 from imu_allan.characterization.exponents import (
@@ -46,6 +46,9 @@ from imu_allan.result import (
     TurnOnBias,
 )
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 _SAME_RATE = 0.005
 """Relative difference of rates that a clock may have; a setting differs by more."""
@@ -57,9 +60,10 @@ _CONTRADICTION = 1e-3
 
 @dataclass(frozen=True)
 class _Part:
-    """One recording with its own result."""
+    """One recording with its own result, which begins at `start_s` of all laid end to end."""
 
     path: str
+    start_s: float
     record: FinishedRecord
     result: Result
     fits: Mapping[str, AxisFit | None]
@@ -91,12 +95,13 @@ def joint_result(recordings: Sequence[Characterization],
     """
     if len(recordings) < 2:
         raise ImuAllanError('a joint result needs at least two recordings')
-    parts = []
+    parts, start_s = [], 0.0
     for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
         record = recording.record()
         if record is None:
             raise ImuAllanError(f'{recording.path}: holds no usable sample; leave it out')
-        parts.append(_Part(str(recording.path), record, *recording.fitted(own)))
+        parts.append(_Part(str(recording.path), start_s, record, *recording.fitted(own)))
+        start_s += parts[-1].result.timeline.duration_s
     _agree(parts)
     first = parts[0].record
     rate = float(np.average([part.record.rate_hz for part in parts],
@@ -113,24 +118,28 @@ def joint_result(recordings: Sequence[Characterization],
     axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                                   stationarity=_stationarity(name, parts)), *error)
             for name, (axis, _) in fitted.items()}
-    found = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
-    timeline = _timeline([part.result.timeline for part in parts], rate)
+    remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
+    timeline = _timeline(parts, rate)
     summary = replace(first.summary, timeline=timeline)
     source = parts[0].result.source
-    paths = [part.path for part in parts]
     spread = _turn_on_bias(parts, axes)
     return Result(
         parts[0].result.imu_allan_version,
-        Source('recording', ' + '.join(paths), source.topic, source.frame_id, source.start_time,
-               source.clock),
+        Source('recording', ' + '.join(part.path for part in parts), source.topic,
+               source.frame_id, source.start_time, source.clock),
         timeline, axes,
-        (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts, axes),
-         *with_start(found, axes, min(part.result.timeline.duration_s for part in parts),
+        (*_contradictions(parts, axes),
+         *(finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
+                   sigma_high=found.ci95[1], unit=axes[name].unit)
+           for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0),
+         *_of_each(parts, axes),
+         *with_start(remarks_of_axes, axes, min(part.result.timeline.duration_s for part in parts),
                      several=True),
-         *tone_findings(axes),
-         *length_remarks(axes, summary)),
-        tuple(RecordingPart(part.path, part.result.source.start_time,
-                            part.result.timeline.duration_s, _means(part)) for part in parts),
+         *tone_findings(axes), *length_remarks(axes, summary)),
+        tuple(RecordingPart(
+            part.path, part.result.source.start_time, part.result.timeline.duration_s,
+            {name: axis.mean for name, axis in part.result.axes.items()
+             if axis.mean is not None}) for part in parts),
         spread)
 
 
@@ -228,40 +237,29 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     """Keep what was wrong with an axis in one recording, though the others give its numbers."""
     if axis.constant:
         return axis
-    still, start = axis.stood_still, 0.0
-    for part in parts:
-        own, length = part.result.axes[name], part.result.timeline.duration_s
-        span = Span(0.0, length) if own.constant else own.stood_still
+    each, still = [part.result.axes[name] for part in parts], axis.stood_still
+    for part, own in zip(parts, each, strict=True):
+        span = Span(0.0, part.result.timeline.duration_s) if own.constant else own.stood_still
         if span is not None and still is None:
-            still = Span(start + span.start_s, span.duration_s)
-        start += length
-    ends = [end for part in parts if (end := part.result.axes[name].saturated) is not None]
-    bands = [band for part in parts if (band := part.result.axes[name].deadband) is not None]
+            still = replace(span, start_s=part.start_s + span.start_s)
     return replace(axis, stood_still=still,
-                   saturated=max(ends, key=lambda end: end.share, default=axis.saturated),
-                   deadband=max(bands, key=lambda band: band.share, default=axis.deadband),
-                   copy_of=next((of for part in parts if (
-                       of := part.result.axes[name].copy_of) is not None), axis.copy_of))
+                   saturated=max((own.saturated for own in each if own.saturated is not None),
+                                 key=lambda end: end.share, default=axis.saturated),
+                   deadband=max((own.deadband for own in each if own.deadband is not None),
+                                key=lambda band: band.share, default=axis.deadband),
+                   copy_of=next((own.copy_of for own in each if own.copy_of is not None),
+                                axis.copy_of))
 
 
-def _timeline(timelines: Sequence[Timeline], rate_hz: float) -> Timeline:
+def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
     """Add up what was seen; spans count on from recording to recording."""
-    def shifted(name: str) -> tuple[Span, ...]:
-        spans, start = [], 0.0
-        for timeline in timelines:
-            spans += [Span(start + span.start_s, span.duration_s)
-                      for span in getattr(timeline, name)]
-            start += timeline.duration_s
-        return tuple(spans)
-
+    timelines = [part.result.timeline for part in parts]
     counts = {name: sum(getattr(timeline, name) for timeline in timelines) for name in (
         'samples', 'duration_s', 'missing', 'duplicates', 'out_of_order', 'rejected')}
-    return Timeline(sample_rate_hz=rate_hz, gaps=shifted('gaps'), motion=shifted('motion'),
-                    **counts)
-
-
-def _means(part: _Part) -> dict[str, float]:
-    return {name: axis.mean for name, axis in part.result.axes.items() if axis.mean is not None}
+    gaps, motion = (
+        tuple(replace(span, start_s=part.start_s + span.start_s) for part in parts
+              for span in getattr(part.result.timeline, name)) for name in ('gaps', 'motion'))
+    return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion, **counts)
 
 
 def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
@@ -279,20 +277,16 @@ def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Fin
 
 def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
     """Lay the segments of all records end to end; steady is what is so in each of them."""
-    found, segments, start = [], [], 0.0
-    for part in parts:
-        own = part.result.axes[name].stationarity
-        if own is not None:
-            found.append(own)
-            segments += [replace(segment, start_s=start + segment.start_s)
-                         for segment in own.segments]
-        start += part.result.timeline.duration_s
+    found = [(part.start_s, own) for part in parts
+             if (own := part.result.axes[name].stationarity) is not None]
     if not found:
         return None
-    tests = [own.p_value for own in found if own.p_value is not None]
+    tests = [own.p_value for _, own in found if own.p_value is not None]
     # Of several tests the smallest probability, times their number (Bonferroni).
-    return Stationarity(all(own.steady for own in found),
-                        min(1.0, len(tests) * min(tests)) if tests else None, tuple(segments))
+    return Stationarity(
+        all(own.steady for _, own in found), min(1.0, len(tests) * min(tests)) if tests else None,
+        tuple(replace(segment, start_s=start_s + segment.start_s)
+              for start_s, own in found for segment in own.segments))
 
 
 # ----------------------------------------------------------------------- what differs between them
@@ -312,39 +306,31 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
     return spread
 
 
-def _turn_on_remarks(spread: Mapping[str, TurnOnBias], axes: Mapping[str, AxisResult]
-                     ) -> list[Finding]:
-    remarks = []
-    for name, found in spread.items():
-        if found.sigma > 0 and found.ci95[0] > 0:
-            remarks.append(finding('turn_on_bias', (name,), sigma=found.sigma,
-                                   sigma_low=found.ci95[0], sigma_high=found.ci95[1],
-                                   unit=axes[name].unit))
-    return remarks
-
-
 def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
     """Enter the spread between recordings; where they contradict each other intervals widen."""
     coefficients = dict(axis.coefficients)
     for key in LASTING_TERMS:
-        values, errors = _logarithms(name, key, parts)
         found = coefficients[key]
         value = found.value
         if value is None or found.ci95 is None:
             continue
-        coefficients[key] = found = with_between(found, name, key, parts)
-        if len(values) < 2:
-            continue
-        between = random_effects(list(values.values()), list(errors.values())).between
-        coefficients[key] = replace(_widened(found, values, errors),
-                                    between=value * between)
+        # The joint likelihood does not know what a coefficient changes by in each record.
+        if variance := variance_within(name, key, parts):
+            found = widened_interval(found, variance=variance)
+        _, values, errors = _shown(name, key, parts)
+        if len(values) > 1:
+            between = random_effects(values, errors).between
+            q, free = q_statistic(values, errors), len(values) - 1
+            if _survival(q, free) <= _CONTRADICTION:
+                # Birge's ratio: as wide as the scatter of the recordings says at least.
+                found = widened_interval(found, factor=sqrt(q / free))
+            found = replace(found, between=value * between)
+        coefficients[key] = found
     return replace(axis, coefficients=coefficients)
 
 
-def with_between(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> Coefficient:
-    """Add what a coefficient changes by in each record: the joint likelihood does not know it."""
-    assert found.value is not None
-    assert found.ci95 is not None
+def variance_within(name: str, key: str, parts: Sequence[_Part]) -> float:
+    """Relative variance that changes within the records leave in the mean of all."""
     whole = sum(part.result.timeline.duration_s for part in parts)
     variance = 0.0
     for part in parts:
@@ -352,28 +338,21 @@ def with_between(found: Coefficient, name: str, key: str, parts: Sequence[_Part]
         if own.value and own.between:
             share = part.result.timeline.duration_s / whole
             variance += (share * own.between / own.value)**2
-    if not variance:
-        return found
-    # An interval that begins at 0 cannot begin lower.
-    low, high = (found.value * exp(sign * sqrt(log(bound / found.value)**2
-                                               + NORMAL95**2 * variance)) if bound > 0 else bound
-                 for sign, bound in zip((-1, 1), found.ci95, strict=True))
-    return replace(found, ci95=(low, high))
+    return variance
 
 
-def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[str, float]
-             ) -> Coefficient:
-    """Birge's ratio: an interval is as wide as the scatter of the recordings says at least."""
+def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 0.0
+                     ) -> Coefficient:
+    """Move the ends of an interval away from its value, in logarithms."""
     assert found.value is not None
     assert found.ci95 is not None
-    q = q_statistic(list(values.values()), list(errors.values()))
-    free = len(values) - 1
-    if _survival(q, free) > _CONTRADICTION:
-        return found
-    factor = sqrt(q / free)
-    low, high = (found.value * exp(factor * log(bound / found.value)) if bound > 0 else bound
-                 for bound in found.ci95)
-    return replace(found, ci95=(low, high))
+    ends = []
+    for sign, bound in zip((-1, 1), found.ci95, strict=True):
+        # An interval that begins at 0 cannot begin lower.
+        far = abs(log(bound / found.value)) if bound > 0 else inf
+        far = sqrt(far**2 + NORMAL95**2 * variance) if variance else factor * far
+        ends.append(found.value * exp(sign * far))
+    return replace(found, ci95=(ends[0], ends[1]))
 
 
 def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
@@ -381,43 +360,40 @@ def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> l
     remarks = []
     compared = [(name, key) for name in axes for key in LASTING_TERMS]
     for name, key in compared:
-        values, errors = _logarithms(name, key, parts)
-        if len(values) < 2:
+        paths, values, errors = _shown(name, key, parts)
+        if len(values) < 2 or _survival(q_statistic(values, errors), len(values) - 1
+                                        ) > _CONTRADICTION / len(compared):
             continue
-        q = q_statistic(list(values.values()), list(errors.values()))
-        if _survival(q, len(values) - 1) > _CONTRADICTION / len(compared):
-            continue
-        odd = max(values, key=lambda path: _distance(path, values, errors))
-        others = [path for path in values if path != odd]
-        weights = [errors[path]**-2 for path in others]
-        usual = exp(float(np.average([values[path] for path in others], weights=weights)))
+        every = np.arange(len(values))
+        usual = [_weighted_mean(values[every != one], errors[every != one]) for one in every]
+        odd = int(np.argmax([abs(value - mean) / sqrt(error**2 + of_mean**2) for value, error, (
+            mean, of_mean) in zip(values, errors, usual, strict=True)]))
         remarks.append(finding(
             'recordings_disagree', (name,), coefficient=key, value=exp(values[odd]),
-            of_recording=odd, usual_value=usual, others=others,
+            of_recording=paths[odd], usual_value=exp(usual[odd][0]),
+            others=[path for path in paths if path != paths[odd]],
             unit=TERMS[key].unit(AXES[name])))
     return remarks
 
 
-def _logarithms(name: str, key: str, parts: Sequence[_Part]
-                ) -> tuple[dict[str, float], dict[str, float]]:
-    """Logarithm of a coefficient and its error, by path, of the recordings that show it."""
-    values, errors = {}, {}
+def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Array, Array]:
+    """Paths of the recordings that show a coefficient, its logarithm and the error of that."""
+    paths, values, errors = [], [], []
     for part in parts:
         found = part.result.axes[name].coefficients[key]
         if found.value is not None and found.ci95 is not None and found.value > 0:
             low, high = found.ci95
-            values[part.path] = log(found.value)
             half = log(high / low) / 2 if low > 0 else log(high / found.value)
-            errors[part.path] = half / NORMAL95
-    return values, errors
+            paths.append(part.path)
+            values.append(log(found.value))
+            errors.append(half / NORMAL95)
+    return paths, np.array(values), np.array(errors)
 
 
-def _distance(path: str, values: Mapping[str, float], errors: Mapping[str, float]) -> float:
-    """How far a recording lies from the others, in units of the errors."""
-    others = [other for other in values if other != path]
-    weights = np.array([max(errors[other], 1e-12)**-2 for other in others])
-    mean = float(np.average([values[other] for other in others], weights=weights))
-    return abs(values[path] - mean) / sqrt(errors[path]**2 + 1 / float(weights.sum()))
+def _weighted_mean(values: Array, errors: Array) -> tuple[float, float]:
+    """Return the mean of some values, and its error."""
+    weights = np.maximum(errors, 1e-12)**-2.0
+    return float(np.average(values, weights=weights)), float(weights.sum())**-0.5
 
 
 def _survival(q: float, free: int) -> float:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
-from imu_allan.characterization.axis import axis_results, bounded, unsteady, widened
+from imu_allan.characterization.axis import axis_results, bounded, widened
 from imu_allan.characterization.findings import (
     halves_remarks,
     length_remarks,
@@ -421,5 +421,8 @@ def _fitted_group(group: FinishedGroup, rate_hz: float, tested: Backtests | None
     found += own
     for name, remark in halves_remarks(steady).items():
         found.append(remark.of(name))
-        axes[name] = unsteady(axes[name])
+        # Its intervals stay as they are: it is drift over a filter's horizon that differs, of
+        # which no coefficient alone speaks.
+        if (parts := axes[name].stationarity) is not None:
+            axes[name] = replace(axes[name], stationarity=replace(parts, steady=False))
     return axes, found, dict(zip(names, fits, strict=True))

@@ -24,6 +24,7 @@ from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.pyramid import OVERLAP
 from imu_allan.noise.terms import power_law_avar
+from imu_allan.result import PowerLaw
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -131,7 +132,7 @@ def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
 
 
 def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
-        dt: float, power_law: tuple[float, float] | None = None) -> float:
+        dt: float, power_law: PowerLaw | None = None) -> float:
     """
     Equivalent degrees of freedom of an Allan variance: equation (5) of docs/statistics.md.
 
@@ -148,8 +149,8 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
         How many second differences were averaged.
     dt : float
         Sample interval in seconds.
-    power_law : (float, float), optional
-        Amplitude and exponent of slow noise that is no flicker.
+    power_law : PowerLaw, optional
+        Slow noise that is no flicker.
 
     Returns
     -------
@@ -175,10 +176,10 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     table = _difference_covariance(size // shared, stride // shared, 1 << (lags - 1).bit_length())
     r = squares @ table[:, :lags]
     if power_law is not None:
-        amplitude, exponent = power_law
-        own = _power_law_covariance(np.arange(lags, dtype=np.float64) * stride / size, exponent)
+        own = _power_law_covariance(np.arange(lags, dtype=np.float64) * stride / size,
+                                    power_law.exponent)
         # The variance of a difference is 2 tau^2 times the Allan variance.
-        own *= 2 * tau**2 * power_law_avar(amplitude, exponent, tau) / own[0]
+        own *= 2 * tau**2 * power_law_avar(power_law.amplitude, power_law.exponent, tau) / own[0]
         r = r + own
     weight = (count - np.arange(lags)) * 2.0
     weight[0] = count

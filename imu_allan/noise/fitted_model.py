@@ -15,7 +15,7 @@ from imu_allan.noise.terms import (
     power_law_avar,
     TERMS,
 )
-from imu_allan.result import AxisResult, Tone
+from imu_allan.result import AxisResult, GaussMarkov, PowerLaw, Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,12 +39,11 @@ class FittedModel:
         SI coefficient by key of `TERMS`; a missing key means zero.
     window_s : float or None
         Width of the boxcar that bends the white noise as the low-pass does.
-    processes : tuple of (float, float)
-        Standard deviation and correlation time of every Gauss-Markov process.
+    processes : tuple of GaussMarkov
     lines : tuple of Tone
         They stand in the Allan variance, but have no density.
-    power_law : (float, float) or None
-        Amplitude and exponent of slow noise that is no flicker.
+    power_law : PowerLaw or None
+        Slow noise that is no flicker.
 
     Examples
     --------
@@ -58,9 +57,9 @@ class FittedModel:
 
     coefficients: Mapping[str, float]
     window_s: float | None = None
-    processes: tuple[tuple[float, float], ...] = ()
+    processes: tuple[GaussMarkov, ...] = ()
     lines: tuple[Tone, ...] = ()
-    power_law: tuple[float, float] | None = None
+    power_law: PowerLaw | None = None
 
     def allan_variance(self, size: ArrayLike, dt: float) -> Array:
         """
@@ -86,12 +85,13 @@ class FittedModel:
         if self.window_s is not None:
             density = values.pop('noise_density', 0.0)
             total = total + low_passed_avar(density, self.window_s, size, dt)
-        for sigma, time in self.processes:
-            total = total + gauss_markov_avar(sigma, time, tau)
+        for process in self.processes:
+            total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
         for line in self.lines:
             total = total + line_avar(line.frequency_hz, line.amplitude, tau, line.lines)
         if self.power_law is not None:
-            total = total + power_law_avar(*self.power_law, tau)
+            total = total + power_law_avar(
+                self.power_law.amplitude, self.power_law.exponent, tau)
         return np.asarray(total + allan_variance(values, tau))
 
     def density(self, frequency_hz: ArrayLike, dt: float) -> Array:
@@ -119,11 +119,11 @@ class FittedModel:
                 if key == 'noise_density' and self.window_s is not None:
                     own = own * spectrum.low_pass(nu, self.window_s / dt)
                 total = total + own
-        for sigma, time in self.processes:
-            total = total + sigma**2 * dt * spectrum.gauss_markov(nu, dt, time)
-        if self.power_law is not None:
-            amplitude, exponent = self.power_law
-            total = total + amplitude**2 * dt * spectrum.power_law(nu, dt, exponent)
+        for process in self.processes:
+            total = total + process.sigma**2 * dt * spectrum.gauss_markov(
+                nu, dt, process.correlation_time_s)
+        if (law := self.power_law) is not None:
+            total = total + law.amplitude**2 * dt * spectrum.power_law(nu, dt, law.exponent)
         return total
 
 
@@ -139,10 +139,8 @@ def reported_model(axis: AxisResult) -> FittedModel:
               if found.observable and found.value is not None}
     if axis.high_passed_hz is not None or (not values and process is None and law is None):
         return FittedModel({})
-    return FittedModel(
-        values, axis.band_limit_s,
-        () if process is None else ((process.sigma, process.correlation_time_s),),
-        axis.all_tones, None if law is None else (law.amplitude, law.exponent))
+    return FittedModel(values, axis.band_limit_s, () if process is None else (process,),
+                       axis.all_tones, law)
 
 
 def hidden_avar(axis: AxisResult, tau: Array) -> Array:

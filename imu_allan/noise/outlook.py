@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Forecasts = dict[str, tuple[float | None, float | None]]
 
 _OBSERVABLE = 5.5
 """Likelihood ratio at which a slow term is likely enough to be reported."""
@@ -20,7 +21,7 @@ _SINGLE = 32
 
 
 def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
-            duration_s: float) -> dict[str, tuple[float | None, float | None]]:
+            duration_s: float) -> Forecasts:
     """
     Forecast further recording time.
 
@@ -43,7 +44,7 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
         (None where it is not observable). Forecasts end at 4096 times the record.
 
     """
-    found: dict[str, tuple[float | None, float | None]] = {}
+    found: Forecasts = {}
     theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
         return dict.fromkeys(LASTING_TERMS, (None, None))

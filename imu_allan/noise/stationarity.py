@@ -180,56 +180,17 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
         used -= 1  # a short rest says little about itself
     if used < 3:
         return None
-    axes = len(segments.power)
-    low = (_DEPTH - OCTAVES) * PER_OCTAVE
-    bands = low + segments.dof.shape[1]
-    power, dof = np.zeros((axes, used, bands)), np.zeros((used, bands))
-    power[:, :, low:] = segments.power[:, :used]
-    dof[:, low:] = segments.dof[:used]
-    about = [_slow_part(periodogram, number, power[:, number], dof[number])
-             for number in range(used)]
-    start, duration, mean, drift, drift_samples = (list(x) for x in zip(*about, strict=True))
-    seen = np.flatnonzero(dof.sum(axis=0))
-    frequency = 2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH)
-    dof = dof[:, seen]
-    return SegmentPowers(frequency, power[:, :, seen] / np.maximum(dof, 1), dof,
-                         np.array(duration), np.array(start), np.stack(mean, axis=1),
-                         np.stack(drift, axis=1), np.array(drift_samples))
-
-
-def _slow_part(periodogram: Periodogram, number: int, power: Array, dof: Array
-               ) -> tuple[float, float, Array, Array, float]:
-    """Add what is slower than a block; return start, samples, mean and drift of a segment."""
-    cell = periodogram.cell
-    cells = part_cells(periodogram, number, number + 1)
-    for points, _, _ in unbroken(cells, cell):
-        index = np.arange(_FIRST_INDEX, points.shape[1])
-        _add(power, dof, points, index, cell, min(HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
-    before = part_cells(periodogram, 0, number + 1).keys
-    start = float(end_to_end(before)[len(before) - len(cells)] * cell) if len(cells) else 0.0
-    return (start, *_part_means(cells))
-
-
-def _add(power: Array, dof: Array, points: Array, index: NDArray[np.int64], cell: int,
-         highest: float) -> None:
-    """Add the coefficients of points, means of `cell` samples, up to a frequency per sample."""
-    length = points.shape[1]
-    index = index[index / (2 * length * cell) < highest]
-    band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH))
-    squares = dct(points, norm='ortho')[:, index]**2
-    for axis, row in enumerate(squares):
-        power[axis] += np.bincount(band.astype(np.int64), row, len(dof))
-    dof += np.bincount(band.astype(np.int64), minlength=len(dof))
-
-
-def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
-    """Return samples, mean and drift of a part, and the samples of each of its 16 means."""
-    count = max(float(cells.counts.sum()), 1.0)
-    parts = np.array_split(np.arange(len(cells)), min(SEGMENT_PARTS, max(len(cells), 1)))
-    sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
-    counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
-    return (count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
-            count / len(parts))
+    cell, series = periodogram.cell, periodogram.series
+    table = _Table(segments.axes, used)
+    seen = np.arange(segments.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
+    table.power[:, :, seen], table.dof[:, seen] = segments.power[:, :used], segments.dof[:used]
+    parts = []
+    for number in range(used):
+        parts.append(part_cells(periodogram, number, number + 1))
+        # What is slower than a block.
+        for points, _, _ in unbroken(parts[-1], cell):
+            table.add(number, points, cell, min(HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
+    return table.powers(series, cell, parts)
 
 
 def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
@@ -249,35 +210,66 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
 
     """
     series, cell = periodogram.series, periodogram.cell
-    parts = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
-    if parts < 3:
+    count = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
+    if count < 3:
         return None
-    ends = np.linspace(0, len(series), parts + 1).astype(np.int64)
-    bands = _DEPTH * PER_OCTAVE
-    power, dof = np.zeros((len(series.sums), parts, bands)), np.zeros((parts, bands))
-    highest = 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell
-    for number, (first, last) in enumerate(pairwise(ends.tolist())):
-        cells = series.take(slice(first, last))
+    ends = np.linspace(0, len(series), count + 1).astype(np.int64)
+    parts = [series.take(slice(first, last)) for first, last in pairwise(ends.tolist())]
+    table = _Table(periodogram.axes, count)
+    for number, cells in enumerate(parts):
         # A line over a gap is no noise, and parts have more or fewer of them.
         whole = cells.counts == cell
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
             # Of white noise every coefficient is as good as any, however short the stretch.
-            index = np.arange(_FIRST_INDEX, points.shape[1])
-            if len(index):
-                _add(power[:, number], dof[number], points, index, cell, highest)
-    seen = np.flatnonzero(dof.sum(axis=0))
-    if not len(seen):
-        return None
-    frequency = 2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH)
-    dof = dof[:, seen]
-    starts = (end_to_end(series.keys)[ends[:-1]] * cell).astype(np.float64)
-    about = [_part_means(series.take(slice(first, last))) for first, last in pairwise(ends)]
-    count, mean, drift, drift_samples = (list(x) for x in zip(*about, strict=True))
-    return SegmentPowers(frequency, power[:, :, seen] / np.maximum(dof, 1), dof,
-                         np.array(count), starts,
-                         np.stack(mean, axis=1), np.stack(drift, axis=1),
-                         np.array(drift_samples))
+            table.add(number, points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell)
+    return table.powers(series, cell, parts) if table.dof.any() else None
+
+
+class _Table:
+    """Sums of power and degrees of freedom by part of a record and band."""
+
+    def __init__(self, axes: int, parts: int) -> None:
+        bands = _DEPTH * PER_OCTAVE
+        self.power, self.dof = np.zeros((axes, parts, bands)), np.zeros((parts, bands))
+
+    def add(self, part: int, points: Array, cell: int, highest: float) -> None:
+        """Add the coefficients of points, means of `cell` samples, up to a frequency a sample."""
+        length = points.shape[1]
+        index = np.arange(_FIRST_INDEX, length)
+        index = index[index / (2 * length * cell) < highest]
+        if not len(index):
+            return
+        band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH)
+                        ).astype(np.int64)
+        for axis, row in enumerate(dct(points, norm='ortho')[:, index]**2):
+            self.power[axis, part] += np.bincount(band, row, self.dof.shape[1])
+        self.dof[part] += np.bincount(band, minlength=self.dof.shape[1])
+
+    def powers(self, series: Cells, cell: int, parts: Sequence[Cells]) -> SegmentPowers:
+        """Return what is in the table, and what the means of the parts say."""
+        seen = np.flatnonzero(self.dof.sum(axis=0))
+        dof = self.dof[:, seen]
+        places = end_to_end(series.keys) * float(cell)
+        start = [places[np.searchsorted(series.keys, cells.keys[0])] if len(cells) else 0.0
+                 for cells in parts]
+        duration, mean, drift, drift_samples = (
+            list(column) for column in zip(*map(_part_means, parts), strict=True))
+        return SegmentPowers(
+            2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH),
+            self.power[:, :, seen] / np.maximum(dof, 1), dof, np.array(duration),
+            np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
+            np.array(drift_samples))
+
+
+def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
+    """Return samples, mean and drift of a part, and the samples of each of its 16 means."""
+    count = max(float(cells.counts.sum()), 1.0)
+    parts = np.array_split(np.arange(len(cells)), min(SEGMENT_PARTS, max(len(cells), 1)))
+    sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
+    counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
+    return (count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
+            count / len(parts))
 
 
 def steadiness(powers: SegmentPowers, axis: int, dt: float,

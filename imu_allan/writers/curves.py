@@ -378,9 +378,9 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
         found.append((line, int(np.argmax(line)), [
             f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
             f'correlated over {duration(process.correlation_time_s)}']))
-    if axis.power_law is not None and (law := reported_model(axis).power_law) is not None:
-        found.append((np.sqrt(power_law_avar(*law, tau)), len(tau) // 2, [
-            f'1/f to the power of {axis.power_law.exponent:.2f}', 'no flicker']))
+    if (law := reported_model(axis).power_law) is not None:
+        found.append((np.sqrt(power_law_avar(law.amplitude, law.exponent, tau)), len(tau) // 2, [
+            f'1/f to the power of {law.exponent:.2f}', 'no flicker']))
     return found
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import joint_result, with_between
+from imu_allan.characterization.joint import joint_result, variance_within, widened_interval
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import flicker
@@ -348,7 +348,8 @@ def test_parts_that_contradict_each_other_widen_an_interval_that_begins_at_zero(
     night = SimpleNamespace(result=SimpleNamespace(
         timeline=joint.timeline, axes={'gyro_x': SimpleNamespace(
             coefficients={'bias_instability': replace(flicker, between=0.6)})}))
-    found = with_between(flicker, 'gyro_x', 'bias_instability', [night, night])
+    found = widened_interval(flicker, variance=variance_within(
+        'gyro_x', 'bias_instability', [night, night]))
     assert found.ci95[1] > 1.55
     assert found.ci95[0] == 0.0 if low == 0 else found.ci95[0] < 0.48
 

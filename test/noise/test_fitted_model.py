@@ -4,6 +4,7 @@
 
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.simulate import simulate
+from imu_allan.result import GaussMarkov
 import numpy as np
 import pytest
 from scipy.signal import lfilter, welch
@@ -13,7 +14,8 @@ MODELS = {
     'terms': FittedModel({'quantization_noise': 2e-5, 'noise_density': 1e-3,
                           'bias_instability': 2e-3, 'rate_random_walk': 1e-3}),
     'low-pass': FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, 0.075),
-    'process': FittedModel({'noise_density': 1e-3}, None, ((1e-3, 0.5), (3e-3, 20.0))),
+    'processes': FittedModel({'noise_density': 1e-3}, None,
+                             (GaussMarkov(1e-3, 0.5), GaussMarkov(3e-3, 20.0))),
 }
 
 

@@ -10,6 +10,7 @@ from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
+from imu_allan.result import PowerLaw
 import numpy as np
 import pytest
 from repeated import slow
@@ -52,15 +53,13 @@ def test_a_drawn_power_law_has_its_allan_variance(exponent):
 
 @pytest.mark.parametrize(('exponent', 'key'), [(1.0, 'bias_instability'),
                                                (2.0, 'rate_random_walk')])
-def test_degrees_of_freedom_of_a_power_law_are_those_of_the_term_that_it_is(exponent, key):
+def test_a_power_law_with_the_exponent_of_a_term_has_its_curve_and_spectrum(exponent, key):
+    law = PowerLaw(exponent, (exponent, exponent), 1e-4 / (2 * np.pi)**exponent)
     for size in (1, 8, 1024):
-        own = edf({'noise_density': 1e-3}, size, 1, 5000, DT, (1e-2, exponent))
+        own = edf({'noise_density': 1e-3}, size, 1, 5000, DT, law)
         assert own == pytest.approx(edf({'noise_density': 1e-3, key: 1e-2}, size, 1, 5000, DT))
-
-
-def test_a_model_with_a_power_law_has_one_density_and_allan_variance():
-    model = FittedModel({'noise_density': 1e-3}, power_law=(2e-3, 1.0))
-    same = FittedModel({'noise_density': 1e-3, 'bias_instability': 2e-3})
+    model = FittedModel({'noise_density': 1e-3}, power_law=law)
+    same = FittedModel({'noise_density': 1e-3, key: 1e-2})
     np.testing.assert_allclose(model.density([0.01, 1, 40], DT), same.density([0.01, 1, 40], DT))
     np.testing.assert_allclose(model.allan_variance([1, 99], DT), same.allan_variance([1, 99], DT))
 
