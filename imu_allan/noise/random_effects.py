@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.minimum import lowest_near
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtri, log_ndtr, ndtri
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Effects:
 
     def percentile(self, share: float) -> float:
         """Value below which `share` of all units lie."""
-        return self.mean + _normal_quantile(share) * self.between
+        return self.mean + float(ndtri(share)) * self.between
 
     def tolerance(self, share: float = 0.95, confidence: float = 0.95) -> float:
         """
@@ -99,13 +99,13 @@ class Effects:
         """
         from scipy.stats import nct
 
-        z, shares = _normal_quantile(share), self._shares
+        z, shares = float(ndtri(share)), self._shares
         free, weight = float(np.sum(shares**2)) - 1, float(np.sum(shares))
         if free < _FEWEST_FREE:
             spread = max(self.between_ci95[1], self.between)
             weights = 1 / np.maximum(spread**2 + self.errors**2, 1e-300)
             error = 1 / np.sqrt(float(np.sum(weights)))
-            return float(self.mean + _normal_quantile(confidence) * error + z * spread)
+            return float(self.mean + ndtri(confidence) * error + z * spread)
         factor = float(nct.ppf(confidence, free, z * np.sqrt(weight))) / np.sqrt(weight)
         return float(self.mean + factor * self.between)
 
@@ -146,10 +146,15 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     spreads = scatter * np.geomspace(_FINEST, 10.0, _STEPS)
     profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
     best = int(np.argmin(profile))
-    spread = float(np.exp(lowest_near(lambda log: _best_mean(y, e, u, float(np.exp(log)))[1],
-                                      np.log(spreads), best, 1e-4)[0]))
     # A spread at the lower end of what was tried is none.
-    spread = 0.0 if best == 0 else spread
+    spread = 0.0
+    if best > 0:
+        from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
+
+        around = np.log(spreads[[best - 1, min(best + 1, _STEPS - 1)]])
+        spread = float(np.exp(minimize_scalar(
+            lambda log: _best_mean(y, e, u, float(np.exp(log)))[1], bounds=tuple(around),
+            method='bounded', options={'xatol': 1e-4}).x))
     low, high = _interval(y, e, scatter)
     if high == 0 and np.any(e > 0):
         # Less scatter than the errors make in 39 of 40 populations: Q leaves no spread, but that
@@ -188,7 +193,6 @@ def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> fl
 def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
     """Spreads under which the square sum would be neither too large nor too small by chance."""
     from scipy.optimize import brentq
-    from scipy.special import chdtri
 
     def end(probability: float) -> float:
         wanted = float(chdtri(len(y) - 1, probability))
@@ -222,7 +226,6 @@ def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, floa
     if not len(u):
         return mean, _loss(y, variance, mean)
     from scipy.optimize import minimize_scalar
-    from scipy.special import log_ndtr
 
     # A bound has no error of its own: that of the typical unit stands in.
     deviation = np.sqrt(spread**2 + float(np.median(e))**2) or 1e-300
@@ -288,9 +291,3 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
             break
     found[taken[:last]] = True
     return found
-
-
-def _normal_quantile(share: float) -> float:
-    from scipy.special import ndtri
-
-    return float(ndtri(share))

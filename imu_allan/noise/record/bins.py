@@ -3,7 +3,7 @@
 """The spectrum of a record, frequency by frequency, and what each term would give there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
@@ -105,20 +105,18 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
         step = piece.step * dt
         shapes = _block_shapes if piece.coefficients is None else _shapes
         flicker, walk, s2 = shapes(piece.length, piece.first, piece.last)
-        index = np.arange(piece.first, piece.last)
+        index, part = np.arange(piece.first, piece.last), slice(piece.first, piece.last)
         white = np.full(len(s2), 1 / step)
         if piece.gaps.white is not None:
-            white *= piece.gaps.white[piece.first:piece.last]
+            white *= piece.gaps.white[part]
         if piece.gaps.flicker is not None and piece.gaps.walk is not None:
-            flicker = flicker * piece.gaps.flicker[piece.first:piece.last]
-            walk = walk * piece.gaps.walk[piece.first:piece.last]
+            flicker, walk = flicker * piece.gaps.flicker[part], walk * piece.gaps.walk[part]
         bridged = bridges.white_power(piece.length, piece.step)
         if bridged is not None:
-            white *= bridged[piece.first:piece.last]
+            white *= bridged[part]
         # The second part of the first column is what both ends of a block leak.
         quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
         design = np.stack((quantized, white, flicker, step * walk), axis=1)
-        part = slice(piece.first, piece.last)
         ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
         if piece.coefficients is None:
             signed, squared = np.zeros((len(piece.power), len(index))), -ramp**2
@@ -126,14 +124,11 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
             signed, squared = piece.coefficients[:, part], ramp**2
         # What stands in for missing samples adds nothing new; means of many hardly hold any.
         known = 1 - max(piece.gaps.filled, bridges.share if piece.step == 1 else 0.0)
-        parts.append((index / (2 * piece.length * step), np.full(len(index), known * piece.blocks),
-                      piece.power[:, part], design, signed * ramp, signed, squared,
-                      np.full(len(index), piece.coefficients is not None),
-                      np.full(len(index), number), index))
-    frequency, dof, power, design, cross, signed_, squared_, whole, number_, index_ = zip(
-        *parts, strict=True)
-    return Bins(np.concatenate(frequency), np.concatenate(dof).astype(np.float64),
-                np.concatenate(power, axis=1), np.concatenate(design),
-                np.concatenate(cross, axis=1), np.concatenate(signed_, axis=1),
-                np.concatenate(squared_), np.concatenate(whole),
-                np.concatenate(number_), np.concatenate(index_))
+        parts.append(Bins(
+            index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
+            piece.power[:, part], design, signed * ramp, signed, squared,
+            np.full(len(index), piece.coefficients is not None), np.full(len(index), number),
+            index))
+    return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
+                                 axis=int(field.name in ('power', 'cross', 'coefficient')))
+                  for field in fields(Bins)))

@@ -140,18 +140,16 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
         folded = np.where(twice <= span, transform[np.minimum(twice, span)],
                           -transform[np.clip(2 * span - twice, 0, span)])
         return Gaps(0.0, (variance.sum() + folded) / span)
-    index = np.unique(np.concatenate([
-        np.arange(min(_EXACT, span)),
-        np.geomspace(_EXACT, span - 1, max(int(_PER_OCTAVE * np.log2(span / _EXACT)), 2)
-                     ).astype(np.int64) if span > _EXACT else np.arange(0)]))
+    index = np.arange(min(_EXACT, span))
+    if span > _EXACT:
+        some = max(int(_PER_OCTAVE * np.log2(span / _EXACT)), 2)
+        index = np.union1d(index, np.geomspace(_EXACT, span - 1, some).astype(np.int64))
     waves = np.exp(1j * np.pi / span * index[:, None] * (np.arange(span) + 0.5))
     weights = waves[:, places]
     for bridge in _bridges(places):
         part = waves[:, bridge.first:bridge.last]
         for side, share in ((bridge.left, 1 - bridge.share), (bridge.right, bridge.share)):
-            weights[:, side] += (part @ share)[:, None] / (side.stop - side.start
-                                                           if side.stop <= len(places)
-                                                           else len(places) - side.start)
+            weights[:, side] += (part @ share)[:, None] / weights[:, side].shape[1]
     power = (np.abs(weights) ** 2) @ variance / span
     single = index < _EXACT
     power[single] = 2 * (weights.real[single] ** 2) @ variance / span
@@ -160,8 +158,8 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     there[:, places] = weights.real
     slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
     # A single index above meets the pattern of gaps in phase or not; about it they even out.
-    slow[:, ~single] = uniform_filter1d(slow[:, ~single], _EVENED, mode='nearest') \
-        if (~single).any() else slow[:, ~single]
+    if span > _EXACT:
+        slow[:, ~single] = uniform_filter1d(slow[:, ~single], _EVENED, mode='nearest')
     slow[:, 0] = slow[:, 1]
     return Gaps(1 - len(cells) / span, np.interp(every, index, power),
                 np.interp(every, index, slow[0]), np.interp(every, index, slow[1]))

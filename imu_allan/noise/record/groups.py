@@ -9,7 +9,7 @@ record stay single. What may move the mean beside noise, a ramp and other regres
 as products with the coefficients, and only of the whole record: the blocks know no sign.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from imu_allan.noise.record.bins import Bins
@@ -67,11 +67,8 @@ class Groups:
 
     def taken(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
         """Return some of the groups, by mask or in an order."""
-        return Groups(self.frequency[which], self.dof[which], self.power[which],
-                      self.design[which], self.cross[which], self.ramp[which],
-                      None if self.along is None else self.along[which],
-                      None if self.among is None else self.among[which],
-                      None if self.record is None else self.record[which])
+        return replace(self, **{name: part[which] for name, part in vars(self).items()
+                                if part is not None})
 
     def widened(self, regressors: int) -> 'Groups':
         """Return the same groups with more regressors, which are nothing."""
@@ -84,10 +81,6 @@ class Groups:
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
         return replace(self, design=design)
-
-
-Spectra = Callable[[], Sequence[Groups]]
-"""Gives the spectra of parts of a record, where they are asked for."""
 
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
