@@ -5,6 +5,7 @@
 from dataclasses import replace
 import tracemalloc
 
+from characterized import characterized
 from imu_allan.characterization.axis import (
     axis_results,
     bounded,
@@ -15,8 +16,8 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.faults.axis_fault import sample_noise
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import allan_variance, AXES, Quantity, TERMS
-from imu_allan.result import Coefficient, Curve, GoodnessOfFit
+from imu_allan.noise.terms import allan_variance, Quantity, TERMS
+from imu_allan.result import Coefficient, GoodnessOfFit
 import numpy as np
 import pytest
 from repeated import slow
@@ -43,13 +44,6 @@ def test_model_follows_the_curve_of_low_passed_noise_at_every_averaging_time(wid
     np.testing.assert_allclose(ratio[~fitted], 1, atol=0.2)
 
 
-def test_a_filter_is_told_and_white_noise_has_none():
-    whole = characterize(WHITE, RATE)
-    assert (whole.band_limit_s, whole.band_edge_hz) == (None, None)
-    bent = characterize(lfilter(np.ones(40) / 40, [1.0], WHITE)[40:], RATE)
-    assert bent.band_limit_s is not None
-
-
 def reported_avar(axis):
     values = {key: found.value for key, found in axis.coefficients.items() if found.observable}
     return allan_variance(values, np.array(axis.curve.tau_s))
@@ -61,13 +55,9 @@ def test_model_is_that_of_the_coefficients_and_describes_the_curve():
     assert axis.coefficients['rate_random_walk'].observable
     np.testing.assert_allclose(np.array(axis.curve.model_adev)**2, reported_avar(axis))
     np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.1)
-
-
-def test_no_walk_that_the_table_does_not_report_is_in_the_model():
-    model = {'noise_density': 1e-3, 'bias_instability': 3e-3, 'rate_random_walk': 3e-3}
-    axis = bounded(characterize(simulate(model, 300_000, RATE, seed=3), RATE))
-    assert not axis.coefficients['rate_random_walk'].observable
-    np.testing.assert_allclose(np.array(axis.curve.model_adev)**2, reported_avar(axis))
+    without = bounded(axis)
+    assert not without.coefficients['rate_random_walk'].observable
+    np.testing.assert_allclose(np.array(without.curve.model_adev)**2, reported_avar(without))
 
 
 def test_no_drift_that_the_table_does_not_report_is_in_the_model():
@@ -87,16 +77,13 @@ def test_model_holds_the_line_that_was_left_out_of_the_fit():
     np.testing.assert_allclose(model_over_curve(axis)[:8], 1, atol=0.1)
 
 
-def test_a_constant_axis_has_no_drift_model():
-    assert characterize(np.full(1000, 0.5), RATE).drift_model is None
-    assert characterize(WHITE[:20], RATE).drift_model is None
-
-
 def test_model_holds_the_gauss_markov_process():
-    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 5.0}}
-    axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
-    assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.1)
-    assert axis.gauss_markov.correlation_time_s == pytest.approx(5.0, rel=0.2)
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    axis = characterize(simulate(model, 500_000, RATE, seed=2), RATE)
+    assert axis.gauss_markov.sigma == pytest.approx(2e-3, rel=0.1)
+    assert axis.gauss_markov.correlation_time_s == pytest.approx(1.0, rel=0.2)
+    assert not axis.coefficients['bias_instability'].observable
+    assert axis.coefficients['noise_density'].value == pytest.approx(1e-3, rel=0.01)
     np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.05)
 
 
@@ -142,33 +129,35 @@ def test_noise_of_a_sample_is_its_standard_deviation_about_its_neighbours():
     assert sample_noise(Estimator(2)).tolist() == [0, 0]
 
 
-def remarks_of(samples):
-    estimator = Estimator()
-    estimator.update(samples)
-    [(axis, remarks)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
-    return axis, {remark.code: remark.values for remark in remarks}
-
-
 def test_what_is_worth_telling_has_its_code():
-    assert remarks_of(WHITE)[1] == {}
-    assert set(remarks_of(lfilter(np.ones(8) / 8, [1.0], WHITE))[1]) == {'band_limited'}
-    steps = remarks_of(np.round(WHITE / 0.03) * 0.03)[1]
+    assert characterized(WHITE, RATE)[1] == {}
+    [(code, told)] = characterized(lfilter(np.ones(8) / 8, [1.0], WHITE), RATE)[1].items()
+    assert (code, list(told)) == ('band_limited', ['window_s'])
+    steps = characterized(np.round(WHITE / 0.03) * 0.03, RATE)[1]
     assert steps['coarse_resolution'] == {
         'step': pytest.approx(0.03), 'unit': 'rad/s', 'ratio': pytest.approx(3.0, rel=0.1)}
-    assert set(remarks_of(np.cumsum(np.cumsum(WHITE)))[1]) >= {'poor_fit'}
+    assert set(characterized(np.cumsum(np.cumsum(WHITE)), RATE)[1]) >= {'poor_fit'}
     markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
-    assert set(remarks_of(simulate(markov, 300_000, RATE, seed=3))[1]) == {'gauss_markov'}
-    axis, remarks = remarks_of(np.full(1000, 2.0))
-    assert remarks == {'constant_axis': {'value': 2.0, 'unit': 'rad/s'}}
-    assert set(axis.curve.adev) == {0.0}
+    assert set(characterized(simulate(markov, 300_000, RATE, seed=3), RATE)[1]) == {'gauss_markov'}
 
 
-@pytest.mark.parametrize('samples', [[], [1.0]])
-def test_without_a_second_difference_there_is_no_curve(samples):
-    axis = characterize(samples, RATE)
-    assert axis.curve == Curve((), (), (), (), (), ())
-    assert axis.mean == (None if not samples else np.mean(samples))
+@pytest.mark.parametrize('samples', [np.full(1000, 2.0), [], [1.0], WHITE[:2], WHITE[:40],
+                                     np.arange(63) % 3 * 1.0])
+def test_an_axis_that_is_constant_or_too_short_has_a_curve_at_most(samples):
+    axis, remarks = characterized(samples, RATE)
+    constant = len({*samples}) == 1
+    assert remarks == ({'constant_axis': {'value': samples[0], 'unit': 'rad/s'}} if constant
+                       else {})
+    assert len(axis.curve.tau_s) == max(len(samples), 1).bit_length() - 1
+    assert all(low <= at <= high for at, (low, high) in zip(
+        axis.curve.adev, axis.curve.ci95, strict=True))
+    assert {0.0}.issuperset(axis.curve.adev) == (constant or not len(samples))
+    assert {0.0}.issuperset(axis.curve.model_adev)
+    assert axis.mean == (pytest.approx(np.mean(samples)) if len(samples) else None)
+    assert (axis.spectrum, axis.drift_model) == (None, None)
     assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
+    assert not any(one.observable or one.value or one.upper95
+                   for one in axis.coefficients.values())
 
 
 def test_an_axis_that_stands_still_beside_others_is_told():
@@ -195,19 +184,6 @@ def test_fits_of_a_growing_record_hold_no_memory(lengths, settled, before):
     tracemalloc.stop()
     # One array of each length, kept, would be 1.7 MB.
     assert max(kept[before:]) < max(kept[settled:before]) + 500_000
-
-
-def test_too_short_a_record_has_a_curve_and_no_coefficient():
-    axis, remarks = remarks_of(WHITE[:40])
-    assert remarks == {}
-    assert axis.curve.tau_s == (0.01, 0.02, 0.04, 0.08, 0.16)
-    assert all(0 < low < at < high for at, (low, high) in zip(axis.curve.adev, axis.curve.ci95,
-                                                              strict=True))
-    assert set(axis.curve.model_adev) == {0.0}
-    assert axis.spectrum is None
-    assert not axis.goodness_of_fit.acceptable
-    assert not any(one.observable or one.value or one.upper95
-                   for one in axis.coefficients.values())
 
 
 @pytest.mark.parametrize(('start', 'stop'), [(30_000, 60_000), (0, 20_000), (24_000, 30_000),
@@ -242,54 +218,35 @@ def test_the_model_describes_records_of_a_hundred_samples():
     assert np.mean(misfits) <= 0.05
 
 
-def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
+@pytest.mark.parametrize(('size', 'at', 'walk'), [
+    (10, 4000, 1.6e-6), *((size, 2000, walk) for size in (30, 100) for walk in (0.0, 4.8e-6))])
+def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk(size, at, walk):
+    small = size == 10
     samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
-                        'rate_random_walk': 1.6e-6}, 72_000, 10.0, seed=7)
-    samples[40_000:] += 4.8e-4
-    estimator = Estimator()
-    estimator.update(samples)
-    quantity = AXES['gyro_x']
-    [(axis, remarks)] = axis_results(estimator, 10.0, [quantity])
-    walk = axis.coefficients['rate_random_walk']
-    assert not walk.observable
-    assert 1.6e-6 < walk.upper95 < 3e-5
-    step, = (remark.values for remark in remarks if remark.code in ('bias_step', 'trend_or_walk'))
-    assert step['size'] == pytest.approx(4.5e-4, abs=0.5e-4)
-    assert step['after_s'] == pytest.approx(4000, abs=40)
-
-
-@pytest.mark.parametrize('size', [30, 100])
-@pytest.mark.parametrize('walk', [0.0, 4.8e-6])
-def test_a_step_so_large_that_no_walk_shows_beside_it_is_told(size, walk):
-    samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
-                        'rate_random_walk': walk}, 36_000, 10.0, seed=1)
-    samples[20_000:] += size * 4.8e-5
-    estimator = Estimator()
-    estimator.update(samples)
-    [(axis, remarks)] = axis_results(estimator, 10.0, [AXES['gyro_x']])
-    step, = (remark.values for remark in remarks if remark.code == 'bias_step')
-    assert step == {'size': pytest.approx(size * 4.8e-5, rel=0.1), 'unit': 'rad/s',
-                    'after_s': pytest.approx(2000, abs=60)}
+                        'rate_random_walk': walk}, 18 * at, 10.0, seed=7 if small else 1)
+    samples[10 * at:] += size * 4.8e-5
+    axis, remarks = characterized(samples, 10.0)
+    step = remarks['bias_step']
+    assert step == {'size': pytest.approx(size * 4.8e-5, abs=0.8e-4 if small else None, rel=0.1),
+                    'unit': 'rad/s', 'after_s': pytest.approx(at, abs=40 if small else 60)}
     found = axis.coefficients['rate_random_walk']
     assert not found.observable
     assert walk < found.upper95
+    assert not small or found.upper95 < 3e-5
     assert found.observable_in_s is None
 
 
-def test_an_error_that_is_no_chance_widens_the_interval_of_the_density():
+def test_an_error_that_is_no_chance_widens_the_interval_of_the_density_or_its_bound():
     axis = characterize(simulate({'noise_density': 1e-3}, 2000, 100.0, 1), 100.0)
     low, high = axis.coefficients['noise_density'].ci95
     # What is a quarter too low is three quarters of the truth.
     wide = widened(axis, too_low=0.25, too_high=0.6).coefficients['noise_density'].ci95
     assert wide == pytest.approx((low / 1.6, high / 0.75))
     assert widened(axis, 0.0, 0.0) is axis
-
-
-def test_a_density_that_may_be_too_low_has_a_higher_bound():
     density = Coefficient('N', 'rad/s/sqrt(Hz)', False, None, None, 2e-3)
-    axis = replace(characterize(WHITE[:2000], RATE), coefficients={'noise_density': density})
-    wide = widened(axis, too_low=0.25, too_high=0.6).coefficients['noise_density']
-    assert wide == replace(density, upper95=pytest.approx(2e-3 / 0.75))
+    unseen = replace(axis, coefficients={'noise_density': density})
+    found = widened(unseen, too_low=0.25, too_high=0.6).coefficients['noise_density']
+    assert found == replace(density, upper95=pytest.approx(2e-3 / 0.75))
 
 
 def test_what_becomes_a_bound_keeps_the_spread_between_parts():

@@ -40,36 +40,26 @@ def density_of(axis, *singles):
     return with_own_exponents(axis, singles).coefficients['noise_density']
 
 
-def test_one_recording_with_an_exponent_among_short_ones_differs_from_none(plain):
-    assert not exponents_differ(law(plain, 0.71), [law(plain, 0.7), *[plain] * 5])
-
-
-def test_flicker_beside_another_exponent_differs(plain):
+def test_which_exponents_of_recordings_are_not_one(plain):
     flicker = shown(plain, 'bias_instability', 2e-4, (1.8e-4, 2.2e-4))
-    assert exponents_differ(law(plain, 0.71), [law(plain, 0.7), flicker])
+    one = law(plain, 0.7)
+    assert not exponents_differ(law(plain, 0.71), [one, *[plain] * 5])
     assert not exponents_differ(law(plain, 0.71), [plain, flicker])
+    assert exponents_differ(law(plain, 0.71), [one, flicker])
+    # The joint fit tells none, or one that is not that of the recordings.
+    assert exponents_differ(plain, [one, plain])
+    for exponents in ((0.6, 0.8), (0.7,)):
+        singles = [law(plain, exponent) for exponent in exponents]
+        assert exponents_differ(law(plain, 0.8), [*singles, plain])
 
 
-def test_a_joint_fit_without_the_exponent_that_a_recording_tells_differs(plain):
-    assert exponents_differ(plain, [law(plain, 0.7), plain])
-
-
-@pytest.mark.parametrize('exponents', [(0.6, 0.8), (0.7,)])
-def test_a_joint_exponent_that_is_not_that_of_the_recordings_differs(plain, exponents):
-    singles = [law(plain, exponent) for exponent in exponents]
-    assert exponents_differ(law(plain, 0.8), [*singles, plain])
-
-
-def test_the_interval_of_one_recording_stays_as_it_is(plain):
-    own = density_of(plain, shown(plain, 'noise_density', 1.05e-3, (1.0177e-3, 1.0614e-3)))
+def test_a_recording_that_knows_next_to_nothing_leaves_the_interval_of_another_as_it_is(plain):
+    known = shown(plain, 'noise_density', 1.05e-3, (1.0177e-3, 1.0614e-3))
+    own = density_of(plain, known)
     assert own.value == pytest.approx(1.05e-3)
     assert own.ci95 == pytest.approx((1.0177e-3, 1.0614e-3))
-
-
-def test_a_recording_that_knows_next_to_nothing_leaves_the_doubt_on_its_side(plain):
-    own = density_of(plain, shown(plain, 'noise_density', 1.05e-3, (1.0177e-3, 1.0614e-3)),
-                     shown(plain, 'noise_density', 1.2e-3, (0.6e-3, 2.4e-3)))
-    assert own.ci95 == pytest.approx((1.0177e-3, 1.0614e-3), rel=2e-3)
+    beside = density_of(plain, known, shown(plain, 'noise_density', 1.2e-3, (0.6e-3, 2.4e-3)))
+    assert beside.ci95 == pytest.approx((1.0177e-3, 1.0614e-3), rel=2e-3)
 
 
 def test_error_averages_out_and_doubt_on_one_side_does_not(plain):
@@ -79,15 +69,12 @@ def test_error_averages_out_and_doubt_on_one_side_does_not(plain):
     assert 0.94e-3 < low < 0.95e-3
 
 
-def test_where_no_recording_shows_the_density_it_is_a_bound(plain):
+def test_where_no_recording_shows_the_lower_end_of_the_density_it_is_a_bound(plain):
     one, other = (law(bounded(plain, 'noise_density', upper), exponent)
                   for upper, exponent in ((1.2e-3, 0.7), (1.5e-3, 1.3)))
     own = density_of(plain, one, other)
     assert (own.observable, own.value, own.ci95, own.upper95) == (False, None, None, 1.5e-3)
     assert remark_on_exponents({'a': one, 'b': other}) == finding(
         'power_law', recordings=['a', 'b'], exponents=[0.7, 1.3], density_is_mean=False)
-
-
-def test_a_density_whose_interval_begins_at_zero_is_a_bound(plain):
     own = density_of(plain, shown(plain, 'noise_density', 1e-3, (0.0, 1.3e-3)))
     assert (own.value, own.upper95) == (None, 1.3e-3)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drift model: what it finds, what it must not invent, and where it is known."""
 
+from characterized import taken_in
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model, MOST_PROCESSES
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
@@ -18,43 +18,32 @@ N, B, K = 1e-3, 3e-4, 5e-5
 
 
 def model_of(samples, rate=RATE):
-    estimator = Estimator()
-    estimator.update(samples)
-    found = fit_axes(estimator.finished(), 1 / rate)[0]
-    return fit_drift_model(found.groups, 1 / rate)
+    return fit_drift_model(groups_of(samples, rate), 1 / rate)
 
 
-def test_white_noise_and_walk_come_back():
-    model = model_of(simulate({'noise_density': N, 'rate_random_walk': K}, 3 * HOUR, RATE))
+def groups_of(samples, rate=RATE):
+    return fit_axes(taken_in(samples).finished(), 1 / rate)[0].groups
+
+
+@pytest.mark.parametrize(('terms', 'hours', 'seed', 'tolerance'), [
+    ({'rate_random_walk': K}, 3, 0, 0.15), ({'bias_instability': B}, 6, 4, 0.12),
+    ({'gauss_markov': {'sigma': B, 'correlation_time_s': 100.0}}, 6, 1, 0.15)])
+def test_slow_noise_comes_back_as_processes_of_its_allan_variance(terms, hours, seed, tolerance):
+    model = model_of(simulate({'noise_density': N, **terms}, hours * HOUR, RATE, seed))
     assert model.noise_density == pytest.approx(N, rel=0.01)
-    tau = np.array([1.0, 10.0, 100.0, 1000.0])
-    truth = allan_variance({'noise_density': N, 'rate_random_walk': K}, tau)
-    np.testing.assert_allclose(np.sqrt(drift_avar(model, (), tau) / truth), 1, atol=0.15)
-
-
-def test_flicker_becomes_processes_whose_allan_variance_is_flat():
-    terms = {'noise_density': N, 'bias_instability': B}
-    model = model_of(simulate(terms, 6 * HOUR, RATE, seed=4))
-    assert 2 <= len(model.processes) <= MOST_PROCESSES
-    tau = np.array([1.0, 10.0, 100.0, 600.0])
-    np.testing.assert_allclose(
-        np.sqrt(drift_avar(model, (), tau) / allan_variance(terms, tau)), 1, atol=0.12)
-
-
-def test_a_gauss_markov_process_is_seen_at_its_own_time():
-    terms = {'noise_density': N, 'gauss_markov': {'sigma': B, 'correlation_time_s': 100.0}}
-    model = model_of(simulate(terms, 6 * HOUR, RATE, seed=1))
-    tau = np.array([1.0, 30.0, 190.0, 600.0])
-    truth = N**2 / tau + gauss_markov_avar(B, 100.0, tau)
-    np.testing.assert_allclose(np.sqrt(drift_avar(model, (), tau) / truth), 1, atol=0.15)
+    assert len(model.processes) >= 2 or 'bias_instability' not in terms
+    tau = np.array([1.0, 10.0, 30.0, 100.0, 190.0, 600.0])
+    known = {key: size for key, size in terms.items() if key != 'gauss_markov'}
+    truth = allan_variance({'noise_density': N, **known}, tau)
+    if not known:
+        truth += gauss_markov_avar(B, 100.0, tau)
+    np.testing.assert_allclose(np.sqrt(drift_avar(model, (), tau) / truth), 1, atol=tolerance)
 
 
 def test_a_process_that_the_fit_has_found_keeps_the_long_end_down():
     """Doubt about a walk that the data has already ruled out is worth nothing."""
     terms = {'noise_density': N, 'gauss_markov': {'sigma': N, 'correlation_time_s': 60.0}}
-    estimator = Estimator()
-    estimator.update(simulate(terms, HOUR, RATE, seed=1))
-    groups = fit_axes(estimator.finished(), 1 / RATE)[0].groups
+    groups = groups_of(simulate(terms, HOUR, RATE, seed=1))
     truth = gauss_markov_avar(N, 60.0, [600.0])[0]
     told, untold = (drift_avar(fit_drift_model(groups, 1 / RATE, time), (), [600.0])[0] / truth
                     for time in (60.0, None))
@@ -72,15 +61,12 @@ def test_processes_are_in_order_and_no_more_than_four():
         assert all(process.sigma > 0 for process in model.processes)
 
 
-def test_horizons_reach_from_the_band_edge_to_a_third_of_the_record():
-    model = model_of(simulate({'noise_density': N}, HOUR, RATE))
-    assert model.from_s == pytest.approx(0.1)
+@pytest.mark.parametrize(('rate', 'edge_s'), [(RATE, 0.1), (10.0, 0.2)])
+def test_horizons_reach_from_the_band_edge_which_follows_a_low_rate_to_a_third_of_the_record(
+        rate, edge_s):
+    model = model_of(simulate({'noise_density': N}, round(3600 * rate), rate), rate)
+    assert model.from_s == pytest.approx(edge_s)
     assert model.to_s == pytest.approx(1200, rel=0.01)
-
-
-def test_edges_shrink_with_a_sample_rate_below_20_hz():
-    model = model_of(simulate({'noise_density': N}, 36_000, 10.0), 10.0)
-    assert model.from_s == pytest.approx(0.2)
 
 
 def test_what_is_fast_and_fits_no_model_is_left_above_the_band_edge():
@@ -110,11 +96,8 @@ def test_a_short_record_says_nothing_wild():
 
 
 def test_too_few_bands_give_no_model():
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': N}, 64, RATE))
-    found = fit_axes(estimator.finished(), 1 / RATE)[0]
-    few = found.groups.below(float(found.groups.frequency[6]))
-    assert fit_drift_model(few, 1 / RATE) is None
+    groups = groups_of(simulate({'noise_density': N}, 64, RATE))
+    assert fit_drift_model(groups.below(float(groups.frequency[6])), 1 / RATE) is None
 
 
 def test_the_allan_variance_adds_noise_walk_processes_and_lines():

@@ -5,15 +5,13 @@
 from dataclasses import replace
 import json
 
-from characterized import holds
+from characterized import characterized, holds
 import imu_allan
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.axis import axis_results
 from imu_allan.cli.main import main
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import flicker, simulate
-from imu_allan.noise.terms import Quantity, SLOW_TERMS
+from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.result import AxisResult
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
@@ -82,14 +80,6 @@ def test_a_process_that_levels_off_is_no_such_filter(process):
     assert axis.gauss_markov is not None
 
 
-def told(samples: np.ndarray) -> tuple[AxisResult, set[str]]:
-    """Return what comes out at ten samples a second, and the words beside it."""
-    estimator = Estimator()
-    estimator.update(samples)
-    [(axis, remarks)] = axis_results(estimator, 10.0, [Quantity.ANGULAR_VELOCITY])
-    return axis, {remark.code for remark in remarks}
-
-
 def reaches(axis: AxisResult, key: str) -> float:
     """Return the upper end of an interval, or the bound."""
     found = axis.coefficients[key]
@@ -102,7 +92,7 @@ def reaches(axis: AxisResult, key: str) -> float:
     (600.0, 1.0, 0.0, 0)])
 def test_shares_of_filters_that_are_told_beside_flicker(time_s, hours, walk, fewest):
     """And what becomes of the others: of sixty records each."""
-    found = [told(hour_without_bias(time_s, seed, hours, rate_random_walk=walk))
+    found = [characterized(hour_without_bias(time_s, seed, hours, rate_random_walk=walk), 10.0)
              for seed in range(60)]
     left = [(axis, words) for axis, words in found if axis.high_passed_hz is None]
     low, walks = (sum(reaches(axis, key) < truth for axis, _ in left)
@@ -117,8 +107,8 @@ def test_shares_of_filters_that_are_told_beside_flicker(time_s, hours, walk, few
 @pytest.mark.parametrize('terms', [
     {'bias_instability': 2.4e-5}, {'bias_instability': 2.4e-5, 'rate_random_walk': 1e-6}, {}])
 def test_a_sensor_as_it_is_is_never_taken_for_filtered(terms):
-    words = [told(simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed))[1]
-             for seed in range(200)]
+    words = [characterized(simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed), 10.0)
+             [1] for seed in range(200)]
     filtered = sum('high_passed' in one for one in words)
     print(f'{terms}: told in {filtered} of 200')
     assert filtered <= 2
@@ -130,8 +120,9 @@ def test_what_is_said_of_a_zero_that_is_taken_anew_every_minute():
     for seed in range(20):
         rows = simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 36_600, 10.0, seed)
         minutes = rows.reshape(-1, 600)
-        _, words = told((minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel())
-        said.append(words - {'short_recording'})
+        _, words = characterized(
+            (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel(), 10.0)
+        said.append(words.keys() - {'short_recording'})
     filtered = sum('high_passed' in words for words in said)
     print(f'high_passed in {filtered} of 20, another word in {sum(map(bool, said)) - filtered}')
     assert filtered >= 4
@@ -245,8 +236,7 @@ def test_counts_of_a_quiet_sensor_that_come_one_by_one_are_no_such_filter():
     density, count = 6e-7, 1.732e-5
     samples = round(3600 * RATE_HZ)
     angle = np.cumsum(2e-5 + simulate({'noise_density': density}, samples, RATE_HZ, 4)) / RATE_HZ
-    estimator = Estimator()
-    estimator.update(np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ)
-    [(axis, remarks)] = axis_results(estimator, RATE_HZ, [Quantity.ANGULAR_VELOCITY])
+    axis, remarks = characterized(
+        np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ, RATE_HZ)
     assert axis.high_passed_hz is None
-    assert {'coarse_resolution', 'poor_fit'} <= {remark.code for remark in remarks}
+    assert {'coarse_resolution', 'poor_fit'} <= remarks.keys()

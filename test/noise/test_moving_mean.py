@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mean that moves is told from a random walk."""
 
-from imu_allan.characterization.axis import axis_results
+from characterized import characterized, one_axis, taken_in
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import Quantity
 from imu_allan.writers.included import included
 import numpy as np
 import pytest
@@ -19,18 +18,9 @@ STILL = {'noise_density': 1e-3, 'bias_instability': 1e-3}
 TIME = np.arange(HOURS_2) / RATE
 
 
-def lived(samples):
-    estimator = Estimator()
-    estimator.update(samples)
-    return axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
-
-
-def codes(remarks):
-    return {remark.code for remark in remarks}
-
-
 def test_warm_up_is_no_random_walk():
-    axis, remarks = lived(simulate(STILL, HOURS_2, RATE, 1) + 0.02 * np.exp(-TIME / 600))
+    axis, remarks = characterized(
+        simulate(STILL, HOURS_2, RATE, 1) + 0.02 * np.exp(-TIME / 600), RATE)
     assert not axis.coefficients['rate_random_walk'].observable
     low, high = axis.trend.warm_up.ci95
     assert low < axis.trend.warm_up.amplitude < high
@@ -38,16 +28,14 @@ def test_warm_up_is_no_random_walk():
     shortest, longest = axis.trend.warm_up.time_constant_ci95
     assert 200 < shortest < 600 < longest < 1200
     assert axis.coefficients['bias_instability'].value == pytest.approx(1e-3, rel=0.2)
-    [told] = [remark.values for remark in remarks if remark.code == 'warm_up']
-    assert told['amplitude'] == axis.trend.warm_up.amplitude
+    assert remarks['warm_up']['amplitude'] == axis.trend.warm_up.amplitude
 
 
 def test_slow_cycle_is_no_random_walk():
-    axis, remarks = lived(simulate(STILL, HOURS_2, RATE, 2)
-                          + 3e-3 * np.sin(2 * np.pi * TIME / 1200 + 1))
+    axis, remarks = characterized(
+        simulate(STILL, HOURS_2, RATE, 2) + 3e-3 * np.sin(2 * np.pi * TIME / 1200 + 1), RATE)
     assert not axis.coefficients['rate_random_walk'].observable
-    [told] = [remark.values for remark in remarks if remark.code == 'slow_cycle']
-    assert told == {'period_s': axis.trend.cycle_s}
+    assert remarks['slow_cycle'] == {'period_s': axis.trend.cycle_s}
     assert axis.trend.warm_up is None
     assert axis.trend.cycle_s == pytest.approx(1200, rel=0.05)
     [told] = included({'gyro_y': axis})
@@ -58,17 +46,17 @@ def test_slow_cycle_is_no_random_walk():
 
 def test_a_step_too_small_to_be_certain_is_seldom_a_random_walk():
     gyro = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
-    found = [lived(simulate(gyro, HOURS_2, RATE, seed) + 5 * 2.4e-5 * (TIME > 0.3 * 7200))
-             for seed in range(8)]
+    found = [characterized(simulate(gyro, HOURS_2, RATE, seed)
+                           + 5 * 2.4e-5 * (TIME > 0.3 * 7200), RATE) for seed in range(8)]
     # One in ten; more than three of eight come once in 200 times.
     assert sum(axis.coefficients['rate_random_walk'].observable for axis, _ in found) <= 3
-    assert any('bias_step' in codes(remarks) for _, remarks in found)
+    assert any('bias_step' in remarks for _, remarks in found)
 
 
 @pytest.mark.parametrize('model', [STILL, {**STILL, 'rate_random_walk': 2e-4}])
 def test_where_the_mean_stands_still_or_walks_there_is_no_such_word(model):
-    axis, remarks = lived(simulate(model, HOURS_2, RATE, 3))
-    assert not codes(remarks) & {'warm_up', 'slow_cycle', 'trend_or_walk'}
+    axis, remarks = characterized(simulate(model, HOURS_2, RATE, 3), RATE)
+    assert not remarks.keys() & {'warm_up', 'slow_cycle', 'trend_or_walk'}
     assert axis.coefficients['rate_random_walk'].observable == ('rate_random_walk' in model)
     assert axis.trend.cycle_s is None
     assert included({'gyro_y': axis}) == []
@@ -78,9 +66,8 @@ def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
     record = simulate({**STILL, 'rate_random_walk': 1e-4}, HOURS_2, RATE, 4)
     solutions = []
     for slope in (0.0, 1e-7, -1e-5):
-        estimator = Estimator()
-        estimator.update(record + slope * TIME)
-        groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 1 / RATE), 0)
+        pieces = taken_in(record + slope * TIME).finished().periodogram.pieces()
+        groups = grouped(bins_of(pieces, 1 / RATE), 0)
         solutions.append(maximise(groups, fixed={0: 0.0}, trend='restricted'))
     for slope, solution in zip((1e-7, -1e-5), solutions[1:], strict=True):
         np.testing.assert_allclose(solution.theta, solutions[0].theta, rtol=2e-3)
@@ -89,9 +76,7 @@ def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
 
 def test_restricted_likelihood_is_that_of_what_the_ramp_leaves_over():
     record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, 300, RATE, 5)
-    estimator = Estimator()
-    estimator.update(record)
-    [piece] = estimator.finished().periodogram.pieces()
+    [piece] = taken_in(record).finished().periodogram.pieces()
     groups = grouped(bins_of([piece], 1 / RATE), 0)
     c = piece.coefficients[0, 1:]
     ramp = bins_of([piece], 1 / RATE).ramp
@@ -117,6 +102,5 @@ def test_a_record_of_nothing_but_short_runs_has_coefficients():
     for _ in range(3000):
         estimator.update(1e-3 * rng.standard_normal(20))
         estimator.start_run()
-    axis, _ = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
-    density = axis.coefficients['noise_density']
+    density = one_axis(estimator, RATE)[0].coefficients['noise_density']
     assert density.value == pytest.approx(1e-3 / RATE**.5, rel=0.03)

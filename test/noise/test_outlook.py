@@ -61,31 +61,18 @@ def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observ
     assert found[key][1] is None
 
 
-def test_of_a_term_that_should_show_already_nothing_is_forecast():
-    found = outlook({'noise_density': 1.0, 'rate_random_walk': 1.0}, {}, DT, LENGTH)
-    assert found['rate_random_walk'] == (None, None)
-
-
-def test_what_would_take_more_than_4096_times_the_record_is_not_forecast():
-    found = outlook({'noise_density': 1.0, 'rate_random_walk': 1e-9}, {}, DT, LENGTH)
-    assert found['rate_random_walk'] == (None, None)
-
-
-def test_a_term_that_nothing_hints_at_is_not_forecast():
-    found = outlook({'noise_density': 1.0}, {}, DT, LENGTH)
+@pytest.mark.parametrize('walk', [1.0, 1e-9, 0.0])
+def test_a_term_that_should_show_already_never_will_or_is_hinted_at_by_nothing_has_no_forecast(
+        walk):
+    found = outlook({'noise_density': 1.0, 'rate_random_walk': walk}, {}, DT, LENGTH)
     assert found['bias_instability'] == found['rate_random_walk'] == (None, None)
 
 
-@pytest.mark.parametrize(('coefficients', 'samples'), [
-    ({'noise_density': 0.0, 'rate_random_walk': 1.0}, 1000), (SENSOR, 3)])
-def test_without_white_noise_or_record_there_is_no_forecast(coefficients, samples):
-    found = outlook(coefficients, dict.fromkeys(KEYS, True), DT, samples * DT)
-    assert found == dict.fromkeys(KEYS, (None, None))
-
-
-def test_the_shortest_record_has_a_forecast():
-    found = outlook(SENSOR, {'noise_density': True}, DT, 4 * DT)
-    assert found['noise_density'][1] > 0
+def test_without_white_noise_or_four_samples_there_is_no_forecast():
+    for coefficients, samples in (({**SENSOR, 'noise_density': 0.0}, 1000), (SENSOR, 3)):
+        found = outlook(coefficients, dict.fromkeys(KEYS, True), DT, samples * DT)
+        assert found == dict.fromkeys(KEYS, (None, None))
+    assert outlook(SENSOR, {'noise_density': True}, DT, 4 * DT)['noise_density'][1] > 0
 
 
 def test_forecasts_reach_as_far_as_4096_times_the_record():

@@ -4,7 +4,6 @@
 
 from characterized import characterized, holds, one_axis, together
 from imu_allan.characterization.axis import characterize
-from imu_allan.noise import spectrum
 from imu_allan.noise.curve import edf
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.record.estimator import Estimator
@@ -14,7 +13,6 @@ from imu_allan.result import PowerLaw
 import numpy as np
 import pytest
 from repeated import slow
-from scipy.integrate import quad
 from scipy.signal import butter, lfilter
 
 DT = 0.01
@@ -28,17 +26,6 @@ def drawn(exponent, crossing_hz, samples, seed):
     rng = np.random.default_rng([seed, 77])
     return simulate({'noise_density': DENSITY}, samples, 1 / DT, seed) \
         + amplitude * DT ** ((exponent - 1) / 2) * flicker(samples, rng, exponent)
-
-
-@pytest.mark.parametrize('exponent', [0.4, 0.7, 1.0, 1.3, 1.8])
-@pytest.mark.parametrize('size', [1, 2, 16])
-def test_the_spectrum_of_a_power_law_gives_its_allan_variance(exponent, size):
-    def integrand(nu):
-        window = 2 * np.sin(np.pi * size * nu) ** 4 / (size * np.sin(np.pi * nu)) ** 2
-        return float(spectrum.power_law(nu, DT, exponent)) * window
-
-    found = 2 * quad(integrand, 1e-12, 0.5, limit=800)[0]
-    assert found == pytest.approx(float(power_law_avar(1.0, exponent, size * DT)), rel=1e-6)
 
 
 @pytest.mark.parametrize('exponent', [0.5, 1.3, 1.7])

@@ -22,15 +22,16 @@ GYRO, ACCEL = Quantity.ANGULAR_VELOCITY, Quantity.LINEAR_ACCELERATION
 def test_units_of_a_term_are_those_of_the_quantity(key, gyro, accel):
     assert TERMS[key].unit(GYRO) == gyro
     assert TERMS[key].unit(ACCEL) == accel
+    assert [quantity.unit for quantity in AXES.values()] == ['rad/s'] * 3 + ['m/s^2'] * 3
 
 
-def test_names_of_a_term_are_those_of_the_sensor():
+def test_a_term_has_the_name_that_its_sensor_gives_it_and_its_coefficient_where_it_is_read():
     assert TERMS['noise_density'].name(GYRO) == 'angle random walk'
     assert TERMS['noise_density'].name(ACCEL) == 'velocity random walk'
-
-
-def test_axes_carry_the_si_unit_of_their_quantity():
-    assert [quantity.unit for quantity in AXES.values()] == ['rad/s'] * 3 + ['m/s^2'] * 3
+    for term in TERMS.values():
+        if term.read_at is not None:
+            assert term.adev(3.0, term.read_at) == pytest.approx(3.0)
+    assert TERMS['bias_instability'].adev(1.0, 7.0) == pytest.approx(0.66428, abs=1e-5)
 
 
 @pytest.mark.parametrize(('key', 'expected'), [
@@ -74,8 +75,6 @@ def test_a_window_between_two_means_lies_between_their_allan_variances():
                              for window in (np.sqrt(8), 2.2, np.sqrt(3)))
     assert (np.minimum(wide, narrow) < between).all()
     assert (between < np.maximum(wide, narrow)).all()
-
-
-def test_a_moving_average_leaves_the_density_alone():
+    # In the long run each leaves the density alone.
     for window in (0.0, 0.3, 2.2, 7.7):
         assert low_passed_avar(3.0, window, 10**6, 1.0) == pytest.approx(9e-6, rel=1e-5)

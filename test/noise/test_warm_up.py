@@ -5,12 +5,10 @@
 from dataclasses import replace
 import re
 
-from imu_allan.characterization.axis import axis_results
+from characterized import characterized
 from imu_allan.characterization.findings import with_start
 from imu_allan.finding import Finding
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import Quantity
 from imu_allan.result import TemperatureDependence
 from imu_allan.tuning.tune import tune
 from imu_allan.writers.included import included
@@ -24,10 +22,8 @@ MODEL = {N: 1e-4, B: 2e-5}
 def warmed(mean, seed, rate=50.0, hours=1.0, model=MODEL):
     """Characterize a sensor whose mean follows a function of time."""
     count = round(hours * 3600 * rate)
-    estimator = Estimator()
-    estimator.update(simulate(model, count, rate, seed) + mean(np.arange(count) / rate))
-    axis, remarks = axis_results(estimator, rate, [Quantity.ANGULAR_VELOCITY])[0]
-    return axis, {remark.code: remark.values for remark in remarks}
+    return characterized(
+        simulate(model, count, rate, seed) + mean(np.arange(count) / rate), rate)
 
 
 def covers(interval, value):
