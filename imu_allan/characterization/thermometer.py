@@ -259,10 +259,15 @@ class Thermometer(Record):
     def _stamps(self, runs: Ints, places: Array) -> Array:
         """Stamps of places on the grids of runs, in ns; NaN where a run is not known."""
         row = np.clip(np.searchsorted(self.runs[:, 0], runs), 0, len(self.runs) - 1)
+        stamps = self._between_ends(row, places - 0.5, 1, 4)
+        return np.where(self.runs[row, 0] == runs, stamps, np.nan)
+
+    def _between_ends(self, row: Ints, places: Array, first: int, last: int) -> Array:
+        """Stamps of places of runs, whose ends have the places in columns `first` and `last`."""
         known = self.runs[row].astype(np.float64)
-        span = np.maximum(known[:, 4] - known[:, 1], 1)
-        stamps = known[:, 3] + (places - 0.5 - known[:, 1]) * (known[:, 6] - known[:, 3]) / span
-        return np.where(known[:, 0] == runs, stamps, np.nan)
+        span = np.maximum(known[:, last] - known[:, first], 1)
+        slope = (known[:, 6] - known[:, 3]) / span
+        return np.asarray(known[:, 3] + (places - known[:, first]) * slope)
 
     def signal(self, columns: Columns, dt: float) -> Signal | None:
         """
@@ -288,26 +293,18 @@ class Thermometer(Record):
         stretches = -(-len(columns.counts) // count)
         edges = np.minimum(np.arange(stretches + 1.0) * width, self.shown)
         row = np.clip(np.searchsorted(self.runs[:, 2], edges, 'right') - 1, 0, None)
-        known = self.runs[row].astype(np.float64)
-        span = np.maximum(known[:, 5] - known[:, 2], 1)
-        stamps = known[:, 3] + (edges - known[:, 2]) * (known[:, 6] - known[:, 3]) / span
+        stamps = self._between_ends(row, edges, 2, 5)
         middle = self.celsius((stamps[:-1] + stamps[1:]) / 2)
         times = (self.keys + 0.5) * self.width
-        lows: list[float | None] = []
-        means: list[float | None] = []
-        highs: list[float | None] = []
+        shown = []
         for begin, end, at in zip(stamps[:-1], stamps[1:], middle, strict=True):
             inside = self.readings[:, (times >= begin) & (times < end)] / _SCALE
-            if inside.size:
-                own = (inside[2].min(), inside[0].sum() / (inside[1].sum() * _SCALE),
-                       inside[3].max())
-            else:
-                own = at, at, at
-            for values, value in zip((lows, means, highs), own, strict=True):
-                values.append(None if np.isnan(value) else round(float(value), 3))
-        if all(value is None for value in means):
-            return None
-        return Signal(width * dt, tuple(lows), tuple(means), tuple(highs))
+            own = (inside[2].min(), inside[0].sum() / (inside[1].sum() * _SCALE),
+                   inside[3].max()) if inside.size else (at, at, at)
+            shown.append([None if np.isnan(value) else round(float(value), 3) for value in own])
+        lows, means, highs = zip(*shown, strict=True)
+        return None if not any(mean is not None for mean in means) else Signal(
+            width * dt, lows, means, highs)
 
     def check(self) -> None:
         """Raise ValueError where fields that were saved do not belong together."""

@@ -19,7 +19,7 @@ from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.record.bins import Bins, bins_of
+from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.part_of_record import Part
@@ -227,14 +227,6 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
     return [line.frequency_hz for line in lines[:NAMED]]
 
 
-def record_spectrum(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float
-                    ) -> tuple[RecordSpectrum, list[Tone], Groups]:
-    """Leave the lines out of the spectrum of an axis: that, the lines, and all of it in bands."""
-    whole = grouped(bins, axis)
-    lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
-    return RecordSpectrum(pieces, bins, axis, dt, keep, aligned=True), lines, whole
-
-
 def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[int], dt: float
              ) -> list[_Source]:
     """Leave lines out of every axis, and compare the parts of the record."""
@@ -245,15 +237,16 @@ def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[in
     quarters = _quarters(finished.periodogram, dt, finished) if brief is None else []
     found = []
     for axis in axes:
-        record, lines, whole = record_spectrum(pieces, bins, axis, dt)
+        whole = grouped(bins, axis)
+        lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
+        record = RecordSpectrum(pieces, bins, axis, dt, keep, aligned=True)
         steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
         own = segments
         if brief is not None and not coarse[axis]:
             # All that a short record can say of its parts is that their noise is not the same.
             said = steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
             own, steady = (None, None) if said.steady else (brief, said)
-        groups = whole if record.keep is None or record.keep.all() else replace(
-            record, aligned=False).groups()
+        groups = whole if keep.all() else replace(record, aligned=False).groups()
         found.append(_Source(axis, whole, groups, record, lines, steady, own, axis, quarters))
     return found
 
