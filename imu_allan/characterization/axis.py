@@ -250,8 +250,13 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
 
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
-    return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
-        key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS}))
+    coefficients = dict(axis.coefficients)
+    for key in SLOW_TERMS:
+        if (found := coefficients[key]).observable and found.ci95 is not None:
+            coefficients[key] = replace(
+                found, observable=False, value=None, ci95=None, upper95=found.ci95[1],
+                observable_in_s=None, ci_halves_in_s=None)
+    return with_model_curve(replace(axis, coefficients=coefficients))
 
 
 def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
@@ -266,14 +271,6 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     if found.upper95 is not None:
         found = replace(found, upper95=found.upper95 * most)
     return replace(axis, coefficients=dict(axis.coefficients) | {'noise_density': found})
-
-
-def _upper_bound(found: Coefficient) -> Coefficient:
-    """Return what was found as the most that it may be."""
-    if not found.observable or found.ci95 is None:
-        return found
-    return replace(found, observable=False, value=None, ci95=None, upper95=found.ci95[1],
-                   observable_in_s=None, ci_halves_in_s=None)
 
 
 def _empty(quantity: Quantity, mean: float | None) -> AxisResult:

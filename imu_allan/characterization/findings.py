@@ -113,17 +113,18 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
         if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
             candidates.append((ratio, steps * len(sensor), interval))
         for log_ratio, known, over in candidates:
-            if abs(log_ratio) > max(_by_chance(known), _LEAST_CHANGE):
-                reported[name] = _halves_remark(log_ratio, over, axes[name])
+            # A mean square of n innovations has n degrees of freedom, and what the model of the
+            # other half predicts for it is known about as well: their ratio follows F.
+            by_chance = log(fdtri(known, known, 1 - _HALVES_CHANCE))
+            if abs(log_ratio) > max(by_chance, _LEAST_CHANGE):
+                tested = axes[name].backtest
+                reported[name] = finding(
+                    'not_steady', severity='know', interval_s=over,
+                    drift_ratio=exp(abs(log_ratio) / 2),
+                    higher='first' if log_ratio > 0 else 'second',
+                    half_s=None if tested is None else tested.tested_s)
                 break
     return reported
-
-
-def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Finding:
-    return finding('not_steady', severity='know', interval_s=interval_s,
-                   drift_ratio=exp(abs(log_ratio) / 2),
-                   higher='first' if log_ratio > 0 else 'second',
-                   half_s=axis.backtest.tested_s if axis.backtest is not None else None)
 
 
 def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
@@ -136,16 +137,6 @@ def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
             # Each half is the measure of the other: the ratio is there twice.
             return log(first / second) / 2, row.steps / 2, row.interval_s
     return None
-
-
-def _by_chance(steps: float) -> float:
-    """
-    Logarithm of the ratio that equal halves of so many innovations hardly ever reach.
-
-    A mean square of n innovations has n degrees of freedom, and what the model of the other half
-    predicts for it is known about as well: their ratio follows F.
-    """
-    return log(fdtri(steps, steps, 1 - _HALVES_CHANCE))
 
 
 def steady_after_s(trend: Trend | None, flicker: float) -> float:

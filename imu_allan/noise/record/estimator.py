@@ -254,7 +254,7 @@ class Estimator(SideBySide):
         # Both keep their samples about a reference of their own.
         shift = theirs.reference - self.reference
         self.signal.merge(theirs.signal, shift)
-        theirs.periodogram.shift(shift)
+        theirs.periodogram.shift_cells(shift[:, None])
         runs = theirs.periodogram.renumber_runs()
         if self.run + runs >= MOST_RUNS:
             self.run = self.periodogram.renumber_runs()

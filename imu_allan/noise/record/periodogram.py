@@ -363,13 +363,8 @@ class Periodogram(SideBySide):
         for part in (self.segments, *self.stages):
             part.keep(axes)
 
-    def shift(self, values: Array) -> None:
-        """Add a value to all samples of every axis, shape (axes,), of a finished record."""
-        series = self.series
-        self.series = replace(series, sums=series.sums + values[:, None] * series.counts)
-
     def shift_cells(self, values: Array) -> None:
-        """Add a value to each cell of the series of all axes, shape (cells,)."""
+        """Add values to all samples of the cells of the series, for their shape (axes, cells)."""
         series = self.series
         self.series = replace(series, sums=series.sums + values * series.counts)
 
