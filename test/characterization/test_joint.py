@@ -7,7 +7,6 @@ from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result, variance_within, widened_interval
 from imu_allan.characterization.power_ons import turn_on_bias
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import AXES, SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
@@ -35,6 +34,24 @@ def recorded(path, seed, *, model='noise_density: 0.005 deg/s/sqrt(Hz)', rate_hz
     return stream
 
 
+def altered(change):
+    """Give what changes the samples of a block, which it gets with the stamps."""
+    def changed(block):
+        samples = block.samples.copy()
+        change(samples, block.header_ns)
+        return replace(block, samples=samples)
+
+    return changed
+
+
+def in_first_axis(change):
+    """Give what changes the samples of the first axis of a block."""
+    def of_rows(rows, _):
+        rows[:, 0] = change(rows[:, 0])
+
+    return altered(of_rows)
+
+
 @pytest.fixture(scope='module')
 def nights():
     """Four recordings of one IMU, whose zero bias is another after each power-on."""
@@ -54,9 +71,9 @@ def width(result, key):
 
 
 def test_a_step_that_is_told_in_one_recording_bounds_the_walk_of_all():
-    def stepped(block):
-        late = block.header_ns > 4000e9
-        return replace(block, samples=block.samples + 2.4e-4 * np.outer(late, np.eye(6)[0]))
+    @altered
+    def stepped(rows, stamps):
+        rows[stamps > 4000e9, 0] += 2.4e-4
 
     model = ('noise_density: 0.0045 deg/s/sqrt(Hz), bias_instability: 5 deg/h, '
              'rate_random_walk: 54 deg/h/sqrt(h)')
@@ -134,11 +151,9 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
 
 
 def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_interval():
-    def louder(block):
-        late = block.header_ns > 600e9
-        samples = block.samples.copy()
-        samples[:, 0] *= np.where(late, 1.5, 1.0)
-        return replace(block, samples=samples)
+    @altered
+    def louder(rows, stamps):
+        rows[stamps > 600e9, 0] *= 1.5
 
     def night(seed, **more):
         return recorded(f'night{seed}', seed, samples=60_000, gyro_alone=True, **more)
@@ -158,11 +173,7 @@ def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_in
 
 
 def test_the_mean_of_an_axis_that_is_cut_off_is_no_turn_on_bias():
-    def cut(block):
-        samples = block.samples.copy()
-        samples[:, 0] = np.minimum(samples[:, 0], 0.0)
-        return replace(block, samples=samples)
-
+    cut = in_first_axis(lambda x: np.minimum(x, 0.0))
     same = [recorded(f'same{seed}', seed, gyro_alone=True) for seed in (1, 2)]
     found = joint_result([*same, recorded('cut', 3, changed=cut, gyro_alone=True)])
     assert [(one.values['recording'], one.axes) for one in found.warnings
@@ -176,13 +187,8 @@ def test_the_mean_of_an_axis_that_is_cut_off_is_no_turn_on_bias():
     (lambda x: np.full_like(x, 0.25), 'dead', 'constant_axis')])
 def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_the_others(
         changed, fault, code):
-    def spoiled(block):
-        samples = block.samples.copy()
-        samples[:, 0] = changed(samples[:, 0])
-        return replace(block, samples=samples)
-
     good = recorded('good', 1, gyro_alone=True)
-    bad = recorded('bad', 2, changed=spoiled, gyro_alone=True)
+    bad = recorded('bad', 2, changed=in_first_axis(changed), gyro_alone=True)
     found = joint_result([bad, good])
     axis, alone = found.axes['gyro_x'], good.result().axes['gyro_x']
     assert axis.fault == fault
@@ -221,16 +227,14 @@ def test_a_walk_too_small_to_show_is_no_turn_on_bias():
      'other: axes gyro_x, gyro_y, gyro_z, but gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
      'in night1; analyze them apart')])
 def test_what_cannot_be_one_series_is_refused(nights, other, complaint):
-    with pytest.raises(ImuAllanError) as error:
+    with refused(complaint):
         joint_result([nights[0], recorded('other', 5, **other)])
-    assert str(error.value) == complaint
 
 
 def test_another_low_pass_is_refused(nights):
-    def smoothed(block):
-        samples = block.samples.copy()
-        samples[1:] = (samples[1:] + samples[:-1]) / 2
-        return replace(block, samples=samples)
+    @altered
+    def smoothed(rows, _):
+        rows[1:] = (rows[1:] + rows[:-1]) / 2
 
     with refused(Varying('other: gyro_x falls by another low-pass than in night1 (noise at the '
                          'fast end -<number> %); analyze different settings apart')):
@@ -245,12 +249,11 @@ def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000, **more):
                             for axis in range(3)], axis=1)
     begin = 0
 
-    def changed(block):
+    @altered
+    def changed(rows, _):
         nonlocal begin
-        rows = block.samples.copy()
         rows[:, :3] += slow[begin:begin + len(rows)]
         begin += len(rows)
-        return replace(block, samples=rows)
 
     return recorded(path, seed, samples=samples, changed=changed, **more)
 
@@ -291,12 +294,11 @@ def test_a_low_pass_beside_slow_noise_of_another_exponent_is_refused():
     rng = np.random.default_rng(9)
     sigma = 0.0025 * np.pi / 180 * np.sqrt(RATE_HZ)
 
-    def cut(block):
+    @altered
+    def cut(rows, _):
         # Noise behind a steep low-pass: the band has an edge, and no window describes it.
-        samples = block.samples.copy()
-        samples[:, :3] = sosfilt(butter(2, 0.1, output='sos'), samples[:, :3], axis=0)
-        samples[:, :3] += sigma * rng.standard_normal((len(samples), 3))
-        return replace(block, samples=samples)
+        rows[:, :3] = sosfilt(butter(2, 0.1, output='sos'), rows[:, :3], axis=0)
+        rows[:, :3] += sigma * rng.standard_normal((len(rows), 3))
 
     low_passed = recorded('cut', 3, changed=cut, gyro_alone=True)
     axis = low_passed.result().axes['gyro_x']
@@ -310,22 +312,20 @@ def filtered(path, seed, gain, **more):
     """Record behind imu_complementary_filter, which subtracts a bias that follows the rate."""
     state = np.zeros((1, 3))
 
-    def subtracted(block):
-        samples = block.samples.copy()
+    @altered
+    def subtracted(rows, _):
         # bias += gain * (sample - bias), of the samples before.
-        bias, state[:] = lfilter([0, gain], [1, gain - 1], samples[:, :3], axis=0, zi=state)
-        samples[:, :3] -= bias
-        return replace(block, samples=samples)
+        bias, state[:] = lfilter([0, gain], [1, gain - 1], rows[:, :3], axis=0, zi=state)
+        rows[:, :3] -= bias
 
     return recorded(path, seed, changed=subtracted, **more)
 
 
 @pytest.mark.parametrize('order', [1, slow(-1)])
 def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order):
-    with pytest.raises(ImuAllanError) as error:
+    with refused('behind: a filter has taken out the slow part of gyro_x, which is not certain in '
+                 'night1; analyze the raw topic of each'):
         joint_result([nights[0], filtered('behind', 5, 0.02)][::order])
-    assert str(error.value) == ('behind: a filter has taken out the slow part of gyro_x, which '
-                                'is not certain in night1; analyze the raw topic of each')
 
 
 @pytest.mark.parametrize('gain', [slow(0.05), 0.1])
@@ -354,23 +354,18 @@ def test_parts_that_contradict_each_other_widen_an_interval_that_begins_at_zero(
     assert found.ci95[0] == 0.0 if low == 0 else found.ci95[0] < 0.48
 
 
-def test_one_recording_is_no_joint_result(nights):
+def test_one_recording_or_an_empty_one_is_no_joint_result(nights):
     with refused('a joint result needs at least two recordings'):
         joint_result(nights[:1])
-
-
-def test_an_empty_recording_is_named(nights):
     empty = Characterization(kind='recording', path='empty', topic='/imu')
-    with pytest.raises(ImuAllanError) as error:
+    with refused('empty: holds no usable sample; leave it out'):
         joint_result([nights[0], empty])
-    assert str(error.value) == 'empty: holds no usable sample; leave it out'
 
 
 def test_a_moment_without_one_sensor_in_one_recording_costs_nothing():
-    def holed(block):
-        samples = block.samples.copy()
-        samples[100:200, :3] = np.nan
-        return replace(block, samples=samples)
+    @altered
+    def holed(rows, _):
+        rows[100:200, :3] = np.nan
 
     streams = [recorded('whole', 1), recorded('holed', 2, changed=holed)]
     joint = joint_result(streams)

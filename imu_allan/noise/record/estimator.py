@@ -323,7 +323,7 @@ class Estimator(SideBySide):
         return restored(cls, state)
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Give the chunk its room; raise ValueError where what was saved does not fit."""
         parts = self.pyramid, self.periodogram, self.signal, self.census
         if (any(part.axes != self.axes for part in parts)
                 or self.chunk.shape != (self.axes, self.held) or self.held >= CHUNK
