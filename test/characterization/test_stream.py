@@ -159,70 +159,52 @@ def test_absent_accelerometer_leaves_three_axes_of_which_a_constant_one_is_named
         finding('constant_axis', ('gyro_y',), value=0.0, unit='rad/s')]
 
 
-def test_an_axis_that_stops_is_told_in_a_result_that_can_be_written():
-    rows = still_imu(20_000)
+def stopped(rows):
     rows[12_000:, 1] = rows[12_000, 1]
-    result = characterized(rows)
-    [still] = told(result, 'stood_still')
-    assert (still.axes, still.values) == (('gyro_y',), {
-        'start_s': pytest.approx(120, abs=1.3), 'duration_s': pytest.approx(80, abs=1.3)})
-    assert Result.from_dict(json.loads(result.to_json())) == result
+    return ('gyro_y',), {'start_s': pytest.approx(120, abs=1.3),
+                         'duration_s': pytest.approx(80, abs=1.3)}
 
 
-def test_an_axis_that_is_cut_off_is_told_in_a_result_that_fails_its_limit():
-    rows = still_imu(20_000)
+def cut_off(rows):
     rows[:, 5] = np.minimum(rows[:, 5], np.median(rows[:, 5]))
-    result = characterized(rows)
-    [end] = told(result, 'saturated')
-    assert (end.axes, end.values) == (('accel_z',), {
-        'share': pytest.approx(0.5, abs=1e-3), 'value': pytest.approx(rows[:, 5].max()),
-        'unit': 'm/s^2', 'end': 'highest'})
-    assert not any(c.observable for c in result.axes['accel_z'].coefficients.values())
-    assert [name for name, axis in result.axes.items() if axis.saturated] == ['accel_z']
-    assert Result.from_dict(json.loads(result.to_json())) == result
-    verdicts = {verdict.axis: verdict for verdict in check(
-        result, parse_model('accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}'))}
-    assert verdicts['accel_x'].verdict == 'pass'
-    assert verdicts['accel_z'].verdict == 'fail'
-    assert verdicts['accel_z'].reason == Varying(
-        'accel_z N: the axis is saturated: 50.0 % of the samples stand at <number> m/s^2, noise '
-        'is higher than it seems')
+    return ('accel_z',), {'share': pytest.approx(0.5, abs=1e-3), 'unit': 'm/s^2',
+                          'value': pytest.approx(rows[:, 5].max()), 'end': 'highest'}
 
 
-def test_a_deadband_is_told_in_a_result_that_fails_its_limit():
-    rows = still_imu(20_000)
+def dead_about_zero(rows):
     rows[:, 0] -= rows[:, 0].mean()
     rows[np.abs(rows[:, 0]) < 2 * rows[:, 0].std(), 0] = 0.0
-    result = characterized(rows)
-    [band] = told(result, 'deadband')
     zero = rows[:, 0] == 0
-    assert (band.axes, band.values) == (('gyro_x',), {
-        'share': pytest.approx(zero.mean(), abs=1e-2), 'unit': 'rad/s',
-        'width': pytest.approx(abs(rows[~zero, 0]).min(), rel=0.1)})
-    assert not any(c.observable for c in result.axes['gyro_x'].coefficients.values())
-    assert [name for name, axis in result.axes.items() if axis.fault] == ['gyro_x']
-    assert Result.from_dict(json.loads(result.to_json())) == result
-    verdicts = {verdict.axis: verdict for verdict in check(
-        result, parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}'))}
-    assert verdicts['gyro_y'].verdict == 'pass'
-    assert verdicts['gyro_x'].verdict == 'fail'
-    assert verdicts['gyro_x'].reason == Varying(
-        'gyro_x N: the axis has a deadband: 9<number> % of the samples are exactly 0, noise is '
-        'higher than it seems')
+    return ('gyro_x',), {'share': pytest.approx(zero.mean(), abs=1e-2), 'unit': 'rad/s',
+                         'width': pytest.approx(abs(rows[~zero, 0]).min(), rel=0.1)}
 
 
-def test_an_axis_that_copies_another_is_told_in_a_result_that_fails_its_limit():
-    rows = still_imu(20_000)
+def copied(rows):
     rows[:, 1] = -rows[:, 0]
+    return ('gyro_x', 'gyro_y'), {'opposite': True}
+
+
+@pytest.mark.parametrize(('code', 'spoil', 'reason'), [
+    ('stood_still', stopped, None),
+    ('saturated', cut_off, 'the axis is saturated: 50.0 % of the samples stand at <number> m/s^2, '
+     'noise is higher than it seems'),
+    ('deadband', dead_about_zero, 'the axis has a deadband: 9<number> % of the samples are '
+     'exactly 0, noise is higher than it seems'),
+    ('copied_axis', copied, 'the axis is a copy: every sample is that of -gyro_x')])
+def test_an_axis_at_fault_is_told_in_a_result_that_fails_its_limit(code, spoil, reason):
+    rows = still_imu(20_000)
+    names, values = spoil(rows)
     result = characterized(rows)
-    assert told(result, 'copied_axis') == [
-        finding('copied_axis', ('gyro_x', 'gyro_y'), opposite=True)]
+    [found] = told(result, code)
+    assert (found.axes, found.values) == (names, values)
+    assert tuple(name for name, axis in result.axes.items() if axis.fault) == names
+    if code != 'copied_axis':
+        assert not any(c.observable for c in result.axes[names[0]].coefficients.values())
     assert Result.from_dict(json.loads(result.to_json())) == result
-    verdicts = {verdict.axis: verdict for verdict in check(
-        result, parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}'))}
-    assert [verdicts[f'gyro_{axis}'].verdict for axis in 'xyz'] == ['fail', 'fail', 'pass']
-    assert verdicts['gyro_y'].reason == (
-        'gyro_y N: the axis is a copy: every sample is that of -gyro_x')
+    verdicts = {verdict.axis: verdict for verdict in check(result, parse_model(
+        'gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\naccel: {noise_density: 0.1 m/s^2/sqrt(Hz)}'))}
+    assert tuple(axis for axis, one in verdicts.items() if one.verdict == 'fail') == names
+    assert reason is None or verdicts[names[-1]].reason == Varying(f'{names[-1]} N: {reason}')
 
 
 def test_no_message_gives_no_axis():
