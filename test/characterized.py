@@ -7,6 +7,7 @@ from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import Quantity
+import numpy as np
 
 
 def characterized(samples, rate_hz, thermometer=None):
@@ -37,11 +38,16 @@ def one_axis(estimator, rate_hz, fits=None):
     return axis, {remark.code: remark.values for remark in remarks}
 
 
-def taken_in(samples):
-    """Return an estimator that has taken in a record."""
-    estimator = Estimator()
-    estimator.update(samples)
+def taken_in(samples, bridged=()):
+    """Return an estimator that has taken in a record of one axis or, in columns, of several."""
+    estimator = Estimator(1 if np.ndim(samples) == 1 else np.shape(samples)[1])
+    estimator.update(samples, bridged)
     return estimator
+
+
+def shown(samples, bridged=()):
+    """Return it finished."""
+    return taken_in(samples, bridged).finished()
 
 
 def ends(coefficient):

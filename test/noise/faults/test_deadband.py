@@ -1,5 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.faults.deadband import deadband
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole
@@ -8,12 +9,6 @@ import numpy as np
 import pytest
 
 WHITE = np.random.default_rng(7).normal(size=30_000)
-
-
-def shown(samples, bridged=()):
-    estimator = Estimator(1 if samples.ndim == 1 else samples.shape[1])
-    estimator.update(samples, bridged)
-    return estimator.finished()
 
 
 def without_small(samples, width):

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from characterized import joint_fits, one_axis
+from characterized import joint_fits, one_axis, shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.faults.saturation import cut_off
 from imu_allan.noise.record.estimator import CHUNK, Estimator
@@ -9,12 +9,6 @@ import pytest
 from repeated import slow
 
 WHITE = np.random.default_rng(7).normal(size=30_000)
-
-
-def shown(samples):
-    estimator = Estimator(1 if samples.ndim == 1 else samples.shape[1])
-    estimator.update(samples)
-    return estimator.finished()
 
 
 @pytest.mark.parametrize('level', [0.0, 0.5, 1.5, 2.2])
@@ -88,19 +82,16 @@ def bridged(samples, share):
 def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, step):
     for offset in (0.0, 0.2, 0.4):
         samples, missing = bridged(step * np.round(WHITE[:6000] / step + offset), share)
-        estimator = Estimator()
-        estimator.update(samples, missing)
-        assert cut_off(estimator.finished(), 0) is None
-        assert estimator.finished().census.step[0] == step
+        finished = shown(samples, missing)
+        assert cut_off(finished, 0) is None
+        assert finished.census.step[0] == step
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
 def test_a_clipped_axis_is_told_where_samples_are_missing_with_its_share_of_those_there(share):
     clipped = np.minimum(0.1 * np.round(WHITE / 0.1), 1.0)
     samples, missing = bridged(clipped, share)
-    estimator = Estimator()
-    estimator.update(samples, missing)
-    found = cut_off(estimator.finished(), 0)
+    found = cut_off(shown(samples, missing), 0)
     assert found.value == pytest.approx(1.0)
     assert found.share == np.mean(np.delete(clipped, missing) == clipped.max())
 

@@ -1,17 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from characterized import shown
 from imu_allan.noise.axis_fit import copies
 from imu_allan.noise.record.census import OPPOSITE, SAME
 from imu_allan.noise.record.estimator import Estimator
 import numpy as np
 
 WHITE = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
-
-
-def shown(samples):
-    estimator = Estimator(samples.shape[1])
-    estimator.update(samples)
-    return estimator.finished()
 
 
 def test_axes_that_repeat_another_are_found_whatever_the_sign():

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Segments of a record: their spectra, in constant memory, and what they add up to."""
 
+from characterized import taken_in
 from imu_allan.noise.posterior.maximum import maximise
-from imu_allan.noise.record.estimator import CHUNK, Estimator
+from imu_allan.noise.record.estimator import CHUNK
 from imu_allan.noise.record.part_of_record import Part, part_cells
 from imu_allan.noise.record.segments import SEGMENTS, Segments, SHORTEST_SEGMENT
 from imu_allan.noise.simulate import simulate
@@ -14,15 +15,9 @@ SENSOR = {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 1
 DT = 0.01
 
 
-def lived(samples):
-    estimator = Estimator()
-    estimator.update(samples)
-    return estimator
-
-
 @pytest.fixture(scope='module')
 def finished():
-    return lived(simulate(SENSOR, 600_000, 100, 4)).finished().periodogram
+    return taken_in(simulate(SENSOR, 600_000, 100, 4)).finished().periodogram
 
 
 def test_a_segment_begins_where_the_estimator_takes_samples_in():
@@ -63,7 +58,7 @@ def test_parts_share_out_samples_and_cells(finished):
 def test_the_part_whose_noise_is_higher_has_the_higher_spectrum():
     record = simulate({'noise_density': 1e-3}, 400_000, 100, 4)
     record[:200_000] *= 2
-    periodogram = lived(record).finished().periodogram
+    periodogram = taken_in(record).finished().periodogram
     used, white = periodogram.segments.used, 1e-6
     ratios = [np.average(groups.power / (groups.design[:, 1] * white), weights=groups.dof)
               for groups in (Part(periodogram, DT, number, number + 1).groups(0)
@@ -79,13 +74,13 @@ def test_bands_of_lines_are_left_out(finished):
 
 
 def test_a_record_too_short_for_blocks_is_one_part():
-    periodogram = lived(simulate(SENSOR, 5000, 100, 4)).finished().periodogram
+    periodogram = taken_in(simulate(SENSOR, 5000, 100, 4)).finished().periodogram
     groups = Part(periodogram, DT, 0, 1).groups(0)
     assert groups.dof.sum() == 4999
 
 
 def test_merged_segments_stay_those_of_the_cells():
-    one, other = (lived(simulate(SENSOR, samples, 100, 4)) for samples in (300_000, 100_000))
+    one, other = (taken_in(simulate(SENSOR, samples, 100, 4)) for samples in (300_000, 100_000))
     one.merge(other)
     segments = one.periodogram.segments
     assert segments.samples == 400_000
