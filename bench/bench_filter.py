@@ -33,7 +33,7 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.result import AxisResult, DriftModel, GaussMarkov
-from imu_allan.tuning.kalman import coasting_weights, Filtered, run_filters
+from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.tune import tune
 from imu_allan.tuning.uncertainty import spread_of_forecast
@@ -122,7 +122,8 @@ def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step
         return float('nan')
     total = np.concatenate(([0.0], np.cumsum(series)))
     actual = (total[starts + m] - total[starts]) / m
-    weight, rest = coasting_weights(model, tones, horizon_s)
+    over = space_of(model, tones, horizon_s)
+    weight, rest = over.observation[0], over.measurement[0, 0]
     n = len(weight)
     predicted = found.state[lane, starts, :n] @ weight
     claimed = np.einsum('i,kij,j->k', weight, found.covariance[lane, starts, :n, :n],

@@ -28,7 +28,7 @@ from imu_allan.result import (
     Interval,
     Tone,
 )
-from imu_allan.tuning.kalman import coasting_weights, Filtered, run_filters
+from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np
@@ -192,7 +192,8 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
         predicted, squared, outages = met.coasts.get(size * step_s, (0.0, 0.0, 0))
         more = np.zeros((2, len(fed)))
         for lane, (model, tones) in enumerate(fed):
-            weight, rest = coasting_weights(model, tones, size * step_s)
+            over = space_of(model, tones, size * step_s)
+            weight, rest = over.observation[0], over.measurement[0, 0]
             n = len(weight)
             error = actual[lane] - filters.state[lane, starts, :n] @ weight
             variance = np.einsum('i,kij,j->k', weight,

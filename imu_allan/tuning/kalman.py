@@ -10,9 +10,8 @@ small arrays, whether one filter runs or twenty.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.noise.process_means import on_mean, rest_of_mean
-from imu_allan.result import AxisResult, DriftModel, Tone
-from imu_allan.tuning.processes import drift_model_of, line_power
+from imu_allan.result import AxisResult
+from imu_allan.tuning.processes import drift_model_of
 from imu_allan.tuning.state_space import space_of, StateSpace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -118,8 +117,9 @@ def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arr
     Returns
     -------
     ndarray, shape (n,)
-        ``w P w' + r``: covariance P of the states (`steady_covariance`), weights w and rest r
-        (`coasting_weights`).
+        ``w P w' + r``: covariance P of the states (`steady_covariance`), and the weights w and the
+        rest r of a mean over the horizon, which are observation and measurement of its state
+        space.
 
     Examples
     --------
@@ -137,45 +137,10 @@ def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arr
     covariance = steady_covariance(space_of(model, axis.all_tones, aiding_s))
     found = []
     for horizon in horizons.tolist():
-        weight, rest = coasting_weights(model, axis.all_tones, horizon)
-        found.append(float(weight @ covariance @ weight) + rest)
+        over = space_of(model, axis.all_tones, horizon)
+        found.append(float((over.observation @ covariance @ over.observation.T
+                            + over.measurement)[0, 0]))
     return np.array(found)
-
-
-def coasting_weights(model: DriftModel, tones: tuple[Tone, ...], horizon_s: float
-                     ) -> tuple[Array, float]:
-    """
-    Weights of the states in the mean over a horizon, and the variance that they do not tell.
-
-    Parameters
-    ----------
-    model : DriftModel
-        Of one axis.
-    tones : tuple of Tone
-        Of the same axis.
-    horizon_s : float
-        Time that the mean is taken over.
-
-    Returns
-    -------
-    weight : ndarray, shape (n,)
-        w(h/T_i) of equation (9) of docs/statistics.md for each process, 1 for the walk.
-    rest : float
-        ``sum_i sigma_i^2 [m(h/T_i) - w(h/T_i)^2] + K^2 h/3 + N^2/h``, and the lines.
-
-    Examples
-    --------
-    >>> weight, rest = coasting_weights(DriftModel(1e-3, 0.0, (), 0.1, 1e4), (), 100.0)
-    >>> weight, round(rest, 12)
-    (array([1.]), 1e-08)
-
-    """
-    h = horizon_s
-    weight = np.array([*(float(on_mean(p.correlation_time_s, h)) for p in model.processes), 1.0])
-    rest = sum(p.sigma**2 * float(rest_of_mean(p.correlation_time_s, h))
-               for p in model.processes)
-    return weight, (rest + model.rate_random_walk**2 * h / 3 + model.noise_density**2 / h
-                    + float(line_power(tones, h)))
 
 
 def steady_covariance(space: StateSpace) -> Array:
@@ -201,6 +166,7 @@ def steady_covariance(space: StateSpace) -> Array:
     --------
     A walk seen through white noise is known to about sqrt(N K), at its best:
 
+    >>> from imu_allan.result import DriftModel
     >>> space = space_of(DriftModel(1.0, 1e-3, (), 1.0, 100.0), (), 1.0)
     >>> bool(np.isclose(steady_covariance(space)[0, 0], 1e-3, rtol=1e-3))
     True
