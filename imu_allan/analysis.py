@@ -248,29 +248,11 @@ def counted_on(progress: Progress, before: int, parts: int = 1) -> Progress:
 def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
             ) -> Generator[list[Taken], None, None]:
     """
-    Read a recording as if it came live.
+    Read a recording as if it came live, from the time on that is chosen.
 
-    Parameters
-    ----------
-    path : path
-        Of the recording.
-    choice : Choice
-        With a time to begin at.
-    next_look : callable
-        Number of messages at which to look next, given that at which one has looked; where the
-        gyroscope has a topic of its own, of its messages.
-
-    Yields
-    ------
-    list of Taken
-        With all that came so far, one for each half of the IMU where it comes in halves; once more
-        when the recording has ended.
-
-    Raises
-    ------
-    ImuAllanError
-        If it cannot be read, or does not hold one IMU.
-
+    At the number of messages that `next_look` gives for that at which one has looked, yield all
+    that came so far, one for each half of the IMU where it comes in halves, and once more when the
+    recording has ended. Where the gyroscope has a topic of its own, its messages are counted.
     """
     with choice.opened(path) as recording:
         halves = list(_begun(recording, choice, None))
@@ -324,29 +306,9 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
 def second_means(path: AnyPath, choice: Choice, axes: Collection[str], progress: Progress = None
                  ) -> list[Means]:
     """
-    Read a recording for its means over a second, at rest, in constant memory.
+    Read all of a recording for its means over a second, at rest, in constant memory.
 
-    Parameters
-    ----------
-    path : path
-        Of the recording.
-    choice : Choice
-        The part is all of it.
-    axes : collection of str
-        Keys of `AXES` to take.
-    progress : callable, optional
-        As in `analyze`.
-
-    Returns
-    -------
-    list of Means
-        One, or one for each half of an IMU that comes in two.
-
-    Raises
-    ------
-    ImuAllanError
-        If it cannot be read, or the topic is not clear.
-
+    One, or one for each half of an IMU that comes in two.
     """
     found = []
     with choice.opened(path) as recording:
@@ -405,7 +367,7 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
 
 def _streams(recording: Recording, choice: Choice, progress: Progress
              ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock], AccelerationUnit]]:
-    """Begin to read each stream in SI units, with its options; what turned g into m/s^2 tells."""
+    """Begin to read each stream, with the options that hold for it."""
     streams = choose_streams(recording, choice.topic)
     for number, stream in enumerate(streams):
         options = choice.options
@@ -414,13 +376,19 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
             options = replace(options, rate_hz=None)
         elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
-        blocks: Iterable[ImuBlock] = stream.taken(read_blocks(
-            recording, stream.topic,
-            counted_on(progress, number * recording.size_bytes, len(streams))))
-        unit = AccelerationUnit()
-        if recording.options.accel_unit is None and recording.options.accel is None:
-            blocks = unit.each(blocks)
+        blocks, unit = in_si_units(recording, stream, counted_on(
+            progress, number * recording.size_bytes, len(streams)))
         yield stream, options, blocks, unit
+
+
+def in_si_units(recording: Recording, stream: Stream, progress: Progress
+                ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
+    """Begin to read a stream; what turns g into m/s^2 tells when it did."""
+    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
+    unit = AccelerationUnit()
+    if recording.options.accel_unit is None and recording.options.accel is None:
+        blocks = unit.each(blocks)
+    return blocks, unit
 
 
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:

@@ -3,6 +3,7 @@
 """A recording in, a result out: where it begins."""
 
 from functools import partial
+from os import PathLike
 import subprocess
 import sys
 
@@ -94,6 +95,15 @@ def test_recordings_of_one_time_with_other_values_are_two(written):
     np.savetxt(other, np.column_stack((TIME, noise)), fmt='%.9g', delimiter=',',
                header='time_s,gyro_x', comments='')
     assert len(analyze([path, other]).recordings) == 2
+
+
+def test_any_kind_of_path_is_one_recording(written):
+    class Given(PathLike):
+        def __fspath__(self):
+            return str(path)
+
+    path = written(0.0)
+    assert analyze(Given()) == analyze(path)
 
 
 def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys):

@@ -3,7 +3,7 @@
 """Say what a recording holds, before it is analyzed."""
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 import textwrap
 from typing import Any, TYPE_CHECKING
@@ -15,7 +15,6 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.writers.terminal import columns_of
 
 if TYPE_CHECKING:
-    from imu_allan.block import ImuBlock
     from imu_allan.recordings import Recording
     from imu_allan.timeline import TimelineSummary
     import numpy as np
@@ -139,24 +138,21 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
 
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             progress: Callable[[int], None] | None) -> list[str]:
+    from imu_allan.analysis import in_si_units
     from imu_allan.noise.terms import AXES
-    from imu_allan.recordings import read_blocks
+    from imu_allan.recordings.halves import Stream
     from imu_allan.recordings.thermometers import thermometer_of
-    from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC
     from imu_allan.writers.words import message_of
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
-    unit = AccelerationUnit()
     failure = ''
+    blocks, unit = in_si_units(recording, Stream(topic), progress)
     count = 0
     first: NDArray[np.float64] | None = None
     changes = [False] * len(AXES)
     try:
-        blocks: Iterator[ImuBlock] = read_blocks(recording, topic, progress)
-        if recording.options.accel_unit is None and recording.options.accel is None:
-            blocks = unit.each(blocks)
         for block in blocks:
             count += len(block)
             if len(block) and not all(changes):

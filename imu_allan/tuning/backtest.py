@@ -81,22 +81,9 @@ class Met:
 
 def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     """
-    Fit each half of a record and filter the other.
+    Fit each half of a record, means in cells of `cell` samples, and filter the other.
 
-    Parameters
-    ----------
-    series : Cells
-        Means of the record in equal cells.
-    cell : int
-        Samples in a cell.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    list of Backtest or None
-        One for each axis; None where the record is too short or the axis has no noise.
-
+    For each axis there is None where the record is too short or the axis has no noise.
     """
     axes = series.sums.shape[0]
     rows = max(stretches(series, cell), key=lambda rows: rows.shape[1],
@@ -143,21 +130,9 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
 def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable[Array],
              cell_s: float) -> Met:
     """
-    Run filters over means, anew in every part, and keep what they met.
+    Run filters over means in a row, shape (filters, n), anew in every part; keep what they met.
 
-    Parameters
-    ----------
-    fed : sequence of (DriftModel, tuple of Tone)
-        What each filter holds.
-    parts : iterable of ndarray, shape (filters, n)
-        Consecutive means for each filter.
-    cell_s : float
-        Time that a mean is taken over.
-
-    Returns
-    -------
-    Met
-
+    `fed` is what each filter holds, `cell_s` the time that a mean is taken over.
     """
     sizes = dict.fromkeys(max(1, round(interval / cell_s)) for interval in INTERVALS_S)
     spaces = {size: [space_of(*one, size * cell_s) for one in fed] for size in sizes}
@@ -204,20 +179,10 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
 
 def stretches(series: Cells, cell: int) -> list[Array]:
     """
-    Cut a series of means where the record is interrupted.
+    Cut a series of means into rows where the record is interrupted.
 
-    Parameters
-    ----------
-    series : Cells
-        In order of time.
-    cell : int
-        Samples in a full cell; those less than half full are left out.
-
-    Returns
-    -------
-    list of ndarray, shape (axes, n)
-        Means in a row, few missing ones filled: a line across a long gap is no data.
-
+    Cells less than half full are left out, and few missing ones filled: a line across a long gap
+    is no data.
     """
     whole = series.take(series.counts >= cell / 2)
     if not len(whole):

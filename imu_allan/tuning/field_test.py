@@ -94,23 +94,9 @@ class FieldTest:
 def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
                coast_s: float = 60.0, bias: Bias = 'random_walk') -> dict[str, FieldTest]:
     """
-    Run filters with the numbers of some axes over another recording of the same sensor.
+    Run filters with the numbers of some axes over means of another recording of the same sensor.
 
-    Parameters
-    ----------
-    axes : mapping of name to AxisResult
-        What the numbers come from; an axis without a drift model, or that the other recording does
-        not have, is left out.
-    means : Means
-        Of the other recording.
-    aiding_interval_s, coast_s : float, optional
-        As for `tune`.
-    bias : {'random_walk', 'gauss_markov'}, optional
-        What the filters take their bias for.
-
-    Returns
-    -------
-    dict of str to FieldTest
+    An axis without a drift model, or that the other recording does not have, is left out.
 
     Raises
     ------

@@ -45,31 +45,11 @@ class Filtered:
 
 def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     """
-    Run the Kalman filter of each state space over its series.
+    Run the Kalman filter of each state space over its consecutive means, NaN where one is missing.
 
-    Parameters
-    ----------
-    spaces : sequence of StateSpace
-        One for each series; they may differ in the number of states.
-    means : array_like, shape (filters, steps)
-        Consecutive means over the step; NaN where one is missing.
-
-    Returns
-    -------
-    Filtered
-        States that a space does not have stay zero; they stand behind the last. With x, P before a
-        step and y its mean: ``S = H P H' + R``, ``G = (A P H' + C)/S``, then
-        ``x = A x + G (y - H x)`` and ``P = A P A' + Q - G S G'``.
-
-    Examples
-    --------
-    >>> import imu_allan
-    >>> rates = imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0)
-    >>> space = imu_allan.state_space(imu_allan.characterize(rates, 100.0), 1.0)
-    >>> found = run_filters([space], rates.reshape(1, -1, 100).mean(axis=2))
-    >>> found.innovation.shape
-    (1, 600)
-
+    States that a space does not have stay zero; they stand behind the last. With x, P before a
+    step and y its mean: ``S = H P H' + R``, ``G = (A P H' + C)/S``, then ``x = A x + G (y - H x)``
+    and ``P = A P A' + Q - G S G'``.
     """
     series = np.asarray(means, dtype=np.float64)
     lanes, steps = series.shape
@@ -147,30 +127,9 @@ def steady_covariance(space: StateSpace) -> Array:
     """
     Covariance of the states before a mean is seen, after very many have been.
 
-    Parameters
-    ----------
-    space : StateSpace
-        Of the states and the measured mean.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        P of the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
-        ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space.
-
-    References
-    ----------
-    E. K.-W. Chu et al., Int. J. Control 77 (2004): doubling, which takes 2^k steps in k.
-
-    Examples
-    --------
-    A walk seen through white noise is known to about sqrt(N K), at its best:
-
-    >>> from imu_allan.result import DriftModel
-    >>> space = space_of(DriftModel(1.0, 1e-3, (), 1.0, 100.0), (), 1.0)
-    >>> bool(np.isclose(steady_covariance(space)[0, 0], 1e-3, rtol=1e-3))
-    True
-
+    P of the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
+    ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space: by doubling, which takes 2^k
+    steps in k (E. K.-W. Chu et al., Int. J. Control 77, 2004).
     """
     # Not scipy's solve_discrete_are: beside a walk of K = 0 it may give, without an error, what
     # solves nothing, and it takes twenty times as long.

@@ -249,22 +249,7 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_i
 
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
             ) -> tuple[tuple[float, float, float], ...]:
-    """
-    Consistency of a filter that holds the whole drift model: what is expected it predicts.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose drift model the filter holds.
-    aiding_interval_s, coast_s : float, optional
-        As for `tune`.
-
-    Returns
-    -------
-    tuple of (float, float, float)
-        As `FilterTuning.consistency`.
-
-    """
+    """Consistency of a filter that holds the whole drift model: what is expected it predicts."""
     from imu_allan.tuning.kalman import coasting_variance
 
     aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)

@@ -31,17 +31,8 @@ def unsteadiness(axis: AxisResult) -> float:
     """
     Return the spread of the logarithm of the drift's standard deviation between parts.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose segments are compared.
-
-    Returns
-    -------
-    float
-        That of the recording's own segments beyond what the shortness of each makes, or what is
-        usual for the sensor where it has none.
-
+    That of the recording's own segments beyond what the shortness of each makes, or what is usual
+    for the sensor where it has none.
     """
     usual = _USUAL[axis.quantity]
     if axis.stationarity is None:
@@ -83,21 +74,10 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
     """
-    Return what a walk may add to the mean beyond the horizons that the recording knows.
+    Return what a walk may add to the mean over each horizon beyond those the recording knows.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        With a drift model.
-    horizons : ndarray, shape (n,)
-        In seconds.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Zero up to the longest horizon known; from there on a walk that just reaches the level of
-        the model there, and so could have stayed hidden.
-
+    It is a walk that just reaches the level of the model at the longest horizon known, and so
+    could have stayed hidden.
     """
     model = drift_model_of(axis)
     level = float(drift_avar(model, axis.all_tones, model.to_s))
@@ -105,22 +85,7 @@ def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
 
 
 def known_less_than(axes: Mapping[str, AxisResult], time_s: float) -> float | None:
-    """
-    Return how long the axes know their drift, where a time is beyond that.
-
-    Parameters
-    ----------
-    axes : mapping of name to AxisResult
-        Those without a drift model say nothing.
-    time_s : float
-        Without correction, or of averaging the bias.
-
-    Returns
-    -------
-    float or None
-        That of the axis that knows least, in seconds; None where all know the time.
-
-    """
+    """Return how long the axes know their drift, where `time_s` is beyond that, else None."""
     known = min((axis.drift_model.to_s for axis in axes.values() if axis.drift_model is not None),
                 default=time_s)
     return known if time_s > known * (1 + 1e-6) else None
@@ -152,23 +117,8 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     Add to the interval of a scaled drift what the shape of the model leaves open.
 
     The first recording knows that no better than it knows the drift over the longest time without
-    correction: the deviation of means over that, of which the noise tells nothing.
-
-    Parameters
-    ----------
-    factor : float
-        On the drift, as the other recording has it.
-    ends : (float, float)
-        Its 95 % interval, which may be open on either side.
-    axis : AxisResult
-        Of the first recording.
-    coast_s : float
-        The longest unaided time.
-
-    Returns
-    -------
-    (float, float)
-
+    correction: the deviation of means over that, of which the noise tells nothing. The interval
+    may be open on either side.
     """
     model = drift_model_of(axis)
     drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
@@ -199,20 +149,7 @@ def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
     """
     Return where 95 % of the deviations observed without correction should lie.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose drift model predicted them.
-    coasts : sequence of Coast
-        What was predicted and observed.
-    outages : array_like, shape (n,)
-        How often for each.
-
-    Returns
-    -------
-    tuple of (float, float)
-        What the sensor's own unsteadiness and the number of outages leave open.
-
+    The sensor's own unsteadiness and the number of outages leave that open.
     """
     horizons = np.array([coast.horizon_s for coast in coasts])
     # The spread of a root mean square of n is sqrt(1 / 2n).
@@ -223,21 +160,10 @@ def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
 
 def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
     """
-    Return the factors from an expected variance to its upper 95 % end.
+    Return the factors from an expected variance to its upper 95 % end, by horizon.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose variance is expected.
-    horizons : ndarray, shape (n,)
-        In seconds.
-
-    Returns
-    -------
-    noise, drift : ndarray, shape (n,)
-        For what is white, which only the shortness of the record makes uncertain, and for what
-        drifts. Both causes at their ends at once are far rarer: their logarithms add in square.
-
+    For what is white, which only the shortness of the record makes uncertain, and for what drifts.
+    Both causes at their ends at once are far rarer: their logarithms add in square.
     """
     # A horizon as long as the record: half a degree of freedom, so that an interval stays finite.
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
@@ -251,26 +177,12 @@ def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
 
 def upper_bound(axis: AxisResult, key: str) -> float | None:
     """
-    Return the upper bound of a coefficient that the data does not show.
+    Return the upper bound of a noise term that the data does not show; None where there is none.
 
     A course that bends as a random walk does, and is taken out of the fit, can take with it all
     that the data says of the walk; its bound then is any number. But the measured Allan variance
     holds every term, and the courses besides: no term is above the upper end of its interval at
     any averaging time.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        An axis object of a result.
-    key : str
-        One of the noise terms.
-
-    Returns
-    -------
-    float or None
-        In the unit of the coefficient. None where there is no bound, or no curve to hold it
-        against.
-
     """
     bound = axis.coefficients[key].upper95
     if not bound:

@@ -70,20 +70,7 @@ class Verification:
 
 def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verification:
     """
-    Hold a tuning against another recording of the same axis.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        What it was tuned on.
-    other : AxisResult
-        The same axis of the other recording.
-    tuning : FilterTuning
-        That of `axis`.
-
-    Returns
-    -------
-    Verification
+    Hold a tuning of an axis against the same axis of another recording.
 
     Raises
     ------
