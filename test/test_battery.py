@@ -32,19 +32,21 @@ def octave_ratios(draw, power, samples=16384, records=60):
     return np.array([ratio[first:2 * first].mean() for first in 2**np.arange(6, 13)])
 
 
+def of_law(exponent, power):
+    return (lambda samples, rng: simulated.power_law(samples, exponent, rng)), power
+
+
+def of_process(time):
+    return (lambda samples, rng: simulated.process(samples, time, rng),
+            lambda nu: bounds.process_power(nu, time))
+
+
 @pytest.mark.parametrize(('draw', 'power'), [
     (simulated.white, lambda nu: bounds.term_power(N, nu, 1.0)),
     (simulated.walk, lambda nu: bounds.term_power(K, nu, 1.0)),
-    (lambda samples, rng: simulated.power_law(samples, 1.0, rng),
-     lambda nu: bounds.term_power(B, nu, 1.0)),
-    (lambda samples, rng: simulated.power_law(samples, 0.7, rng),
-     lambda nu: bounds.slow_power(nu, 0.7)),
-    (lambda samples, rng: simulated.power_law(samples, 1.3, rng),
-     lambda nu: bounds.slow_power(nu, 1.3)),
-    (lambda samples, rng: simulated.process(samples, 20.0, rng),
-     lambda nu: bounds.process_power(nu, 20.0)),
-    (lambda samples, rng: simulated.process(samples, 0.3, rng),
-     lambda nu: bounds.process_power(nu, 0.3)),
+    of_law(1.0, lambda nu: bounds.term_power(B, nu, 1.0)),
+    of_law(0.7, lambda nu: bounds.slow_power(nu, 0.7)),
+    of_law(1.3, lambda nu: bounds.slow_power(nu, 1.3)), of_process(20.0), of_process(0.3),
 ], ids=['white', 'walk', 'flicker', 'f^-0.7', 'f^-1.3', 'process of 20 samples',
         'process of 0.3 samples'])
 def test_simulated_noise_has_the_spectrum_of_the_bounds(draw, power):
@@ -80,33 +82,24 @@ def test_noise_through_a_filter_keeps_its_slow_level():
     assert np.var(seen) * 2000 == pytest.approx(1.0, abs=0.25)
 
 
-def test_a_miss_costs_forty_times_its_distance():
-    inside = verdict(Said(1.0, (0.9, 1.2), None), 1.1, 0.1)
-    below = verdict(Said(1.0, (0.9, 1.2), None), 0.8, 0.1)
-    assert inside.inside
-    assert not below.inside
-    assert (inside.width, inside.score) == pytest.approx((3.0, 3.0))
-    assert (below.width, below.score) == pytest.approx((3.0, 3.0 + 40.0))
-
-
-def test_a_bound_counts_as_the_interval_from_zero():
-    holds = verdict(Said(None, None, 2.0), 1.5, 0.5)
-    fails = verdict(Said(None, None, 2.0), 2.5, 0.5)
-    assert (holds.reported, holds.inside, holds.width, holds.score) == (False, True, None, 4.0)
-    assert (fails.inside, fails.score) == (False, pytest.approx(4.0 + 40.0))
-
-
-def test_what_nothing_is_said_of_is_neither_inside_nor_scored():
-    found = verdict(Said(None, None, None), 1.0, 1.0)
-    assert (found.reported, found.inside, found.width, found.score) == (False, None, None, None)
-
-
-def short_cases():
-    return [number for number, case in enumerate(RECORDS) if case.name == '10 s, NB']
+@pytest.mark.parametrize(('said', 'truth', 'reported', 'inside', 'width', 'score'), [
+    (Said(1.0, (0.9, 1.2), None), 1.1, True, True, 3.0, 3.0),
+    # A miss costs forty times its distance.
+    (Said(1.0, (0.9, 1.2), None), 0.8, True, False, 3.0, 3.0 + 40.0),
+    # A bound counts as the interval from zero.
+    (Said(None, None, 0.4), 0.3, False, True, None, 4.0),
+    (Said(None, None, 0.4), 0.5, False, False, None, 4.0 + 40.0),
+    (Said(None, None, None), 1.0, False, None, None, None)])
+def test_what_is_said_is_scored_by_its_width_and_its_miss(
+        said, truth, reported, inside, width, score):
+    found = verdict(said, truth, 0.1)
+    assert (found.reported, found.inside) == (reported, inside)
+    assert (found.width, found.score) == (
+        width and pytest.approx(width), score and pytest.approx(score))
 
 
 def test_records_and_spectra_are_the_same_again():
-    [number] = short_cases()
+    [number] = [number for number, case in enumerate(RECORDS) if case.name == '10 s, NB']
     first, again, other = of_record(number, 0), of_record(number, 0), of_record(number, 1)
     for one in (*first, *again, *other):
         del one['cpu_s']
@@ -142,18 +135,14 @@ def test_two_runs_differ_where_all_records_changed_the_same_way():
     before = [of_flicker(seed, (0.5, 2.0)) for seed in range(9)]
     wider = [of_flicker(seed, (0.5, 4.0)) for seed in range(9)]
     wrong = [of_flicker(seed, (1.1, 2.0), ('poor_fit',)) for seed in range(9)]
-    assert list(differences(before, before))[2:] == []
+    for same in (before, [of_flicker(0, (1.1, 2.0)), *before[1:]]):
+        # One record that changed is no difference.
+        assert list(differences(before, same))[2:] == []
     assert {line.split()[6] for line in list(differences(before, wider))[2:]
             if '1 min' in line} == {'width', 'score'}
     found = list(differences(before, wrong))[2:]
     assert any('coverage' in line and line.endswith('-3.0') for line in found)
     assert any('poor_fit' in line and line.endswith('+3.0') for line in found)
-
-
-def test_one_record_that_changed_is_no_difference():
-    before = [of_flicker(seed, (0.5, 2.0)) for seed in range(9)]
-    after = [of_flicker(0, (1.1, 2.0)), *before[1:]]
-    assert list(differences(before, after))[2:] == []
 
 
 def test_the_table_has_coverage_width_and_what_is_false():
