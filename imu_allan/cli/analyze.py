@@ -99,10 +99,11 @@ def run(args: argparse.Namespace) -> int:
     if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
         args.parser.error('--together takes several recordings of one topic, and no --resume')
     apart = len(args.recordings) > 1 and not args.together
-    if args.json is not None and apart:
-        args.parser.error('--json takes one recording; use --output DIR for several')
-    if args.consumers and args.output is None and apart:
-        args.parser.error('--for takes one recording; use --output DIR for several')
+    of_one = [option for option, given in (
+        ('--json', args.json is not None),
+        ('--for', args.consumers and args.output is None)) if given]
+    if apart and of_one:
+        args.parser.error(f'{of_one[0]} takes one recording; use --output DIR for several')
     if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
@@ -117,11 +118,9 @@ def run(args: argparse.Namespace) -> int:
     complaints: list[ImuAllanError] = []
     gathering = Gathering(None if args.output is None else Path(args.output), apart=apart)
     tasks = _tasks(args, choice, complaints, gathering)
-    for option, given in (('--json', args.json is not None),
-                          ('--for', args.consumers and args.output is None)):
-        if given and len(tasks) > 1:
-            raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
-                                f'{option}; choose one with --topic or use --output DIR')
+    if len(tasks) > 1 and of_one:
+        raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
+                            f'{of_one[0]}; choose one with --topic or use --output DIR')
     if args.output is not None and args.dask is None:
         from imu_allan.writers.atomic import require_replaceable_in
         from imu_allan.writers.folder import kinds_of_files
@@ -141,12 +140,8 @@ def run(args: argparse.Namespace) -> int:
         for shown, (task, outcome) in enumerate(in_order(workers, todo, progress)):
             try:
                 result, unsaved = outcome()
-            except ImuAllanError as error:
-                complaints.append(error)
-                gathering.fail(task.unit, task.path, error)
-                continue
             except Exception as error:
-                if not apart:
+                if not apart and not isinstance(error, ImuAllanError):
                     raise
                 complaints.append(complaint_of(error, task.path))
                 gathering.fail(task.unit, task.path, complaints[-1])
@@ -157,15 +152,14 @@ def run(args: argparse.Namespace) -> int:
                           brief=apart or len(tasks) > FEW)
             if unsaved is not None:
                 complaints.append(unsaved)
-            else:
-                if len(tasks) == 1 and task.folder is not None:
-                    print(_written(task))
-                if args.dask is None:
-                    # A cluster may have written to another disk.
-                    from imu_allan.writers.filters import left_from_earlier
+            elif task.folder is not None:
+                from imu_allan.writers.filters import left_from_earlier
 
-                    if task.folder and (old := left_from_earlier(task.folder, task.exports)):
-                        print(f'imu_allan: {old}', file=sys.stderr)
+                if len(tasks) == 1:
+                    print(_written(task))
+                # A cluster may have written to another disk.
+                if args.dask is None and (old := left_from_earlier(task.folder, task.exports)):
+                    print(f'imu_allan: {old}', file=sys.stderr)
             topic = task.choice.topic
             source = task.path if not args.all_topics or topic is None else (
                 f'{task.path}, topic {shorten(topic)}')
