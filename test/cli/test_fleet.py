@@ -128,18 +128,21 @@ def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
 
     assert done_before() == []
     assert done_before() == ['unit1', 'unit2']
-    assert done_before('--motion', 'keep', '--duration', '10s') == []
+    part = ('--motion', 'keep', '--duration', '10s')
+    assert done_before(*part) == []
     assert load_result(output / 'unit1' / 'result.json').source.options == {
         'motion': 'keep', 'duration_s': '10.0'}
-    assert done_before('--motion', 'keep', '--duration', '10s') == ['unit1', 'unit2']
-    assert done_before('--operator', 'Ada') == []
-    assert done_before('--operator', 'Ada', '--for', 'kalibr') == []
+    assert done_before(*part) == ['unit1', 'unit2']
+    part = (*part, '--operator', 'Ada')
+    assert done_before(*part) == []
+    part = (*part, '--for', 'kalibr')
+    assert done_before(*part) == []
     (output / 'unit2' / 'allan_deviation.png').unlink()
-    assert done_before('--operator', 'Ada', '--for', 'kalibr') == ['unit1']
+    assert done_before(*part) == ['unit1']
     changed = load_result(output / 'unit1' / 'result.json').to_dict()
     (output / 'unit1' / 'result.json').write_text(
         json.dumps(changed | {'imu_allan_version': '0.0.1'}))
-    assert done_before('--operator', 'Ada', '--for', 'kalibr') == ['unit2']
+    assert done_before(*part) == ['unit2']
 
 
 def test_resume_takes_no_other_recording_of_the_same_relative_name(

@@ -72,7 +72,8 @@ EMPTY = 'names no file; is a variable of the shell empty?'
 ])
 def test_what_is_not_to_be_replaced_is_told_and_stays(arguments, line, folder, fails_with):
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    fails_with(line, *arguments)
+    # Before the work, of which something would be printed.
+    assert fails_with(line, *arguments) == ''
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 

@@ -14,6 +14,7 @@ import imu_allan
 from imu_allan.characterization import stream
 from imu_allan.cli.main import main
 from imu_allan.noise.terms import AXES
+from imu_allan.result import Inspection
 from imu_allan.sensor.units import typeset
 from imu_allan.writers.datasheet import live
 from imu_allan.writers.filters import CONSUMERS
@@ -223,8 +224,12 @@ def test_a_constant_sensor_fails_its_check(tmp_path, against, capsys, live):
 
 
 def test_unit_operator_and_station_go_into_every_paper(result_file, tmp_path, against):
-    assert against(result_file, 'gyro: {noise_density: 0.5 deg/sqrt(h)}',
-                   '--serial', 'A-17', '--operator', 'mk', '--station', 'bench 3',
+    # What is not said stays as the result has it.
+    save_result(replace(imu_allan.load_result(result_file),
+                        inspection=Inspection(serial='A-17', operator='nobody')),
+                tmp_path / 'r.json')
+    assert against(tmp_path / 'r.json', 'gyro: {noise_density: 0.5 deg/sqrt(h)}',
+                   '--operator', 'mk', '--meta', 'station=bench 3',
                    '--json', tmp_path / 'c.json', '--junit', tmp_path / 'c.xml',
                    '--certificate', tmp_path / 'c.html') == 0
     said = {'serial': 'A-17', 'operator': 'mk', 'station': 'bench 3'}
