@@ -200,15 +200,14 @@ class _Source:
     def capped(self) -> Groups:
         """Return the spectrum, worth less where the noise changes."""
         own = self.record.groups()
-        return own if self.steady is None or not self.steady.differs else self.steady.capped(own)
+        return own if self.steady is None else self.steady.capped(own)
 
     def parts(self) -> list[Groups]:
         """Return the spectra of quarters of the record, none where they are too short."""
         found = [part.groups(self.own, lines_hz(self.lines)) for part in self.quarters]
         if len(found) < _QUARTERS or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
             return []
-        return found if self.steady is None or not self.steady.differs else [
-            self.steady.capped(one) for one in found]
+        return found if self.steady is None else [self.steady.capped(one) for one in found]
 
     def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Course) -> '_Source':
         """Take a mean that moves out of the segments and the quarters, too."""

@@ -151,7 +151,9 @@ class Steadiness:
     dof: Array
 
     def capped(self, groups: Groups) -> Groups:
-        """Return groups whose degrees of freedom the spread does not let average down."""
+        """Return groups whose degrees of freedom the spread, if any, does not let average down."""
+        if not self.differs:
+            return groups
         half = np.interp(np.log(groups.frequency), np.log(self.frequency_hz), self.spread)
         number = np.floor(2 * np.log2(groups.frequency)).astype(np.int64)
         _, place = np.unique(number, return_inverse=True)
