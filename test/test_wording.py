@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from hypothesis import given, strategies as st
 from imu_allan.result import Span, Timeline
-from imu_allan.timeline.counts import LISTED_GAPS
-from imu_allan.timeline.excluded import LISTED_SPANS
+from imu_allan.timeline.memory import LISTED_GAPS
+from imu_allan.timeline.motion import LISTED_SPANS
 from imu_allan.wording import amount_of, bounded, duration, faults_of, measured, number
 import pytest
 

@@ -19,7 +19,6 @@ changes all the time from its first change on.
 from dataclasses import dataclass, field
 
 from imu_allan.state import Record
-from imu_allan.timeline.counts import SPARSE
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +40,8 @@ _FEWEST_FOR_SPIKES = 8
 """Messages whose steps tell the noise that a wild value is held against."""
 _FEWEST = 64
 """Changes from which it is known how lively the axes are."""
+SPARSE = 16
+"""Every so many samples go into the mean acceleration, which needs no more."""
 LASTING = 32
 """Messages in a row: more than a slip of the driver, and within the look-ahead."""
 _FOLLOWING = 64

@@ -13,13 +13,12 @@ from math import log
 from typing import Any
 
 from imu_allan.finding import Finding, finding
+from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.alive import Content, LateAxes, Presence
 from imu_allan.timeline.clock import SECOND
-from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import AXIS_NAMES, Decision
-from imu_allan.timeline.excluded import MotionSummary
-from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.memory import Counts, Decision, Memory
+from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 import numpy as np
 
@@ -83,36 +82,6 @@ def remarks_of(memory: Memory) -> tuple[Finding, ...]:
             *_slow_turns(memory.excursions))
 
 
-def receive_clock(flaw: str) -> Facts:
-    """Tell why receive stamps are used: the flaw of header stamps, as `judge_clock` names it."""
-    return {'receive_clock': {'flaw': flaw}}
-
-
-def even_receive_clock() -> Facts:
-    """Tell that header stamps could be used, but less well."""
-    return {'receive_clock': {'flaw': None}}
-
-
-def clock_changed(flaw: str, since_s: float) -> Facts:
-    """Tell from when on header stamps are given up."""
-    return {'clock_changed': {'flaw': flaw, 'since_s': since_s}}
-
-
-def counted_samples(rate_hz: float) -> Facts:
-    """Tell that no stamps are used at all."""
-    return {'counted_samples': {'rate_hz': rate_hz}}
-
-
-def several_publishers() -> Facts:
-    """Tell that messages look as those of two sensors."""
-    return {'several_publishers': {}}
-
-
-def alternating() -> Facts:
-    """Tell that messages differ in turn, as those of two sensors or of a vibration do."""
-    return {'alternating': {}}
-
-
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
     """
     Bound what faults of the stamps, as the remarks tell, may have done to noise densities.
@@ -129,12 +98,12 @@ def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
 
 
 def _hidden_error(decision: Decision) -> float:
-    hidden = decision.hidden if decision.counting else 0.0
+    hidden = decision.pace.hidden if decision.pace.counting else 0.0
     return hidden / 2 / (1 - hidden) if hidden >= _LITTLE_HIDDEN else 0.0
 
 
 def _short_error(counts: Counts, decision: Decision) -> float:
-    error = decision.rate_error(counts.paced_steps) if decision.counting else 0.0
+    error = decision.rate_error(counts.paced_steps) if decision.pace.counting else 0.0
     return error if error > _LITTLE_HIDDEN else 0.0
 
 
@@ -153,15 +122,15 @@ def _uneven_error(counts: Counts) -> float:
 
 def mostly_motion(motion: MotionSummary) -> bool:
     """Tell whether a recording moves, without a stop to rest that is worth the name."""
-    return _moves(motion) and (motion.longest_rest_s < _SHORTEST_REST_S
+    return _moves(motion) and (motion.kept.longest_s < _SHORTEST_REST_S
                                or motion.contrast < _LEAST_CONTRAST)
 
 
 def _moves(motion: MotionSummary) -> bool:
     # Margins cut most of a few seconds about a single knock: that is no moving recording.
-    return motion.seen > 0 and (motion.excluded == motion.seen or (
-        motion.excluded_s > _LONG_MOTION_S
-        and motion.excluded > _MOSTLY * motion.seen
+    return motion.seen > 0 and (motion.cut.rows == motion.seen or (
+        motion.cut.total_s > _LONG_MOTION_S
+        and motion.cut.rows > _MOSTLY * motion.seen
         and motion.struck > 0.5 * _MOSTLY * motion.seen))
 
 
@@ -171,11 +140,11 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
     facts = decision.remarks | _content_facts(counts, content) | _clock_facts(counts, decision)
     if counts.clock_jumps:
         facts['clock_jumps'] = {'clock': decision.clock, 'count': counts.clock_jumps}
-    if decision.counting:
+    if decision.pace.counting:
         hidden = _hidden_error(decision)
         facts['uneven_stamps'] = {
             'clock': decision.clock, 'numbered': decision.numbered,
-            'hidden_share': decision.hidden if hidden else None,
+            'hidden_share': decision.pace.hidden if hidden else None,
             'density_high_share': hidden or None,
             'rate_error_share': _short_error(counts, decision) or None}
     if counts.gaps > len(counts.listed_gaps):
@@ -186,7 +155,7 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
         facts['many_missing'] = {'share': counts.bridged / places,
                                  'density_error_share': _bridged_error(counts) or None}
     if counts.at_other_rate:
-        used, other = SECOND / (decision.interval_ns or 1.0), counts.changed_rate_hz
+        used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
         # Time is told from the first sample used: what was cut out before has none.
         known = counts.rate_changed_s > 0
         facts['rate_changed'] = {
@@ -219,17 +188,17 @@ def _rate_facts(counts: Counts) -> Facts:
 
 def _presence_findings(counts: Counts, decision: Decision, presence: Presence) -> list[Finding]:
     there = decision.present or [True] * 6
-    never = [name for name, gone, was in zip(AXIS_NAMES, decision.not_finite, there, strict=True)
+    never = [name for name, gone, was in zip(AXES, decision.not_finite, there, strict=True)
              if gone and not was]
     return [finding('axis_not_finite', (name,)) for name in never] + [
         finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
-        for name, gone, was in zip(AXIS_NAMES, presence.gone, there, strict=True) if gone and was]
+        for name, gone, was in zip(AXES, presence.gone, there, strict=True) if gone and was]
 
 
 def _late_axes(counts: Counts, content: Content, late_axes: LateAxes) -> list[Finding]:
     # Where the whole sensor was dead, that is told in one.
     return [finding('axis_late_start', (name,), late=messages, messages=counts.messages)
-            for name, messages in zip(AXIS_NAMES, late_axes.late, strict=True)
+            for name, messages in zip(AXES, late_axes.late, strict=True)
             if messages > content.head]
 
 
@@ -274,7 +243,7 @@ def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
     found = []
     for axis, own in sorted(of_axis.items()):
         start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
-        found.append(finding('slow_motion', (AXIS_NAMES[axis],), size=size,
+        found.append(finding('slow_motion', (tuple(AXES)[axis],), size=size,
                              unit='rad/s' if axis < 3 else 'm/s^2', start_s=start,
                              duration_s=lasts, count=len(own)))
     return found
@@ -283,17 +252,17 @@ def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
 def _motion_facts(motion: MotionSummary) -> Facts:
     facts: Facts = {}
     if mostly_motion(motion):
-        facts['mostly_motion'] = {'share': motion.excluded / motion.seen}
+        facts['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
     elif _moves(motion):
         facts['rest_within_motion'] = {
-            'share': motion.excluded / motion.seen, 'rest_s': motion.rest_s,
-            'rests': len(motion.rests),
-            'starts_s': [start for start, _ in motion.rests[:_NAMED_RESTS]],
-            'durations_s': [lasts for _, lasts in motion.rests[:_NAMED_RESTS]]}
-    elif motion.count:
-        facts['motion'] = {'count': motion.count, 'excluded_s': motion.excluded_s}
-    if motion.count > len(motion.spans):
-        facts['motion_not_listed'] = {'listed': len(motion.spans)}
+            'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,
+            'rests': len(motion.kept.listed),
+            'starts_s': [start for start, _ in motion.kept.listed[:_NAMED_RESTS]],
+            'durations_s': [lasts for _, lasts in motion.kept.listed[:_NAMED_RESTS]]}
+    elif motion.cut.count:
+        facts['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
+    if motion.cut.count > len(motion.cut.listed):
+        facts['motion_not_listed'] = {'listed': len(motion.cut.listed)}
     if motion.changes:
         facts['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
                                         'ratios': [ratio for _, ratio in motion.changes]}
@@ -301,7 +270,6 @@ def _motion_facts(motion: MotionSummary) -> Facts:
 
 
 def _kept_motion(motion: MotionSummary) -> Facts:
-    if not motion.count:
-        return {}
-    return {'motion_kept': {'count': motion.count, 'seen_s': motion.excluded_s,
-                            'first_s': motion.spans[0][0] if motion.spans else 0.0}}
+    cut = motion.cut
+    return {'motion_kept': {'count': cut.count, 'seen_s': cut.total_s,
+                            'first_s': cut.listed[0][0]}} if cut.count else {}

@@ -9,9 +9,12 @@ jitter moves it for a moment, drift moves it slowly, and only the first leaves t
 one place unchanged.
 """
 
+from itertools import pairwise
 from math import sqrt
 
 from imu_allan.block import NEIGHBOURS
+from imu_allan.timeline.clock import SECOND
+from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
@@ -177,6 +180,40 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
     behind = samples[at]
     means: Floats = behind + np.einsum('gk,gki->gi', weight, samples[around] - behind[:, None])
     return means
+
+
+def even_pieces(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
+                interval_ns: float, tolerated: int, new_run: bool) -> list[EvenPiece]:
+    """
+    Give samples as rows without a gap: those with an `index`, the others are their neighbours.
+
+    `tail` are up to `NEIGHBOURS` samples before, `steps` places from each sample to the one
+    before, of which up to `tolerated` are bridged, and `elapsed_ns` times since the first sample.
+    """
+    c = len(index)
+    known = np.concatenate([tail, samples[:c + NEIGHBOURS]])
+    gaps = np.flatnonzero((steps[:c] > 1) & (steps[:c] <= tolerated))
+    stretch = np.zeros(len(known), dtype=np.int64)
+    stretch[len(tail):] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
+    lengths = steps[gaps] - 1
+    means = np.repeat(bridge(known, gaps + len(tail), stretch), lengths, axis=0)
+    ends = np.cumsum(lengths)
+    holes = (np.repeat(index[gaps] - ends, lengths)
+             + np.arange(int(ends[-1]) if len(ends) else 0))
+    breaks = np.flatnonzero(steps[:c] > tolerated).tolist()
+    pieces = []
+    for first, last in pairwise([0, *(at for at in breaks if at > 0), c]):
+        begins, end = int(index[first]), int(index[last - 1]) + 1
+        if steps[first] <= tolerated:
+            begins -= int(steps[first]) - 1
+        rows = np.empty((end - begins, 6))
+        rows[index[first:last] - begins] = samples[first:last]
+        low, high = np.searchsorted(holes, begins), np.searchsorted(holes, end)
+        rows[holes[low:high] - begins] = means[low:high]
+        start_ns = float(elapsed_ns[first]) - (int(index[first]) - begins) * interval_ns
+        pieces.append(EvenPiece(rows, begins, start_ns / SECOND, new_run and first == 0,
+                                holes[low:high]))
+    return pieces
 
 
 def rate_changes(places: Floats, counting: bool, other_rate: bool,

@@ -24,15 +24,9 @@ from imu_allan.timeline.clock import (
     SECOND,
     Stamps,
 )
-from imu_allan.timeline.findings import (
-    alternating,
-    counted_samples,
-    even_receive_clock,
-    receive_clock,
-    several_publishers,
-)
 from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
 from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
@@ -41,8 +35,6 @@ from imu_allan.timeline.pace import (
     pace_by_numbers,
     spread_about,
 )
-from imu_allan.timeline.pending import Window
-from imu_allan.timeline.pieces import Messages
 import numpy as np
 from numpy.typing import NDArray
 
@@ -97,11 +89,11 @@ class Intake(Record):
         if decision.counted_only:
             interval = SECOND / (self._options.rate_hz or 1.0)
             first = self._counts.messages
-            place = np.arange(first, first + len(window.header))
-            return np.rint(place * interval).astype(np.int64), window.receive
+            place = np.arange(first, first + len(window.header_ns))
+            return np.rint(place * interval).astype(np.int64), window.receive_ns
         if decision.clock == 'header':
-            return window.header, window.receive
-        return window.receive, window.header
+            return window.header_ns, window.receive_ns
+        return window.receive_ns, window.header_ns
 
     def is_clean(self, window: Window) -> bool:
         """Tell whether every value of every axis is there and usable, as is usual."""
@@ -115,9 +107,9 @@ class Intake(Record):
         """Count messages with nothing wrong, whose own clock needs no look any more."""
         counts, c = self._counts, window.consumed
         if self.decision.clock == 'header':
-            counts.add_receive_faults(window.receive[:c])
+            counts.add_receive_faults(window.receive_ns[:c])
         else:
-            counts.add_header_faults(window.header[:c])
+            counts.add_header_faults(window.header_ns[:c])
         self.content.last = window.samples[c - 1].tolist()
         self.late_axes.count(c)
         self._count(window)
@@ -142,7 +134,8 @@ class Intake(Record):
             one.
 
         """
-        window = replace(window, header=bounded(window.header), receive=bounded(window.receive))
+        window = replace(window, header_ns=bounded(window.header_ns),
+                         receive_ns=bounded(window.receive_ns))
         decision, c = self.decision, window.consumed
         spikes = self.content.spikes(window.samples)
         if self.content.is_fresh(window.samples[:c]):
@@ -155,10 +148,10 @@ class Intake(Record):
             self._seek_impostors(window, repeats)
         repeats = replace(repeats, spikes=spikes)
         flaw = ''
-        faulty = self._counts.add_header_faults(window.header[:c])
+        faulty = self._counts.add_header_faults(window.header_ns[:c])
         if faulty and decision.clock == 'header' and self._options.clock == 'auto':
             flaw = self._doubt_header(window)
-        self._counts.add_receive_faults(window.receive[:c])
+        self._counts.add_receive_faults(window.receive_ns[:c])
         return window, repeats, flaw
 
     def usable(self, window: Window, repeats: Repeats, newest: Floats | None) -> Messages:
@@ -242,8 +235,8 @@ class Intake(Record):
     def _count(self, window: Window) -> None:
         counts, c = self._counts, window.consumed
         counts.messages += c
-        counts.last_header = int(window.header[c - 1])
-        counts.last_receive = int(window.receive[c - 1])
+        counts.last_header = int(window.header_ns[c - 1])
+        counts.last_receive = int(window.receive_ns[c - 1])
 
     def _decide(self, window: Window, repeats: Repeats) -> None:
         """Choose clock, axes and pace from the first messages."""
@@ -264,8 +257,8 @@ class Intake(Record):
         decision.present = present.tolist()
         decision.not_finite = (declared & ~present).tolist()
         self._choose_clock(window)
-        self._counts.first_header_ns = int(window.header[0])
-        self._counts.first_receive_ns = int(window.receive[0])
+        self._counts.first_header_ns = int(window.header_ns[0])
+        self._counts.first_receive_ns = int(window.receive_ns[0])
         stated = None if options.rate_hz is None else Pace(SECOND / options.rate_hz)
         if decision.counted_only:
             if stated is not None:
@@ -301,31 +294,31 @@ class Intake(Record):
         turns = [] if seen == 'noise' or self._is_alone(clocks[0]) else [
             takes_turns(stamps, samples) for stamps in clocks]
         if seen == 'noise' or 'apart' in turns:
-            decision.remarks |= several_publishers()
+            decision.remarks['several_publishers'] = {}
         elif seen or any(turns):
-            decision.remarks |= alternating()
+            decision.remarks['alternating'] = {}
 
     def _is_alone(self, stamps: Stamps) -> bool:
         """Tell whether stamps are so even that those of two sensors would be one's in turn."""
-        return self.decision.interval_ns is not None and _is_beyond_doubt(
+        return self.decision.first_interval_ns is not None and _is_beyond_doubt(
             self.decision.pace, stamps)
 
     def _choose_clock(self, window: Window) -> None:
         decision, options = self.decision, self._options
         repeats = _repeats(window.samples)
-        quality = {'header': judge_clock(window.header, repeats, bursts=False),
-                   'receive': judge_clock(window.receive, repeats, bursts=True)}
+        quality = {'header': judge_clock(window.header_ns, repeats, bursts=False),
+                   'receive': judge_clock(window.receive_ns, repeats, bursts=True)}
         choice = 'header' if options.clock == 'auto' else options.clock
         if not quality[choice].usable and options.clock == 'auto':
             if quality['receive'].usable:
-                decision.remarks |= receive_clock(quality['header'].flaw)
+                decision.remarks['receive_clock'] = {'flaw': quality['header'].flaw}
                 choice = 'receive'
-            elif judge_clock(window.header, repeats, bursts=True).usable:
+            elif judge_clock(window.header_ns, repeats, bursts=True).usable:
                 # Ticks with several messages each are poor, and better than nothing.
-                quality['header'] = judge_clock(window.header, repeats, bursts=True)
+                quality['header'] = judge_clock(window.header_ns, repeats, bursts=True)
         if not quality[choice].usable:
             if options.rate_hz is None:
-                if np.array_equal(window.header, window.receive):
+                if np.array_equal(window.header_ns, window.receive_ns):
                     # A table or a log has one time for each sample, and no clock to choose.
                     raise ImuAllanError(f'the times of the samples are {quality[choice].flaw}: '
                                         'mend them, or state the sample rate (analyze --rate)')
@@ -335,15 +328,15 @@ class Intake(Record):
                         f'{quality["receive"].flaw}:')
                 raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
             decision.counted_only = True
-            decision.remarks |= counted_samples(options.rate_hz)
+            decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
         decision.clock = choice
         if choice == 'header' and not decision.counted_only:
             decision.ticks = self._different_messages_share(window)
-            decision.overlaps = overlaps(window.header)
+            decision.overlaps = overlaps(window.header_ns)
 
     def _different_messages_share(self, window: Window) -> bool:
         """Tell whether messages with different values have the same header stamp."""
-        tied = (window.header[1:] == window.header[:-1]) & ~_repeats(window.samples)
+        tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~_repeats(window.samples)
         return int(np.count_nonzero(tied)) > max(_FEWEST_TIES, _TIED_SHARE * len(tied))
 
     def _measure(self, window: Window, repeats: Repeats) -> tuple[Pace | None, int]:
@@ -359,7 +352,7 @@ class Intake(Record):
         """
         decision = self.decision
         # Of a polled sensor only the messages with new values show its pace.
-        rows = np.arange(len(window.header))
+        rows = np.arange(len(window.header_ns))
         twice = (self._twice(window, self.stamps(window)[0], None) if decision.unties
                  else None)
         for left_out in (repeats.held, repeats.frozen, twice):
@@ -377,7 +370,7 @@ class Intake(Record):
                 or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
                 or pace.hidden > _MUCH_HIDDEN):
             return pace, count
-        usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
+        usable = judge_clock(window.receive_ns, _repeats(window.samples), bursts=True).usable
         second, seen = _pace_of(other, own, numbers, bursts=True) if usable else (None, 0)
         if second is not None and pace.counting and second.counting:
             # What either clock may hide is hidden.
@@ -397,7 +390,8 @@ class Intake(Record):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
-        decision.remarks |= even_receive_clock()
+        # Header stamps could be used, but less well.
+        decision.remarks['receive_clock'] = {'flaw': None}
         return second, seen
 
     def _numbers(self, window: Window, repeats: Repeats) -> Ints | None:
@@ -412,8 +406,8 @@ class Intake(Record):
     def _doubt_header(self, window: Window) -> str:
         """Go on by receive stamps where header stamps have become unusable; tell their flaw."""
         repeats = _repeats(window.samples)
-        header = judge_clock(window.header, repeats, bursts=False)
-        if header.usable or not judge_clock(window.receive, repeats, bursts=True).usable:
+        header = judge_clock(window.header_ns, repeats, bursts=False)
+        if header.usable or not judge_clock(window.receive_ns, repeats, bursts=True).usable:
             return ''
         self.decision.clock = 'receive'
         return header.flaw
@@ -430,10 +424,11 @@ class Intake(Record):
         if not tied.any():
             return None
         same = np.zeros(len(stamps), dtype=bool)
-        same[1:] = tied[1:] & (window.header[1:] == window.header[:-1]) & _repeats(window.samples)
+        same[1:] = (tied[1:] & (window.header_ns[1:] == window.header_ns[:-1])
+                    & _repeats(window.samples))
         if tied[0] and newest is not None:
             there = ~np.isnan(newest)
-            same[0] = (int(window.header[0]) == counts.last_header
+            same[0] = (int(window.header_ns[0]) == counts.last_header
                        and bool(np.array_equal(window.samples[0, there], newest[there])))
         return same if same.any() else None
 

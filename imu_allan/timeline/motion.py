@@ -13,11 +13,9 @@ from math import log
 
 from imu_allan.block import EvenBlock
 from imu_allan.state import Record
-from imu_allan.timeline.excluded import Excluded, MotionSummary
 from imu_allan.timeline.excursions import Excursions
-from imu_allan.timeline.pieces import EvenPiece
-from imu_allan.timeline.rest_level import RestLevel
-from imu_allan.timeline.sensor_at_rest import QUIETER
+from imu_allan.timeline.messages import EvenPiece
+from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +24,103 @@ Floats = NDArray[np.float64]
 
 START_WINDOWS = 128
 """Windows held back at the start, of which the quieter ones make the first baseline."""
+LISTED_SPANS = 1000
+"""Spans that are listed one by one."""
 
 _MARGIN = 2
 """Windows cut on each side of one in motion: a second, to settle. A judgment."""
 _CONTEXT = _MARGIN + FARTHEST_LAG + 1
 """Windows before the ones to be judged that these are held against."""
+_LATELY_S = 5.0
+"""The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
+_LISTED_CHANGES = 9
+"""Changes of the noise that are told: a sensor with more has no level at all."""
+
+
+@dataclass
+class Spans(Record):
+    """
+    Spans of rows that were cut out, or kept.
+
+    Attributes
+    ----------
+    listed : tuple of (float, float)
+        Start and duration in seconds of the first ones.
+    count, rows, total_s, longest_s : int, int, float, float
+        Of all: their number, rows and duration, and that of the longest.
+    end, end_s, lasts_s : int, float, float
+        Grid place and time at which the newest ends, and its duration.
+
+    """
+
+    listed: tuple[tuple[float, float], ...] = ()
+    count: int = 0
+    rows: int = 0
+    total_s: float = 0.0
+    longest_s: float = 0.0
+    end: int = -1
+    end_s: float = -_LATELY_S
+    lasts_s: float = 0.0
+
+    def add(self, first: int, rows: int, start_s: float, duration_s: float) -> None:
+        """Note rows, as part of the span before if they follow it."""
+        if first == self.end:
+            self.lasts_s += duration_s
+            if self.count == len(self.listed):
+                self.listed = (*self.listed[:-1], (self.listed[-1][0], self.lasts_s))
+        else:
+            self.count += 1
+            self.lasts_s = duration_s
+            if len(self.listed) < LISTED_SPANS:
+                self.listed = (*self.listed, (start_s, duration_s))
+        self.end, self.end_s = first + rows, start_s + duration_s
+        self.rows += rows
+        self.total_s += duration_s
+        self.longest_s = max(self.longest_s, self.lasts_s)
+
+
+@dataclass
+class MotionSummary(Record):
+    """
+    What was cut out as motion, what was kept as rest, and how much louder the one is.
+
+    Attributes
+    ----------
+    cut, kept : Spans
+        Of motion, with its margins, and of rest.
+    seen, struck : int
+        Rows decided on, and those of them in windows that moved, without the margins.
+    moving : bool
+        The newest span ended less than five seconds before the newest row.
+    contrast : float, contrasted : int
+        By how much the windows that moved are louder than rest, as the mean of a logarithm, and
+        how many these are.
+    changes : tuple of (float, float)
+        When the noise level changed for good, and the ratio of new to old standard deviation.
+
+    """
+
+    cut: Spans = field(default_factory=Spans)
+    kept: Spans = field(default_factory=Spans)
+    seen: int = 0
+    struck: int = 0
+    moving: bool = False
+    contrast: float = 0.0
+    contrasted: int = 0
+    changes: tuple[tuple[float, float], ...] = ()
+
+    def add_contrast(self, total: float, windows: int) -> None:
+        """Bring the mean contrast of windows that moved up to date."""
+        count = self.contrasted + windows
+        self.contrast = (self.contrast * self.contrasted + total) / count
+        self.contrasted = count
+
+    def all_cut(self, end: int) -> 'MotionSummary':
+        """Call all rows so far motion, up to a grid place: rest begins only now."""
+        total_s = self.cut.total_s + self.kept.total_s
+        cut = Spans(((0.0, total_s),), 1, self.seen, total_s, total_s, end, self.cut.end_s,
+                    total_s)
+        return MotionSummary(cut, seen=self.seen, struck=self.seen, moving=self.moving)
 
 
 @dataclass
@@ -51,7 +141,7 @@ class MotionDetector(Record):
     axes: tuple[bool, ...] = (True,) * 6
     _windows: Windows = field(init=False)
     _level: RestLevel = field(default_factory=RestLevel)
-    _excluded: Excluded = field(init=False)
+    summary: MotionSummary = field(default_factory=MotionSummary)
     _excursions: Excursions = field(default_factory=Excursions)
     _held: list[Stretch] = field(default_factory=list)
     _run_pending: bool = False
@@ -59,12 +149,7 @@ class MotionDetector(Record):
 
     def __post_init__(self) -> None:
         """Begin without windows."""
-        self._windows, self._excluded = Windows(self.interval_s), Excluded(self.interval_s)
-
-    @property
-    def summary(self) -> MotionSummary:
-        """Tell what was cut out so far; it changes with the next rows."""
-        return self._excluded.summary
+        self._windows = Windows(self.interval_s)
 
     @property
     def excursions(self) -> list[list[float]]:
@@ -83,7 +168,7 @@ class MotionDetector(Record):
 
     def follow(self, before: 'MotionDetector') -> None:
         """Go on with what another detector, of other axes, has told; it is flushed."""
-        self._excluded = before._excluded.copy()
+        self.summary = before.summary.copy()
         self._excursions.found = before._excursions.found
         self._run_pending, self._void = before._run_pending, before._void
 
@@ -159,13 +244,14 @@ class MotionDetector(Record):
             rest = rest[~moving]
             contrast = level.contrast(loudness[moving])
             if contrast is not None:
-                self._excluded.add_contrast(*contrast)
+                self.summary.add_contrast(*contrast)
         if len(rest) and not short:
             self._excursions.take(rest, windows.time(stretch, stretch.base + first),
                                   self._windows.size * self.interval_s)
         if not short:
-            level.learn(np.hstack([loudness, wander]), moving, beyond,
-                        windows.time(stretch, stretch.base + last), self._excluded)
+            time_s = windows.time(stretch, stretch.base + last)
+            for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
+                self.summary.changes = (*self.summary.changes[:_LISTED_CHANGES], (time_s, ratio))
 
     def _begin_at_rest(self, stretch: Stretch, first: int, last: int) -> None:
         """Take windows from number `first` of the arrays on for rest, all before for motion."""
@@ -176,9 +262,10 @@ class MotionDetector(Record):
         stretch.moving[first:] = (
             self._windows.implausible(stretch, first)[:last - first]
             | self._level.unlike(stretch.loudness[first:last], stretch.wander()[first:last], 1.0))
-        self._excluded.cut_all(stretch.first_index + stretch.given * self._windows.size)
-        windows = max(self._excluded.summary.seen // self._windows.size, 1)
-        self._excluded.add_contrast(windows * log(QUIETER), windows)
+        self.summary = self.summary.all_cut(
+            stretch.first_index + stretch.given * self._windows.size)
+        windows = max(self.summary.seen // self._windows.size, 1)
+        self.summary.add_contrast(windows * log(QUIETER), windows)
 
     def _give(self, stretch: Stretch) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""
@@ -202,8 +289,9 @@ class MotionDetector(Record):
         for left, right in pairwise(edges):
             begin, end = left * size, min(right * size, length)
             start_s = self._windows.time(stretch, stretch.given + left)
+            place = first + begin, end - begin, start_s, (end - begin) * self.interval_s
             if cut[left]:
-                self._excluded.cut(first + begin, end - begin, start_s)
+                self.summary.cut.add(*place)
                 self._run_pending |= stretch.new_run
             else:
                 bridged = stretch.bridged
@@ -214,11 +302,13 @@ class MotionDetector(Record):
                                         stretch.new_run or self._run_pending, self._void,
                                         start_s))
                 self._run_pending = self._void = False
-                self._excluded.keep(first + begin, end - begin, start_s)
+                self.summary.kept.add(*place)
             stretch.new_run = False
         struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
         newest = self._windows.time(stretch, stretch.given) + length * self.interval_s
-        self._excluded.count(length, struck, newest)
+        self.summary.seen += length
+        self.summary.struck += min(struck, length)
+        self.summary.moving = newest - self.summary.cut.end_s < _LATELY_S
         stretch.rows = [rows[length:]]
         stretch.held -= length
         stretch.given = upto

@@ -9,12 +9,13 @@ and long ones listed.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from math import isnan, sqrt
 
 from imu_allan.block import NEIGHBOURS
 from imu_allan.state import Record
-from imu_allan.timeline.bridging import even_pieces
+from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
     in_order,
     lost_before,
@@ -23,16 +24,16 @@ from imu_allan.timeline.clock import (
     SECOND,
     Stamps,
 )
-from imu_allan.timeline.counts import SPARSE
 from imu_allan.timeline.grid import (
     count_steps,
     EVEN_JITTER,
+    even_pieces,
     RATE_BLOCKS,
     rate_changes,
 )
 from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
 from imu_allan.timeline.pace import measure_pace, Pace
-from imu_allan.timeline.pieces import EvenPiece, Messages, NONE_BRIDGED
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,9 +90,9 @@ class Placing(Record):
     def is_even(self, stamps: Stamps, consumed: int) -> bool:
         """Tell whether the stamps are one interval apart, as is usual."""
         cursor, decision = self.cursor, self._decision
-        interval = decision.interval_ns
-        if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate or decision.counting
-                or decision.counted_only or interval is None):
+        interval = decision.pace.interval_ns
+        if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate
+                or decision.pace.counting or decision.counted_only):
             return False
         first = int(stamps[0]) - cursor.last_ns
         steps = stamps[1:] - stamps[:-1]
@@ -106,7 +107,6 @@ class Placing(Record):
         """Put messages on the grid of which `is_even` holds."""
         cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
         assert cursor.last_ns is not None
-        assert self._decision.interval_ns is not None
         if self._decision.unties:
             cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
         begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
@@ -114,7 +114,7 @@ class Placing(Record):
                           NONE_BRIDGED)
         passed = int(stamps[c - 1]) - cursor.last_ns
         lately = stamps[max(c - _LATELY, 0):c]
-        late = ((lately - lately[-1]) / self._decision.interval_ns
+        late = ((lately - lately[-1]) / self._decision.pace.interval_ns
                 + np.arange(len(lately) - 1, -1, -1))
         self._advance(messages, late, passed, c, passed, c)
         return piece
@@ -205,7 +205,7 @@ class Placing(Record):
     def _at_one_rate(self, messages: Messages) -> Iterator[EvenPiece]:
         """Leave out stretches at another rate than the first one; place the others."""
         cursor, decision = self.cursor, self._decision
-        if decision.interval_ns is None:
+        if decision.first_interval_ns is None:
             pace = measure_pace(messages.stamps)
             if pace is not None:
                 decision.take_pace(pace)
@@ -213,8 +213,8 @@ class Placing(Record):
         c = messages.consumed
         if not decision.counted_only and (cursor.other_rate
                                           or self._rate_doubtful(messages, steps)):
-            changes = rate_changes(self._places(messages)[:c], decision.counting,
-                                   cursor.other_rate, decision.spread)
+            changes = rate_changes(self._places(messages)[:c], decision.pace.counting,
+                                   cursor.other_rate, decision.pace.spread)
             if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
                 yield from self._split_by_rate(messages, changes)
                 return
@@ -232,7 +232,8 @@ class Placing(Record):
                        changes: list[tuple[int, bool]]) -> Iterator[EvenPiece]:
         ends = [first for first, _ in changes[1:]] + [messages.consumed]
         for (first, other_rate), last in zip(changes, ends, strict=True):
-            part = messages.part(first, last, look_ahead=last == messages.consumed)
+            end = len(messages.stamps) if last == messages.consumed else last
+            part = messages.pick(slice(first, end), last - first)
             if not part.consumed:
                 continue
             if other_rate:
@@ -276,12 +277,12 @@ class Placing(Record):
     def _lost(self, messages: Messages) -> Ints | None:
         """Messages lost before each one, by their numbers; None where stamps alone tell."""
         numbers, cursor, decision = messages.numbers, self.cursor, self._decision
-        if numbers is None or not (decision.numbered and decision.counting):
+        if numbers is None or not (decision.numbered and decision.pace.counting):
             return None
         known = None if cursor.begins else cursor.number
         lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
         # Behind another publisher numbers may leap, but time does not.
-        leaps = lost > sqrt(12) * decision.spread
+        leaps = lost > sqrt(12) * decision.pace.spread
         if leaps.any():
             passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
                              else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
@@ -304,7 +305,8 @@ class Placing(Record):
 
     def _disagree(self, passed: float, counted: int, messages: int) -> bool:
         """Tell whether stamps pass by other intervals than were counted; jitter makes a few."""
-        width = sqrt(12) * self._decision.spread if self._decision.counting else 0.0
+        pace = self._decision.pace
+        width = sqrt(12) * pace.spread if pace.counting else 0.0
         return abs(passed - counted) > 4 + width + 0.003 * messages
 
     def _note_uneven(self, messages: Messages, steps: Ints) -> None:
@@ -407,7 +409,8 @@ class Placing(Record):
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < _FOLLOWED:
-                self._decision.interval_ns = interval + _FOLLOW * (lately_ns - interval)
+                self._decision.pace = replace(
+                    self._decision.pace, interval_ns=interval + _FOLLOW * (lately_ns - interval))
 
     def _begin_run(self, stamp: int, other: int, interval: float) -> None:
         """Let time go on at the first message of a run, by the clock that did not jump."""

@@ -3,20 +3,17 @@
 """
 The level of rest, in one class because what is found first is what then follows the sensor.
 
-Windows are compared with those before them, in the terms of
-`imu_allan.timeline.sensor_at_rest`.
+A window is told by three statistics of each axis: the power within parts of 20 ms, that of the
+differences of their means, and the second difference of window means. These keep noise of every
+term stationary and nearly Gaussian however far it drifts, so thresholds follow from the median and
+the spread of the past and need no tuning to rate, noise level, quantization or steady vibration.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import log, sqrt
 
 from imu_allan.state import Record
-from imu_allan.timeline.excluded import Excluded
-from imu_allan.timeline.sensor_at_rest import (
-    Baseline,
-    baseline_of,
-    resolution_of,
-    settle,
-)
 from imu_allan.timeline.windows import Stretch, Windows
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +48,78 @@ _TOLD_RATIO = 3.0
 """Noise that has become so many times louder or quieter is told. A judgment."""
 _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
+_QUIET_PERCENT = 12.5
+"""The quietest eighth is taken for rest: with less rest than that, motion enters the baseline."""
+_SIGMAS = 8.0
+"""Far beyond chance: fewer would cut noise out that is not quite normal. A judgment."""
+_LEAST_EXCESS = 0.35
+"""Of the loudness, the cube root of a variance: noise that is 1.6 times as large is no motion."""
+QUIETER = 3.0 ** (2 / 3)
+"""Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
+_FINE = 0.7
+"""Noise over a step from which on the step hides nothing: below, an output may rest for long."""
+_DITHER = 0.75
+"""Of a squared step: an output of whole steps that flips between two has about a quarter."""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """
+    What the windows of a sensor at rest look like.
+
+    Attributes
+    ----------
+    loudness, spread : ndarray, shape (12,)
+        Median and robust standard deviation of the loudness of a window, as `describe` gives it.
+    wander : ndarray, shape (6,)
+        Robust standard deviation of the second difference of window means.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples that was seen; infinite while constant.
+
+    """
+
+    loudness: Floats
+    spread: Floats
+    wander: Floats
+    resolution: Floats
+
+    def loudest(self, shorter: float = 1.0) -> Floats:
+        """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
+        excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
+                            _LEAST_EXCESS * self.loudness)
+        stepping = np.cbrt(_DITHER * self._steps() ** 2)
+        loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
+        return loudest
+
+    @cached_property
+    def limits(self) -> tuple[Floats, Floats]:
+        """Largest loudness of a whole window, and largest second difference of means, at rest."""
+        return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
+
+    @cached_property
+    def far_quieter(self) -> Floats:
+        """Loudness below which a window is no rest of this kind, but a deeper one."""
+        return self.loudness / QUIETER
+
+    @cached_property
+    def any_constant(self) -> bool:
+        """Whether an axis has not changed yet."""
+        return bool(np.isinf(self.resolution).any())
+
+    def kept_alive(self, before: 'Baseline') -> 'Baseline':
+        """Give the baseline with what was known before of axes that stood still all the while."""
+        died = (self.loudness == 0) & (before.loudness > 0) & np.tile(
+            before.loudness[:6] ** 1.5 >= _FINE * before.resolution, 2)
+        if not died.any() or not (self.loudness > 0).any():
+            return self
+        return Baseline(np.where(died, before.loudness, self.loudness),
+                        np.where(died, before.spread, self.spread),
+                        np.where(died[:6], before.wander, self.wander), self.resolution)
+
+    def _steps(self) -> Floats:
+        """Resolution where the noise does not dither it: there whole steps are no motion."""
+        coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
+        return np.where(coarse, self.resolution, 0.0)
 
 
 @dataclass
@@ -228,10 +297,14 @@ class RestLevel(Record):
         self.quieter = 0
         self.past, self.news, self.lately = np.empty((0, 18)), [], self.lately[:0]
 
-    def learn(self, windows: Floats, moving: Bools, beyond: Bools, time_s: float,
-              told: Excluded) -> None:
-        """Let the baseline follow the windows at rest, or a level that has changed for good."""
+    def learn(self, windows: Floats, moving: Bools, beyond: Bools) -> list[float]:
+        """
+        Let the baseline follow the windows at rest, or a level that has changed for good.
+
+        Returns ratios of new to old noise where it has become much louder or quieter.
+        """
         assert self.baseline is not None
+        changes: list[float] = []
         inner = ~np.isnan(windows[:, 12])
         rest = windows[inner & ~moving]
         if len(rest):
@@ -239,49 +312,48 @@ class RestLevel(Record):
         if sum(map(len, self.news)) >= _REFRESH:
             self.past = np.concatenate([self.past, *self.news])[-_REMEMBERED:]
             self.news = []
-            self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
-                                    self.baseline.resolution), time_s, told)
+            changes += self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
+                                               self.baseline.resolution))
         if len(self.lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
             self.lately = np.concatenate(
                 [self.lately, np.column_stack([windows, verdict])[inner]])
             if len(self.lately) >= _PERSISTENT:
-                self._accept_change(time_s, told)
+                changes += self._accept_change()
                 self.lately = self.lately[:0]
+        return changes
 
-    def _accept_change(self, time_s: float, told: Excluded) -> None:
+    def _accept_change(self) -> list[float]:
         """Take a new steady level for the sensor's own, if it is not much louder."""
         assert self.baseline is not None
         verdict = self.lately[:, 18]
         share = float(np.mean(verdict))
         if np.any(verdict > 1) or share < _LEAST_SHARE:
-            return
+            return []
         baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
                                  self.baseline.resolution)
-        if share < _PERSISTENT_SHARE and not still.all():
-            return
         little = _ADOPTED_RATIO ** (2 / 3) * self.baseline.loudest()
-        if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
-            self.past = self.lately[still, :18]
-            self.news = []
-            self._adopt(baseline, time_s, told)
+        if (share < _PERSISTENT_SHARE and not still.all()) or (
+                np.mean(still) <= _ADOPTED_SHARE or np.any(baseline.loudness >= little)):
+            return []
+        self.past = self.lately[still, :18]
+        self.news = []
+        return self._adopt(baseline)
 
-    def _adopt(self, baseline: Baseline, time_s: float, told: Excluded) -> None:
-        """Take a new baseline, and tell if the noise has become much louder or quieter."""
+    def _adopt(self, baseline: Baseline) -> list[float]:
+        """Take a new baseline; give the ratio if the noise has become much louder or quieter."""
         if self.baseline is not None:
             baseline = baseline.kept_alive(self.baseline)
         self.baseline = baseline
         if self.first is None:
             self.first = baseline.loudness
-            return
         known = (self.first > 0) & (baseline.loudness > 0)
         ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
-        if not len(ratio):
-            return
-        most = ratio[np.argmax(np.abs(np.log(ratio)))]
-        if abs(np.log(most)) > np.log(_TOLD_RATIO):
-            self.first = baseline.loudness
-            told.note_change(time_s, float(most))
+        most = max(ratio.tolist(), key=lambda ratio: abs(log(ratio)), default=1.0)
+        if abs(log(most)) <= log(_TOLD_RATIO):
+            return []
+        self.first = baseline.loudness
+        return [most]
 
 
 def _of_few(loudness: Floats, resolution: Floats) -> Baseline:
@@ -289,3 +361,108 @@ def _of_few(loudness: Floats, resolution: Floats) -> Baseline:
     order = np.argsort(loudness.sum(axis=1))
     centre = np.median(loudness[order[:(len(order) + 1) // 2]], axis=0)
     return Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)
+
+
+def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
+    """
+    Find the windows at rest, starting from the quietest.
+
+    Parameters
+    ----------
+    loudness : ndarray, shape (n, 12)
+        As `describe` gives it.
+    wander : ndarray, shape (n, 6)
+        Second difference of window means, NaN at the ends of a stretch.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples.
+
+    Returns
+    -------
+    Baseline
+        From the windows at rest.
+    ndarray of bool, shape (n,)
+        Which they are: the set grows from the quietest eighth as far as the distribution of
+        loudness has no hole of many standard deviations.
+
+    """
+    dead = _dead(loudness, resolution)
+    quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
+    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
+        assert dead is not None
+        alive = loudness[~dead[:, axis]]
+        quiet[axis::6] = np.percentile(alive[:, axis::6], _QUIET_PERCENT, axis=0)
+    noisy = quiet > 0
+    if noisy.any():
+        louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
+        if dead is not None and not dead.any(axis=1).all():
+            # Fewer axes are quieter by chance, and say nothing of those that are dead.
+            louder[dead.any(axis=1)] = np.inf
+        rest = louder <= np.percentile(louder[np.isfinite(louder)], _QUIET_PERCENT)
+    else:
+        rest = np.ones(len(loudness), dtype=bool)
+    for _ in range(50):
+        baseline = baseline_of(loudness[rest], wander[rest], resolution)
+        grown = np.all(loudness <= baseline.loudest(), axis=1)
+        if np.array_equal(grown, rest):
+            break
+        rest = grown
+    return baseline, rest
+
+
+def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
+    """Describe windows at rest; the arguments are those of `settle`."""
+    centre, spread, wide = _typical(loudness, wander)
+    dead = _dead(loudness, resolution)
+    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
+        assert dead is not None
+        alive, own = ~dead[:, axis], slice(axis, None, 6)
+        centre[own], spread[own], wide[axis:axis + 1] = _typical(
+            loudness[alive, own], wander[alive, axis:axis + 1])
+    return Baseline(centre, spread, wide, resolution)
+
+
+def _typical(loudness: Floats, wander: Floats) -> tuple[Floats, Floats, Floats]:
+    """Medians of loudness, of its spread and of the wander, which NaN is unknown of."""
+    centre: Floats = np.median(loudness, axis=0)
+    spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
+    known = wander[~np.isnan(wander[:, 0])]
+    wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
+            else np.full(wander.shape[1], np.inf))
+    return centre, spread, wide
+
+
+def _dead(loudness: Floats, resolution: Floats) -> Bools | None:
+    """
+    Tell windows in which an axis stood still, shape (n, 6); None if there are none.
+
+    A fine one never does while others live. One that never lived, and coarse steps, are left.
+    """
+    still = loudness[:, :6] == 0
+    if not still.any():
+        return None
+    dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
+    for axis in np.flatnonzero(dead.any(axis=0)).tolist():
+        noise = float(np.median(loudness[~still[:, axis], axis])) ** 1.5
+        dead[:, axis] &= noise >= _FINE * resolution[axis]
+    return dead if dead.any() else None
+
+
+def resolution_of(samples: Floats) -> Floats:
+    """
+    Smallest change between neighbouring samples, per axis.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6)
+        Even samples.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Infinite for an axis that does not change.
+
+    """
+    change = np.abs(np.diff(samples, axis=0))
+    change[change == 0] = np.inf
+    smallest: Floats = np.min(change, axis=0, initial=np.inf)
+    return smallest

@@ -17,13 +17,11 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
-from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.messages import EvenPiece, Messages, Pending, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.pending import Pending, Window
-from imu_allan.timeline.pieces import EvenPiece, Messages
 from imu_allan.timeline.placing import Placing
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
@@ -128,8 +126,7 @@ class TimelineStage(Record):
     def to_state(self) -> State:
         """Everything needed to go on later, as a flat dict of arrays."""
         memory = self._memory
-        return state_of(replace(
-            memory, blocks=self._pending.joined(memory.decision.frame_id or '')))
+        return state_of(replace(memory, blocks=self._pending.joined()))
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
@@ -180,7 +177,8 @@ class TimelineStage(Record):
     @property
     def interval_ns(self) -> float | None:
         """Time from one sample to the next, by the clock."""
-        return self._intake.decision.interval_ns
+        decision = self._intake.decision
+        return None if decision.first_interval_ns is None else decision.pace.interval_ns
 
     def _work_off(self, window: Window) -> list[EvenBlock]:
         intake, placing = self._intake, self._placing
@@ -192,7 +190,8 @@ class TimelineStage(Record):
                     Messages(stamps, other, window.samples, window.consumed))])
         window, repeats, flaw = intake.look(window)
         if flaw:
-            intake.decision.remarks |= clock_changed(flaw, placing.cursor.elapsed_ns / SECOND)
+            intake.decision.remarks['clock_changed'] = {
+                'flaw': flaw, 'since_s': placing.cursor.elapsed_ns / SECOND}
             placing.change_clock()
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:

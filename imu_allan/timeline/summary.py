@@ -10,13 +10,12 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 from dataclasses import dataclass
 
 from imu_allan.finding import Finding
+from imu_allan.noise.terms import AXES
 from imu_allan.result import Span, Timeline
 from imu_allan.timeline.clock import iso_time, SECOND
-from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
-from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
-from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
+from imu_allan.timeline.motion import MotionSummary
 
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
@@ -68,13 +67,9 @@ class TimelineSummary:
         Number and total duration of the spans of motion cut out, listed or not.
     moving : bool
         Motion was seen within the last seconds.
-    rests : tuple of Span
-        The first stretches that were kept beside motion; empty where nothing was cut out.
     mostly_motion : bool
         More than half of the samples are motion, and no stretch of five seconds is at rest: this
         is no recording at rest.
-    noise_changes : tuple of (float, float)
-        Time and ratio of lasting changes of the noise, with motion excluded.
     turned : tuple of str
         Axes whose mean went away and came back, as in a slow turn.
     density_error : tuple of (float, float)
@@ -105,9 +100,7 @@ class TimelineSummary:
     motions: int = 0
     excluded_s: float = 0.0
     moving: bool = False
-    rests: tuple[Span, ...] = ()
     mostly_motion: bool = False
-    noise_changes: tuple[tuple[float, float], ...] = ()
     turned: tuple[str, ...] = ()
     density_error: tuple[float, float] = (0.0, 0.0)
 
@@ -146,9 +139,8 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         # A table that counts from zero tells no date at all.
         start = iso_time(first) if first >= _EPOCH_CLOCK_NS else None
     jitter = None
-    if (cursor.jitter is not None and decision.interval_ns is not None
-            and not decision.counted_only):
-        jitter = cursor.jitter * decision.interval_ns / SECOND
+    if cursor.jitter is not None and not decision.counted_only:
+        jitter = cursor.jitter * decision.pace.interval_ns / SECOND
     return TimelineSummary(
         timeline=Timeline(
             sample_rate_hz=rate, samples=counts.samples,
@@ -156,7 +148,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
             missing=counts.missing, duplicates=counts.duplicates,
             out_of_order=counts.out_of_order, rejected=counts.rejected,
             gaps=tuple(Span(*gap) for gap in counts.listed_gaps),
-            motion=tuple(Span(*span) for span in motion.spans)),
+            motion=tuple(Span(*span) for span in motion.cut.listed)),
         clock=None if decision.counted_only else decision.clock,
         frame_id=decision.frame_id,
         start_time=start,
@@ -172,10 +164,10 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         header_repeats=counts.header_repeats, header_backward=counts.header_backward,
         receive_repeats=counts.receive_repeats, receive_backward=counts.receive_backward,
         clock_jumps=counts.clock_jumps, at_other_rate=counts.at_other_rate,
-        motions=motion.count, excluded_s=motion.excluded_s, moving=motion.moving,
-        rests=tuple(Span(*span) for span in motion.rests) if motion.count else (),
-        mostly_motion=mostly_motion(motion), noise_changes=motion.changes,
-        turned=tuple(AXIS_NAMES[axis] for axis in sorted({int(found[2]) for found in excursions})),
+        motions=motion.cut.count, excluded_s=motion.cut.total_s, moving=motion.moving,
+        mostly_motion=mostly_motion(motion),
+        turned=tuple(name for axis, name in enumerate(AXES)
+                     if any(found[2] == axis for found in excursions)),
         density_error=density_error(counts, decision))
 
 
@@ -184,7 +176,7 @@ def _measured_rate(counts: Counts, decision: Decision) -> float | None:
     if counts.paced_ns <= 0 or not counts.paced_steps:
         return None
     rate = counts.paced_steps / counts.paced_ns * SECOND
-    if decision.counting and decision.first_interval_ns:
+    if decision.pace.counting and decision.first_interval_ns:
         # A short record begins or ends within a batch; the first interval is of whole batches.
         first = SECOND / decision.first_interval_ns
         error = decision.rate_error(counts.paced_steps)
@@ -195,10 +187,10 @@ def _measured_rate(counts: Counts, decision: Decision) -> float | None:
 
 def _how_read(decision: Decision) -> str:
     """Say how stamps are read, and thus how surely a lost sample is seen."""
-    if decision.counted_only or decision.interval_ns is None:
+    if decision.counted_only or decision.first_interval_ns is None:
         return ''
     batches = ', batches overlap' if decision.overlaps else ''
     ticks = ', several messages to a tick' if decision.ticks else ''
-    if decision.counting:
+    if decision.pace.counting:
         return f'each message taken for a sample, gaps seen where they last{ticks}{batches}'
     return f'each stamp shows its place, single missing samples are seen{ticks}{batches}'

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from math import sqrt
 
 from imu_allan.state import Record
-from imu_allan.timeline.sensor_at_rest import describe
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +21,8 @@ Bools = NDArray[np.bool_]
 PART_S = 0.02
 """Loudness is told within such parts of a window, fast noise, and between them, slow noise."""
 
+_ROUNDING = 1e-13
+"""Of the mean: a sum of some hundred equal values is off by less, any noise is larger."""
 _PARTS = 25
 """Half a second: a shorter window knows its noise worse, a longer one cuts more for a knock."""
 _LAGS = (1, 4)
@@ -179,3 +180,37 @@ class Windows(Record):
                 places[:, None], rows, stretch.means[newest:last],
                 stretch.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
         return beyond
+
+
+def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
+    """
+    Give means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6).
+
+    Loudness is the cube root of the variance within parts, and of that of their means as the
+    differences of neighbouring ones tell it: a cube root makes a chi-square nearly normal whatever
+    its degrees of freedom. Axes without values count as zero.
+    """
+    windows, size, _ = rows.shape
+    axes, parts = rows.transpose(2, 0, 1), size // part
+    if part == 1 or parts < 2:
+        steps, means = axes[:, :, 1:] - axes[:, :, :-1], axes.mean(axis=2)
+        within = slow = _square_sums(steps) * (0.5 / max(size - 1, 1))
+    else:
+        split = axes[:, :, :parts * part].reshape(6, windows, parts, part)
+        coarse = np.matmul(split, np.ones(part)) / part
+        own = (split - coarse[..., None]).reshape(6, windows, parts * part)
+        within = _square_sums(own) / (parts * (part - 1))
+        slow = _square_sums(coarse[:, :, 1:] - coarse[:, :, :-1]) * (0.5 / (parts - 1))
+        means = coarse.mean(axis=2)
+    means, power = means.T.copy(), np.concatenate([within, slow]).T.copy()
+    # The mean of equal values is that value but for rounding, which is no noise.
+    power[power < (_ROUNDING * np.tile(means, 2)) ** 2] = 0.0
+    if np.isnan(means[-1]).any():
+        np.nan_to_num(means, copy=False)
+        np.nan_to_num(power, copy=False)
+    return means, np.cbrt(power)
+
+
+def _square_sums(values: Floats) -> Floats:
+    """Sum the squares of the values of every axis and window, shape (6, windows)."""
+    return np.asarray(np.einsum('awi,awi->aw', values, values))

@@ -7,9 +7,8 @@ from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
-from imu_allan.timeline.excluded import MotionSummary
-from imu_allan.timeline.motion import MotionDetector
-from imu_allan.timeline.pieces import EvenPiece
+from imu_allan.timeline.messages import EvenPiece
+from imu_allan.timeline.motion import MotionDetector, MotionSummary
 from imu_messages import codes, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest
@@ -170,8 +169,8 @@ def test_spans_beyond_the_list_are_counted():
         detector.push(EvenPiece(block.samples[first:first + 4000], first, first / 1000,
                                 first == 0, np.empty(0, dtype=np.int64)))
     detector.flush()
-    assert detector.summary.count >= 100
-    assert detector.summary.excluded_s < 600
+    assert detector.summary.cut.count >= 100
+    assert detector.summary.cut.total_s < 600
 
 
 def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummary, int]:
@@ -256,7 +255,7 @@ KINDS = ['terms', 'drift', 'outputs', 'tones']
 @pytest.mark.parametrize('kind', KINDS)
 def test_noise_drift_and_steady_vibration_are_no_motion(kind):
     summary, given = detect(noise_at_rest(kind, 100.0, 1), 100.0, 0.5)
-    assert summary.count == 0
+    assert summary.cut.count == 0
     assert given == 180_000
     assert summary.changes == ()
 
@@ -266,7 +265,7 @@ def test_noise_drift_and_steady_vibration_are_no_motion(kind):
 @pytest.mark.parametrize(('rate_hz', 'hours'), [(20.0, 24.0), (100.0, 24.0), (1000.0, 4.0)])
 def test_a_day_of_noise_has_no_motion(kind, rate_hz, hours):
     summary, _ = detect(noise_at_rest(kind, rate_hz, 2), rate_hz, hours)
-    assert summary.count == 0
+    assert summary.cut.count == 0
 
 
 def test_absent_axes_do_not_hinder_the_others():

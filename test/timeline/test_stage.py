@@ -433,8 +433,8 @@ def test_a_rate_change_half_way_is_told_and_the_other_rate_left_out(other_hz):
     change = told(summary, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((100, other_hz), rel=1e-3)
     assert change['at_s'] == pytest.approx(300, abs=3)
-    assert change['left_out'] == summary.at_other_rate
-    assert summary.at_other_rate == pytest.approx(20_000, abs=300)
+    assert change['left_out'] == summary.timeline.rejected
+    assert summary.timeline.rejected == pytest.approx(20_000, abs=300)
     assert len(rows_by_place(even)[0]) == pytest.approx(30_000, abs=300)
 
 

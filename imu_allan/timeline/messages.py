@@ -1,0 +1,165 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the parts of a timeline hand on: waiting messages, usable ones, then even pieces."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.state import Record
+from imu_allan.timeline.clock import Stamps
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+NONE_BRIDGED: Ints = np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Window(ImuBlock):
+    """Messages as they came; the first `consumed` are worked off now, the others seen again."""
+
+    consumed: int = 0
+
+
+@dataclass
+class Pending(Record):
+    """Messages that wait, in the order they came, until enough are there to be worked off."""
+
+    _blocks: list[ImuBlock] = field(default_factory=list)
+    # Beside the blocks: asking each for its length again costs more than its messages.
+    _lengths: list[int] = field(default_factory=list)
+    _messages: int = 0
+
+    def __len__(self) -> int:
+        """Messages that wait."""
+        return self._messages
+
+    def append(self, block: ImuBlock) -> None:
+        """Let the messages of a block wait behind the others."""
+        n = len(block)
+        self._blocks.append(block)
+        self._lengths.append(n)
+        self._messages += n
+
+    def joined(self) -> list[ImuBlock]:
+        """Give all messages in one block, if there are any."""
+        return [self._first(len(self))] if len(self) else []
+
+    def _first(self, n: int) -> ImuBlock:
+        """Give the first `n` messages, samples axis after axis: numpy goes through them faster."""
+        whole = have = 0
+        while have < n and have + self._lengths[whole] <= n:
+            have += self._lengths[whole]
+            whole += 1
+        blocks = self._blocks[:whole]
+        if have < n:
+            # The last block may be far larger than what is still needed of it.
+            blocks.append(self._blocks[whole].part(slice(n - have)))
+        if len(blocks) == 1:
+            return blocks[0]
+        numbers = [block.numbers for block in blocks if block.numbers is not None]
+        return ImuBlock(np.concatenate([block.header_ns for block in blocks]),
+                        np.concatenate([block.receive_ns for block in blocks]),
+                        np.concatenate([block.samples for block in blocks],
+                                       out=np.empty((6, n)).T),
+                        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
+                        np.concatenate(numbers) if len(numbers) == len(blocks) else None)
+
+    def take(self, n: int, consumed: int) -> Window:
+        """Give the first `n` messages and let go of `consumed` of them."""
+        first = self._first(n)
+        left, whole = consumed, 0
+        while left and self._lengths[whole] <= left:
+            left -= self._lengths[whole]
+            whole += 1
+        del self._blocks[:whole], self._lengths[:whole]
+        if left:
+            self._blocks[0] = self._blocks[0].part(slice(left, None))
+            self._lengths[0] -= left
+        self._messages -= consumed
+        return Window(first.header_ns, first.receive_ns, np.asfortranarray(first.samples),
+                      first.absent, first.frame_id, first.numbers, consumed)
+
+
+@dataclass(frozen=True)
+class Messages:
+    """
+    Messages that are to find their places.
+
+    Attributes
+    ----------
+    stamps, other : ndarray of int64, shape (n,)
+        Stamps of the clock in use, and of the other one.
+    samples : ndarray of float64, shape (n, 6)
+        NaN only where an axis is absent.
+    consumed : int
+        The first so many are to be placed; the others only show what comes next.
+    void : ndarray of bool, shape (n,), or None
+        Those whose values are unusable: they have a place, which stays empty.
+    numbers : ndarray of int64, shape (n,), or None
+        As in `ImuBlock`.
+
+    """
+
+    stamps: Stamps
+    other: Stamps
+    samples: Floats
+    consumed: int
+    void: Bools | None = None
+    numbers: Ints | None = None
+
+    def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
+        """Give some of the messages, `consumed` of them to be placed."""
+        return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
+                        None if self.void is None else self.void[rows],
+                        None if self.numbers is None else self.numbers[rows])
+
+
+@dataclass(frozen=True)
+class EvenPiece:
+    """
+    Even samples without a gap between them.
+
+    Attributes
+    ----------
+    samples : ndarray of float64, shape (n, 6)
+        NaN only where an axis is absent.
+    first_index : int
+        Place of the first row on the grid.
+    start_s : float
+        Its time since the first sample.
+    new_run : bool
+        As in `EvenBlock`.
+    bridged : ndarray of int64, shape (b,)
+        Rising grid places whose row stands in for a missing sample.
+
+    """
+
+    samples: Floats
+    first_index: int
+    start_s: float
+    new_run: bool
+    bridged: Ints = field(default_factory=lambda: NONE_BRIDGED)
+
+    def block(self) -> EvenBlock:
+        """Give all rows."""
+        return EvenBlock(self.samples, self.first_index, self.bridged - self.first_index,
+                         self.new_run, start_s=self.start_s)
+
+    def by_axes(self, interval_s: float) -> Iterator['EvenPiece']:
+        """Give the piece in parts within which the same axes are there, and at least one."""
+        there = np.isfinite(self.samples)
+        edges = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
+        new_run = self.new_run
+        for first, last in pairwise([0, *edges.tolist(), len(self.samples)]):
+            if there[first].any():
+                begin = self.first_index + first
+                low, high = np.searchsorted(self.bridged, (begin, begin + last - first))
+                yield EvenPiece(self.samples[first:last], begin, self.start_s + first * interval_s,
+                                new_run, self.bridged[low:high])
+                new_run = False
