@@ -57,22 +57,22 @@ _LATE = 32
 @dataclass(frozen=True)
 class Repeats:
     """
-    Messages of a window to leave out.
+    Messages of a window to leave out, ndarrays of bool, shape (n,).
 
     Attributes
     ----------
-    held, frozen : ndarray of bool, shape (n,), or None
+    held, frozen : ndarray of bool
         Which ones are polled again, or of a sensor that stands still.
-    spikes : ndarray of bool, shape (n,), or None
+    spikes : ndarray of bool
         Single wild values.
     woke : bool
         The sensor has come to life: whatever came before the window was one frozen value.
 
     """
 
-    held: Bools | None = None
-    frozen: Bools | None = None
-    spikes: Bools | None = None
+    held: Bools
+    frozen: Bools
+    spikes: Bools
     woke: bool = False
 
 
@@ -153,15 +153,14 @@ class Content(Record):
         """Tell at a glance whether there cannot be a single wild value; none may be NaN."""
         return len(self.noise) == 6 and not may_be_wild(self._steps(samples), np.array(self.noise))
 
-    def spikes(self, samples: Floats) -> Bools | None:
+    def _spikes(self, samples: Floats) -> Bools:
         """Find single wild values, as `imu_allan.timeline.foreign_samples.spikes`."""
         known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
         if len(known) < _FEWEST_FOR_SPIKES or self.is_tame(known):
-            return None
+            return np.zeros(len(known), dtype=bool)
         # Noise that has changed is looked at closely once.
         self.noise = noise_of_steps(self._steps(known)).tolist()
-        found = spikes(known, np.array(self.last) if self.last else None)
-        return found if found.any() else None
+        return spikes(known, np.array(self.last) if self.last else None)
 
     def _steps(self, samples: Floats) -> Floats:
         """Return the steps from the newest message on, shape (n, 6) or one less."""
@@ -174,16 +173,14 @@ class Content(Record):
 
     def look(self, samples: Floats, consumed: int) -> Repeats:
         """
-        Find held and frozen messages.
+        Find held, frozen and wild messages among samples, shape (n, 6), as they came.
 
-        Parameters
-        ----------
-        samples : ndarray, shape (n, 6)
-            As they came; NaN where an axis is absent.
-        consumed : int
-            The first so many are decided on now.
-
+        The first `consumed` are decided on now.
         """
+        wild, none = self._spikes(samples), np.zeros(len(samples), dtype=bool)
+        if self.is_fresh(samples[:consumed]):
+            self.last = np.nan_to_num(samples[consumed - 1]).tolist()
+            return Repeats(none, none, wild)
         known = np.nan_to_num(samples)
         first = not self.last
         before = known[0] + 1 if first else np.array(self.last)
@@ -201,13 +198,12 @@ class Content(Record):
         self.repeats += int(np.count_nonzero(same[:consumed] & ~long[:consumed]))
         self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
         if not self.lively:
-            return Repeats()
+            return Repeats(none, none, wild)
         woke = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
         self.held |= self.repeats > _HELD_SHARE * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
-        held = same & ~long if self.held else None
-        return Repeats(held, long if long.any() else None, woke=woke)
+        return Repeats(same & ~long if self.held else none, long, wild, woke)
 
 
 def _runs(same: Bools, before: int) -> Ints:
@@ -256,20 +252,9 @@ class Presence(Record):
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """
-        Tell axes that are gone from values that are spoilt.
+        Tell axes that are gone from values that are spoilt, both ndarrays of bool, shape (n, 6).
 
-        Parameters
-        ----------
-        unusable : ndarray of bool, shape (n, 6)
-            Whether each value cannot be used.
-        consumed : int
-            The first so many messages are decided on now.
-
-        Returns
-        -------
-        ndarray of bool, shape (n, 6)
-            Whether each axis is gone.
-
+        The first `consumed` messages are decided on now.
         """
         gone = np.empty_like(unusable)
         for axis in range(6):
@@ -338,18 +323,7 @@ class LateAxes(Record):
         """
         Find axes that come to life, and those that sleep on with another value than the first.
 
-        Parameters
-        ----------
-        samples : ndarray, shape (n, 6)
-            As they came; NaN where an axis is absent.
-        consumed : int
-            The first so many are decided on now.
-
-        Returns
-        -------
-        dict of int to slice
-            Number of the axis, and the messages before, in which it is not to count.
-
+        Gives the number of each axis, and the messages before, in which it is not to count.
         """
         parts = {axis: part for axis, run in enumerate(self.run) if run >= 0
                  and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}

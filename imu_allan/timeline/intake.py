@@ -118,35 +118,16 @@ class Intake(Record):
         """
         Decide on the first messages, count faults of stamps, and doubt the clock in use.
 
-        Returns
-        -------
-        Window
-            The same with stamps whose differences are sure not to overflow.
-        Repeats
-            What its values say.
-        str
-            The flaw for which header stamps were given up just now, empty otherwise.
-
-        Raises
-        ------
-        ImuAllanError
-            If no clock is usable, no axis is provided, or the stated rate is not the measured
-            one.
-
+        Gives the window with stamps whose differences are sure not to overflow, what its values
+        say, and the flaw for which header stamps were given up just now, empty otherwise.
         """
         window = replace(window, header_ns=bounded(window.header_ns),
                          receive_ns=bounded(window.receive_ns))
         decision, c = self.decision, window.consumed
-        spikes = self.content.spikes(window.samples)
-        if self.content.is_fresh(window.samples[:c]):
-            repeats = Repeats()
-            self.content.last = np.nan_to_num(window.samples[c - 1]).tolist()
-        else:
-            repeats = self.content.look(window.samples, c)
+        repeats = self.content.look(window.samples, c)
         if decision.clock is None:
             self._decide(window, repeats)
             self._seek_impostors(window, repeats)
-        repeats = replace(repeats, spikes=spikes)
         flaw = ''
         faulty = self._counts.add_header_faults(window.header_ns[:c])
         if faulty and decision.clock == 'header' and self._options.clock == 'auto':
@@ -158,54 +139,34 @@ class Intake(Record):
         """
         Leave out messages that came twice or stand still, and mark those with unusable values.
 
-        Parameters
-        ----------
-        window : Window
-            As `look` gives it.
-        repeats : Repeats
-            As `look` gives them.
-        newest : ndarray, shape (6,), or None
-            The last sample placed before.
-
+        `window` and `repeats` are what `look` gives, `newest` the last sample placed before.
         """
         counts, c = self._counts, window.consumed
         stamps, other = self.stamps(window)
         away, unusable = self._unusable(window)
         away = self._woken(window, away)
-        twice = self._twice(window, stamps, newest) if self.decision.unties else None
-        held, frozen = repeats.held, repeats.frozen
-        if frozen is not None:
-            self._note_frozen(window, stamps, frozen)
-        if repeats.spikes is not None:
-            # A value that cannot be used at all is no wild one.
-            unusable = np.zeros(len(stamps), dtype=bool) if unusable is None else unusable
-            counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
-            unusable = repeats.spikes | unusable
-        if held is not None:
-            twice = held if twice is None else twice | held
+        twice = self._twice(window, stamps, newest) | repeats.held
+        if self.content.frozen_s is None and repeats.frozen[:c].any():
+            first = (counts.first_header_ns if self.decision.clock == 'header'
+                     else counts.first_receive_ns)
+            begins = int(stamps[np.argmax(repeats.frozen)])
+            self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
         self._count(window)
-        samples, numbers = window.samples, window.numbers
-        if numbers is not None:
-            numbers = numbers - self.decision.repeated
-        none = np.zeros(len(stamps), dtype=bool)
-        void = unusable
-        if unusable is not None or frozen is not None or twice is not None:
-            void = none if unusable is None else unusable
-            gone = none if frozen is None else frozen
-            twice = none if twice is None else twice & ~(void | gone)
-            counts.rejected += int(np.count_nonzero((void | gone)[:c]))
-            counts.duplicates += int(np.count_nonzero(twice[:c]))
-            if numbers is not None:
-                numbers = numbers - np.cumsum(twice)
-                self.decision.repeated += int(np.count_nonzero(twice[:c]))
-            rows = np.flatnonzero(~(gone | twice))
-            c = int(np.searchsorted(rows, c))
-            stamps, other, samples, void = stamps[rows], other[rows], samples[rows], void[rows]
-            away = None if away is None else away[rows]
-            numbers = None if numbers is None else numbers[rows]
-        if away is not None:
-            samples = np.where(away, np.nan, samples)
-        return Messages(stamps, other, samples, c, void, numbers)
+        # A value that cannot be used at all is no wild one.
+        counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
+        void = repeats.spikes | unusable
+        twice &= ~(void | repeats.frozen)
+        counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
+        counts.duplicates += int(np.count_nonzero(twice[:c]))
+        samples = window.samples if away is None else np.where(away, np.nan, window.samples)
+        numbers = None
+        if window.numbers is not None:
+            numbers = window.numbers - self.decision.repeated - np.cumsum(twice)
+            self.decision.repeated += int(np.count_nonzero(twice[:c]))
+        messages = Messages(stamps, other, samples, c, void, numbers)
+        left_out = repeats.frozen | twice
+        return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
+                if left_out.any() else messages)
 
     def _woken(self, window: Window, away: Bools | None) -> Bools | None:
         """Let an axis that comes to life begin anew: it is not there for some messages."""
@@ -224,13 +185,6 @@ class Intake(Record):
             # What a dead accelerometer measured is no gravity.
             self._counts.gravity, self._counts.gravity_samples = [0.0, 0.0, 0.0], 0
         return away
-
-    def _note_frozen(self, window: Window, stamps: Stamps, frozen: Bools) -> None:
-        content, begins = self.content, frozen[:window.consumed]
-        if content.frozen_s is None and begins.any():
-            first = (self._counts.first_header_ns if self.decision.clock == 'header'
-                     else self._counts.first_receive_ns)
-            content.frozen_s = max(float(stamps[int(np.argmax(begins))] - first), 0.0) / SECOND
 
     def _count(self, window: Window) -> None:
         counts, c = self._counts, window.consumed
@@ -260,11 +214,7 @@ class Intake(Record):
         self._counts.first_header_ns = int(window.header_ns[0])
         self._counts.first_receive_ns = int(window.receive_ns[0])
         stated = None if options.rate_hz is None else Pace(SECOND / options.rate_hz)
-        if decision.counted_only:
-            if stated is not None:
-                decision.set_pace(stated)
-            return
-        pace, rising = self._measure(window, repeats)
+        pace, rising = (None, 0) if decision.counted_only else self._measure(window, repeats)
         if pace is None:
             if stated is not None:
                 decision.set_pace(stated)
@@ -283,8 +233,7 @@ class Intake(Record):
     def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
         """Look for a second publisher."""
         decision = self.decision
-        left = [rows for rows in (repeats.held, repeats.frozen) if rows is not None]
-        rows = ~np.any(left, axis=0) if left else slice(None)
+        rows = ~(repeats.held | repeats.frozen)
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
         if decision.numbered:
@@ -352,17 +301,13 @@ class Intake(Record):
         """
         decision = self.decision
         # Of a polled sensor only the messages with new values show its pace.
-        rows = np.arange(len(window.header_ns))
-        twice = (self._twice(window, self.stamps(window)[0], None) if decision.unties
-                 else None)
-        for left_out in (repeats.held, repeats.frozen, twice):
-            if left_out is not None:
-                rows = rows[~left_out[rows]]
+        twice = self._twice(window, self.stamps(window)[0], None)
+        rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
         numbers = self._numbers(window, repeats)
         decision.numbered = numbers is not None
         if numbers is not None:
-            numbers = (numbers if twice is None else numbers - np.cumsum(twice))[rows]
+            numbers = (numbers - np.cumsum(twice))[rows]
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
@@ -397,7 +342,7 @@ class Intake(Record):
     def _numbers(self, window: Window, repeats: Repeats) -> Ints | None:
         """Publication numbers, where they are those of the samples: rising, of one sensor."""
         numbers = window.numbers
-        if (numbers is None or len(numbers) < _FEWEST_FOR_RATE or repeats.held is not None
+        if (numbers is None or len(numbers) < _FEWEST_FOR_RATE or repeats.held.any()
                 or self._counts.other_frames
                 or np.count_nonzero(numbers[1:] <= numbers[:-1]) > _RESTARTS):
             return None
@@ -412,55 +357,44 @@ class Intake(Record):
         self.decision.clock = 'receive'
         return header.flaw
 
-    def _twice(self, window: Window, stamps: Stamps, newest: Floats | None) -> Bools | None:
+    def _twice(self, window: Window, stamps: Stamps, newest: Floats | None) -> Bools:
         """Messages that came twice, by a clock on which different messages share stamps."""
         counts = self._counts
-        if self.decision.counted_only:
-            return None
+        same = np.zeros(len(stamps), dtype=bool)
         tied = np.empty(len(stamps), dtype=bool)
         tied[0] = stamps[0] == (counts.last_receive if self.decision.clock == 'receive'
                                 else counts.last_header)
         np.equal(stamps[1:], stamps[:-1], out=tied[1:])
-        if not tied.any():
-            return None
-        same = np.zeros(len(stamps), dtype=bool)
+        if not self.decision.unties or not tied.any():
+            return same
         same[1:] = (tied[1:] & (window.header_ns[1:] == window.header_ns[:-1])
                     & _repeats(window.samples))
         if tied[0] and newest is not None:
             there = ~np.isnan(newest)
             same[0] = (int(window.header_ns[0]) == counts.last_header
                        and bool(np.array_equal(window.samples[0, there], newest[there])))
-        return same if same.any() else None
+        return same
 
-    def _unusable(self, window: Window) -> tuple[Bools | None, Bools | None]:
+    def _unusable(self, window: Window) -> tuple[Bools | None, Bools]:
         """
         Find values that are NaN, infinite or absurd, or whose field is declared absent.
 
-        Returns
-        -------
-        ndarray of bool, shape (n, 6), or None
-            Axes that are gone.
-        ndarray of bool, shape (n,), or None
-            Messages of which some of the other axes, or all, cannot be used.
-
+        Gives the axes that are gone, and messages of which others, or all, cannot be used.
         """
         samples, presence = window.samples, self.presence
-        absent = bool(window.absent.any())
-        if (not absent and all(presence.there) and samples.max() < LARGEST
+        if (not window.absent.any() and all(presence.there) and samples.max() < LARGEST
                 and samples.min() > -LARGEST):
-            return None, None
+            return None, np.zeros(len(samples), dtype=bool)
         with np.errstate(invalid='ignore'):
             bad: Bools = ~(np.abs(samples) < LARGEST)
         declared = np.repeat(window.absent, 3, axis=1)
         gone = presence.look(bad | declared, window.consumed)
         came = ~gone[:window.consumed].all(axis=0)
         self.decision.present = (came | np.array(self.decision.present)).tolist()
+        declared &= ~gone
+        self._counts.absent += int(np.count_nonzero(declared[:window.consumed].any(axis=1)))
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
-        if absent:
-            declared &= ~gone
-            self._counts.absent += int(np.count_nonzero(
-                declared[:window.consumed].any(axis=1)))
-        return gone if gone.any() else None, spoilt if spoilt.any() else None
+        return gone if gone.any() else None, spoilt
 
 
 def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool

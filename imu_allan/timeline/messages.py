@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 NONE_BRIDGED: Ints = np.empty(0, dtype=np.int64)
+NONE_VOID: Bools = np.empty(0, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class Messages:
         NaN only where an axis is absent.
     consumed : int
         The first so many are to be placed; the others only show what comes next.
-    void : ndarray of bool, shape (n,), or None
+    void : ndarray of bool, shape (n,)
         Those whose values are unusable: they have a place, which stays empty.
     numbers : ndarray of int64, shape (n,), or None
         As in `ImuBlock`.
@@ -110,13 +111,13 @@ class Messages:
     other: Stamps
     samples: Floats
     consumed: int
-    void: Bools | None = None
+    void: Bools
     numbers: Ints | None = None
 
     def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
         """Give some of the messages, `consumed` of them to be placed."""
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
-                        None if self.void is None else self.void[rows],
+                        self.void[rows],
                         None if self.numbers is None else self.numbers[rows])
 
 

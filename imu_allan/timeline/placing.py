@@ -135,38 +135,32 @@ class Placing(Record):
 
     def _runs(self, messages: Messages) -> Iterator[Messages]:
         """Put messages in order and split them where the clock jumps."""
-        cursor, counts = self.cursor, self._counts
-        stamps, other, samples = messages.stamps, messages.other, messages.samples
-        c = consumed = messages.consumed
-        void, numbers = messages.void, messages.numbers
+        cursor, counts, c = self.cursor, self._counts, messages.consumed
         if self._decision.unties:
-            stamps = self._untie(stamps, c)
-        order = order_stamps(stamps, None if cursor.fresh_run else cursor.last_ns)
-        jumps = np.zeros(len(stamps), dtype=bool)
+            messages = replace(messages, stamps=self._untie(messages.stamps, c))
+        order = order_stamps(messages.stamps, None if cursor.fresh_run else cursor.last_ns)
+        jumps = np.zeros(len(messages.stamps), dtype=bool)
         if order is not None:
-            counted = slice(c) if void is None else np.flatnonzero(~void[:c])
-            counts.duplicates += int(np.count_nonzero(order.duplicate[counted]))
-            counts.out_of_order += int(np.count_nonzero(order.out_of_order[counted]))
+            usable = ~messages.void[:c]
+            counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
+            counts.out_of_order += int(np.count_nonzero(order.out_of_order[:c] & usable))
+            if messages.numbers is not None:
+                self._decision.repeated += int(np.count_nonzero(order.duplicate[:c]))
+                messages = replace(
+                    messages, numbers=messages.numbers - np.cumsum(order.duplicate))
             c = int(np.count_nonzero(order.keep[:c]))
-            jumps = order.jumps[order.keep]
-            stamps, other = stamps[order.keep], other[order.keep]
-            samples = samples[order.keep]
-            void = None if void is None else void[order.keep]
-            if numbers is not None:
-                self._decision.repeated += int(np.count_nonzero(order.duplicate[:consumed]))
-                numbers = (numbers - np.cumsum(order.duplicate))[order.keep]
+            messages, jumps = messages.pick(order.keep, c), order.jumps[order.keep]
         if not c:
             return
-        jumps |= self._forward_jumps(stamps, other)
+        jumps |= self._forward_jumps(messages.stamps, messages.other)
         starts = np.flatnonzero(jumps).tolist()
         for first, last in pairwise([0, *(s for s in starts if 0 < s < c), c]):
             if first in starts:
                 counts.clock_jumps += 1
                 cursor.fresh_run = cursor.jumped = True
-            end = next((s for s in starts if s >= last), len(stamps))
-            run = Messages(stamps, other, samples, 0, void, numbers).pick(
-                slice(first, end), last - first)
-            if cursor.begins and run.void is not None and run.void.any():
+            end = next((s for s in starts if s >= last), len(jumps))
+            run = messages.pick(slice(first, end), last - first)
+            if cursor.begins and run.void.any():
                 # Before the first sample nothing is missed.
                 empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
                 run = run.pick(slice(empty, None), max(run.consumed - empty, 0))
@@ -246,7 +240,7 @@ class Placing(Record):
         """Reject messages that come at another rate."""
         cursor, counts = self.cursor, self._counts
         n = messages.consumed
-        counts.rejected += n - _count(messages.void, n)
+        counts.rejected += int(np.count_nonzero(~messages.void[:n]))
         if not counts.changed_rate_hz and n > 1:
             since = (0 if cursor.last_ns is None
                      else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
@@ -335,7 +329,7 @@ class Placing(Record):
         """Put messages on the grid and bring the counts up to date."""
         cursor, counts = self.cursor, self._counts
         empty = 0
-        if messages.void is not None and messages.void.any():
+        if messages.void.any():
             used = ~messages.void
             rows = np.flatnonzero(used[:messages.consumed])
             empty = int(rows[-1]) + 1 - len(rows) if len(rows) else 0
@@ -476,7 +470,3 @@ def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int
     for shift in range(-beside, beside + 1):
         left_out[np.clip(breaks + shift, 0, n - 1)] = True
     return int(passed[left_out].sum()), int(steps[left_out].sum())
-
-
-def _count(void: Bools | None, messages: int) -> int:
-    return 0 if void is None else int(np.count_nonzero(void[:messages]))

@@ -19,7 +19,7 @@ from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import EvenPiece, Messages, Pending, Window
+from imu_allan.timeline.messages import EvenPiece, Messages, NONE_VOID, Pending, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
@@ -187,7 +187,7 @@ class TimelineStage(Record):
             if placing.is_even(stamps, window.consumed) and intake.is_clean(window):
                 intake.count_even(window)
                 return self._at_rest([placing.place_even(
-                    Messages(stamps, other, window.samples, window.consumed))])
+                    Messages(stamps, other, window.samples, window.consumed, NONE_VOID))])
         window, repeats, flaw = intake.look(window)
         if flaw:
             intake.decision.remarks['clock_changed'] = {
