@@ -18,8 +18,6 @@ _BLOCK = 64
 """Samples of a transform: drift stays out of its upper half, where neighbours are compared."""
 _FEWEST_BLOCKS = 8
 """White noise passes on one axis in 0.2 %, on three in 1e-8; of 4 blocks in 2 % and 5e-6."""
-_IN_TURN = 0.35
-"""Correlation of steps two apart: white noise has 0, its second difference 0.3."""
 _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
 _SURE, _LOUDER = 5.0, 0.05
@@ -28,9 +26,6 @@ standard deviation apart are told among 4,096 messages."""
 _COHERENT = 0.5
 """Correlation of what alternates in a block with the next one's: a line has 1, less where a gap in
 every few blocks changes whose turn it is, and a spectrum that rises up to there none."""
-_AFTERWARDS, _STILL = 32, 0.15
-"""Steps after which two sensors still take turns, and how much; anti-correlated noise has no
-correlation left. Judgments."""
 _ALTERNATING_AXES = 3
 """Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
 _QUARTER = slice(_BLOCK // 4 - 1, _BLOCK // 4 + 2)
@@ -85,23 +80,13 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
         return ''
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
     enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
-    # A gap changes whose turn it is: frequent ones leave no line in the spectrum.
-    steps = np.diff(known, axis=0)
-    apart = np.mean(steps[1:] * steps[:-1], axis=0)
-    together = np.mean(steps[2:] * steps[:-2], axis=0)
-    # Of a signal that a low-pass has smoothed all steps are alike, not every second one.
-    even, odd = (np.mean(steps[lag:] * steps[:-lag], axis=0)
-                 for lag in (_AFTERWARDS, _AFTERWARDS + 1))
-    level = np.mean(steps ** 2, axis=0)
-    means = np.count_nonzero((apart < 0) & (together > _IN_TURN * level)
-                             & (even - odd > 2 * _STILL * level)) >= enough
     own = ~_interpolated(known)
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
     # An axis without noise has rounding errors to compare.
     own &= centred.std(axis=(0, 1)) > 1e-10 * np.maximum(np.abs(known).max(axis=(0, 1)), 1)
     found, own = _line_at_half(centred, own)
-    means |= np.count_nonzero(found) >= enough
+    means = np.count_nonzero(found) >= enough
     magnitude = np.abs(centred)
     found, _ = _line_at_half(magnitude, own)
     swing = np.abs(np.mean(magnitude[:, ::2] - magnitude[:, 1::2], axis=(0, 1)))

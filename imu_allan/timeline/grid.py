@@ -34,16 +34,12 @@ EVEN_JITTER = 0.25
 
 _LONG_STEP = 10.0
 """Intervals: uneven beyond is a gap, over which a clock drifts by a part of one."""
-_LEAP = 4.0
-"""Intervals: no message at rest is so late, and a gap of less costs an end little."""
-_SMOOTHING = 31
-"""Messages: late ones, up to 15 in a row, are no loss. 15 and 61 do as well."""
 _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
-RATE_BLOCKS = (256, 64)
-"""Messages of which a rate is told: the longer are surer, the shorter see a short stretch."""
+RATE_BLOCK = 64
+"""Messages of which a rate is told."""
 _RATE_NEAR = 256
-"""Messages on each side within which a change of rate is placed: a block of the longer kind."""
+"""Messages on each side within which a change of rate is placed."""
 _BATCHES = 16
 """Of which a rate is told: one more or less is 6 %."""
 
@@ -79,27 +75,11 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
             if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
-    missing = None
-    if not pace.counting:
-        alone = _missing_at_the_ends(steps, new_run)
-        missing = _missing_by_phase(phase - alone, new_run)
-        if missing is not None:
-            missing = missing + alone
+    missing = None if pace.counting else _missing_by_phase(phase, new_run)
     if missing is None:
         missing = lasting_jumps(phase, None if new_run else 0.0)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
-
-
-def _missing_at_the_ends(steps: Floats, new_run: bool) -> Ints:
-    """Count samples missing before or behind a few at an end, of which no level can be told."""
-    missing = np.zeros(len(steps), dtype=np.int64)
-    for at in np.flatnonzero(steps > _LEAP).tolist():
-        # After a stall the next messages come close together.
-        if ((at >= len(steps) - _FEW and np.all(steps[at + 1:] > 0.5))
-                or (new_run and 0 < at <= _FEW and np.all(steps[1:at] > 0.5))):
-            missing[at:] += round(float(steps[at])) - 1
-    return missing
 
 
 def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
@@ -112,44 +92,15 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
     before = _level(raw[:_FEW]) if new_run else 0
-    smooth = _median_of_three(raw, before)
-    if np.any(smooth[1:] < smooth[:-1]):
-        smooth = _running_median(raw, before, smooth)
+    padded = np.concatenate([[before], raw, [_level(raw[-_FEW:])]])
+    # A single stray is none, and what is late catches up.
+    smooth = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0).astype(np.int64)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
 
 
 def _level(values: Ints) -> int:
     return int(np.sort(values)[len(values) // 2])
-
-
-def _padded(values: Ints, before: int, half: int) -> Ints:
-    """Put the level `before` in front, and that of the last values behind."""
-    return np.concatenate([np.full(half, before), values, np.full(half, _level(values[-_FEW:]))])
-
-
-def _median_of_three(values: Ints, before: int) -> Ints:
-    """Median of each value and its two neighbours."""
-    padded = _padded(values, before, 1)
-    low, middle, high = padded[:-2], padded[1:-1], padded[2:]
-    median: Ints = np.maximum(np.minimum(low, middle),
-                              np.minimum(np.maximum(low, middle), high))
-    return median
-
-
-def _running_median(values: Ints, before: int, smooth: Ints) -> Ints:
-    """Median of 31 neighbours; `smooth`, that of three, is as good where it stands still."""
-    half = _SMOOTHING // 2
-    padded = _padded(values, before, half)
-    changes = np.flatnonzero(np.diff(smooth, prepend=before, append=padded[-1]))
-    near = np.zeros(len(values) + 1, dtype=np.int64)
-    np.add.at(near, np.maximum(changes - _SMOOTHING, 0), 1)
-    np.add.at(near, np.minimum(changes + _SMOOTHING, len(values)), -1)
-    places = np.flatnonzero(np.cumsum(near)[:-1])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, _SMOOTHING)[places]
-    median = smooth.copy()
-    median[places] = np.partition(windows, half, axis=1)[:, half]
-    return median
 
 
 def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
@@ -216,44 +167,20 @@ def even_pieces(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     return pieces
 
 
-def rate_changes(places: Floats, counting: bool, other_rate: bool,
-                 spread: float = 0.0) -> list[tuple[int, bool]]:
+def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
     """
-    Find stretches of messages that come at another rate.
+    Find stretches of messages that come at another rate, by stamps in intervals of that so far.
 
-    Parameters
-    ----------
-    places : ndarray, shape (n,)
-        Rising stamps in intervals of the rate so far.
-    counting : bool
-        As in `Pace`.
-    other_rate : bool
-        Whether the messages before came at another rate.
-    spread : float
-        As in `Pace`: a stretch is long beside a batch.
-
-    Returns
-    -------
-    list of (int, bool)
-        First message of each stretch, and whether it is at another rate. Less than two blocks of
-        64 messages (256 where they are counted) are no stretch of their own.
-
+    Gives the first message of each stretch, and whether it is at another rate; `other_rate` says
+    it of the messages before. Less than two blocks of 64 messages (256 where they are counted, and
+    more where they come in long batches) are no stretch of their own.
     """
-    for block in RATE_BLOCKS:
-        if counting:
-            block = max(4 * block, round(_BATCHES * sqrt(12) * spread))
-        runs = _runs_at_a_rate(places, counting, other_rate, block)
-        if len(runs) > 1 or runs[0][1]:
-            break
-    return runs
-
-
-def _runs_at_a_rate(places: Floats, counting: bool, other_rate: bool, block: int
-                    ) -> list[tuple[int, bool]]:
+    block = RATE_BLOCK
+    if pace.counting:
+        block = max(4 * block, round(_BATCHES * sqrt(12) * pace.spread))
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
-    off = [not (_on_rate(places[first:last], 0.1 if counting else RATE_TOLERANCE)
-                or (counting and _on_average(places[first:last])))
+    off = [not _on_rate(places[first:last], 0.1 if pace.counting else RATE_TOLERANCE)
            for first, last in zip(starts, ends, strict=True)]
     runs: list[tuple[int, bool]] = []
     state = other_rate
@@ -284,11 +211,6 @@ def _on_rate(places: Floats, tolerance: float) -> bool:
     _, length = group_phases(places)
     return len(places) < 2 or bool(np.mean(one) > 0.3 and np.mean(length) > FIRM_PHASE
                                    and places[-1] - places[0] > 0.9 * (len(places) - 1))
-
-
-def _on_average(places: Floats) -> bool:
-    """Whether as many intervals pass as messages come: batches with losses have no median."""
-    return abs(float(places[-1] - places[0]) / max(len(places) - 1, 1) - 1) < 0.1
 
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:

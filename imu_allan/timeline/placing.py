@@ -28,7 +28,7 @@ from imu_allan.timeline.grid import (
     count_steps,
     EVEN_JITTER,
     even_pieces,
-    RATE_BLOCKS,
+    RATE_BLOCK,
     rate_changes,
 )
 from imu_allan.timeline.memory import Memory
@@ -207,8 +207,7 @@ class Placing(Record):
         c = messages.consumed
         if not decision.counted_only and (cursor.other_rate
                                           or self._rate_doubtful(messages, steps)):
-            changes = rate_changes(self._places(messages)[:c], decision.pace.counting,
-                                   cursor.other_rate, decision.pace.spread)
+            changes = rate_changes(self._places(messages)[:c], decision.pace, cursor.other_rate)
             if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
                 yield from self._split_by_rate(messages, changes)
                 return
@@ -320,9 +319,8 @@ class Placing(Record):
         passed, counted, unbroken = self._passed(messages, steps)
         if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
             return True
-        block = RATE_BLOCKS[-1]
         # Half the rate for a part of the messages looks like every second one lost.
-        blocks = steps[1:c][:(c - 1) // block * block].reshape(-1, block)
+        blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
         return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenPiece]:
@@ -432,26 +430,7 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """
-    Find what the rate is not told by.
-
-    Parameters
-    ----------
-    passed : ndarray of int64, shape (n,)
-        Time from each sample to the one before, in nanoseconds.
-    steps : ndarray of int64, shape (n,)
-        The same in places.
-    tolerated : int
-        Steps up to which a gap is bridged.
-    pace : Pace
-        How the stamps are read.
-
-    Returns
-    -------
-    int, int
-        Nanoseconds, and places.
-
-    """
+    """Give nanoseconds and places by which the rate is not told: gaps, and what is beside them."""
     breaks = np.flatnonzero(_gaps(passed, steps, tolerated, pace))
     interval, n = pace.interval_ns, len(steps)
     if pace.counting:

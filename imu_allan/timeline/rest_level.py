@@ -106,16 +106,6 @@ class Baseline:
         """Whether an axis has not changed yet."""
         return bool(np.isinf(self.resolution).any())
 
-    def kept_alive(self, before: 'Baseline') -> 'Baseline':
-        """Give the baseline with what was known before of axes that stood still all the while."""
-        died = (self.loudness == 0) & (before.loudness > 0) & np.tile(
-            before.loudness[:6] ** 1.5 >= _FINE * before.resolution, 2)
-        if not died.any() or not (self.loudness > 0).any():
-            return self
-        return Baseline(np.where(died, before.loudness, self.loudness),
-                        np.where(died, before.spread, self.spread),
-                        np.where(died[:6], before.wander, self.wander), self.resolution)
-
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there whole steps are no motion."""
         coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
@@ -342,8 +332,6 @@ class RestLevel(Record):
 
     def _adopt(self, baseline: Baseline) -> list[float]:
         """Take a new baseline; give the ratio if the noise has become much louder or quieter."""
-        if self.baseline is not None:
-            baseline = baseline.kept_alive(self.baseline)
         self.baseline = baseline
         if self.first is None:
             self.first = baseline.loudness

@@ -141,11 +141,11 @@ def test_steps_are_whole_and_at_least_one():
 
 def test_rate_changes_are_found_to_the_message():
     places = np.cumsum(np.concatenate([np.ones(1000), np.full(1500, 0.5), np.ones(1500)]))
-    assert rate_changes(places, False, False) == [
+    assert rate_changes(places, Pace(1.0), False) == [
         (0, False), (pytest.approx(1000, abs=1), True), (pytest.approx(2500, abs=1), False)]
 
 
 def test_random_loss_is_no_change_of_rate():
     rng = np.random.default_rng(5)
     places = np.flatnonzero(rng.random(8000) > 0.3).astype(float)
-    assert rate_changes(places, False, False) == [(0, False)]
+    assert rate_changes(places, Pace(1.0), False) == [(0, False)]
