@@ -54,60 +54,38 @@ def test_clean_messages_come_out_as_they_went_in():
     assert summary.start_time == '2023-11-14T22:13:20Z'
 
 
-@pytest.mark.thorough
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 50), edges=st.lists(st.integers(0, 12_100), max_size=40))
-def test_outcome_does_not_depend_on_how_messages_were_split(seed, edges):
-    block = faulty(seed)
-    whole, whole_even = run_whole(seed)
-    split, split_even = run(cut(block, edges))
-    assert split == whole
-    for one, other in zip(split_even, whole_even, strict=True):
+def assert_alike(some: list[EvenBlock], others: list[EvenBlock]) -> None:
+    for one, other in zip(some, others, strict=True):
         assert np.array_equal(one.samples, other.samples)
         assert np.array_equal(one.bridged, other.bridged)
         assert (one.first_index, one.new_run) == (other.first_index, other.new_run)
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 20), at=st.integers(0, 12_000))
-def test_a_saved_timeline_goes_on_as_if_it_had_not_been_saved(seed, at):
+@given(seed=st.integers(0, 20), edges=st.lists(st.integers(0, 12_100), max_size=20),
+       saved=st.integers(0, 12_000), looked_at=st.integers(1, 12_000))
+@example(seed=10, edges=[], saved=0, looked_at=390)
+def test_however_messages_are_split_saved_and_looked_at_the_outcome_is_the_same(
+        seed, edges, saved, looked_at):
     block = faulty(seed)
     summary, even = run_whole(seed)
-    stage = TimelineStage()
-    parts = [part for part in cut(block, [at]) if len(part)]
-    blocks = stage.push(parts[0])
-    state = stage.to_state()
-    assert all(array.dtype != object for array in state.values())
-    stage = TimelineStage.from_state(state)
-    for part in parts[1:]:
+    stage, blocks, came = TimelineStage(), [], 0
+    for part in cut(block, [*edges, saved, looked_at]):
         blocks += stage.push(part)
+        came += len(part)
+        if came == saved:
+            state = stage.to_state()
+            assert all(array.dtype != object for array in state.values())
+            stage = TimelineStage.from_state(state)
+        if came == looked_at:
+            copy = stage.copy()
+            so_far = blocks + copy.flush()
+            expected_summary, expected = run(pick(block, np.arange(came)))
+            assert stage.summary() == copy.summary() == expected_summary
+            assert np.array_equal(rows_by_place(so_far)[1], rows_by_place(expected)[1])
     blocks += stage.flush()
     assert stage.summary() == summary
-    for one, other in zip(blocks, even, strict=True):
-        assert np.array_equal(one.samples, other.samples)
-        assert np.array_equal(one.bridged, other.bridged)
-        assert one.first_index == other.first_index
-
-
-@settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 20), at=st.integers(1, 12_000))
-@example(seed=10, at=390)
-def test_a_flushed_copy_tells_what_the_stream_would_and_leaves_it_alone(seed, at):
-    block = faulty(seed)
-    stage = TimelineStage()
-    first, *rest = cut(block, [at])
-    blocks = stage.push(first)
-    copy = stage.copy()
-    so_far = blocks + copy.flush()
-    expected_summary, expected = run(first)
-    assert stage.summary() == copy.summary() == expected_summary
-    assert np.array_equal(rows_by_place(so_far)[1], rows_by_place(expected)[1])
-    for part in rest:
-        blocks += stage.push(part)
-    blocks += stage.flush()
-    summary, even = run_whole(seed)
-    assert stage.summary() == summary
-    assert np.array_equal(rows_by_place(blocks)[1], rows_by_place(even)[1])
+    assert_alike(blocks, even)
 
 
 @settings(max_examples=30, deadline=None)
@@ -191,36 +169,20 @@ def test_gaps_up_to_the_tolerance_are_bridged_and_longer_ones_listed(tolerance):
         np.arange(5000), np.concatenate([[-1], *(np.arange(at, at + n)
                                                  for at, n in longer.items())])))
     assert sum(one.new_run for one in even) == 1
+    assert summary.timeline.duration_s == pytest.approx(50.0)
 
 
-def test_three_long_gaps_are_listed_with_start_and_duration():
-    rows = np.arange(60_000)
-    for at in (10_000, 30_000, 50_000):
-        rows = rows[(rows < at) | (rows >= at + 1000)]
-    summary, _ = run(pick(still(60_000), rows))
-    assert [(gap.start_s, gap.duration_s) for gap in summary.timeline.gaps] == [
-        pytest.approx((at, 10.0), abs=1e-6) for at in (100.0, 300.0, 500.0)]
-    assert summary.timeline.missing == 3000
-    assert summary.timeline.duration_s == pytest.approx(600.0)
-
-
-def test_repeated_messages_are_counted_and_left_out():
-    rows = np.sort(np.concatenate([np.arange(20_000), np.arange(500, 20_000, 400)]))
+def test_repeated_and_backward_messages_are_counted_and_left_out():
     block = still(20_000)
-    summary, even = run(pick(block, rows))
+    twice = np.sort(np.concatenate([np.arange(20_000), np.arange(500, 20_000, 400)]))
+    summary, even = run(pick(block, twice))
     assert summary.timeline.duplicates == summary.header_repeats == 49
-    assert summary.timeline.samples == 20_000
     assert np.array_equal(rows_by_place(even)[1], block.samples)
-
-
-def test_backward_stamps_are_counted_and_left_out():
-    rows = np.arange(20_000)
-    for at in range(700, 20_000, 800):
-        rows[[at, at + 1]] = rows[[at + 1, at]]
-    summary, _ = run(pick(still(20_000), rows))
-    swaps = len(range(700, 20_000, 800))
-    assert summary.timeline.out_of_order == summary.header_backward == swaps
-    assert summary.timeline.missing == summary.bridged == swaps
+    swapped, late = np.arange(20_000), np.arange(700, 20_000, 800)
+    swapped[late], swapped[late + 1] = late + 1, late
+    summary, _ = run(pick(block, swapped))
+    assert summary.timeline.out_of_order == summary.header_backward == len(late)
+    assert summary.timeline.missing == summary.bridged == len(late)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300])
@@ -241,26 +203,23 @@ def test_messages_that_declare_a_field_absent_now_and_then_are_rejected():
     assert summary.present == (True,) * 6
 
 
-def test_a_field_declared_absent_throughout_is_nan_and_not_present():
+@pytest.mark.parametrize(('axes', 'told_codes'), [
+    (slice(3, 6), set()), (slice(2, 3), {'axis_not_finite'})])
+def test_what_is_absent_throughout_is_not_present_and_costs_the_others_nothing(axes, told_codes):
     block = still(10_000)
-    block.absent[:, 1] = True
+    if told_codes:
+        block.samples[:, axes] = np.nan
+    else:
+        block.absent[:, 1] = True
     summary, even = run(block)
-    assert summary.present == (True, True, True, False, False, False)
+    there = np.ones(6, bool)
+    there[axes] = False
+    assert summary.present == tuple(there)
     _, rows = rows_by_place(even)
-    assert np.isnan(rows[:, 3:]).all()
-    assert np.array_equal(rows[:, :3], block.samples[:, :3])
+    assert np.isnan(rows[:, ~there]).all()
+    assert np.array_equal(rows[:, there], block.samples[:, there])
     assert summary.timeline.rejected == 0
-    assert 'gravity' not in codes(summary)
-
-
-def test_an_axis_that_is_nan_throughout_is_left_out_and_told():
-    block = still(10_000)
-    block.samples[:, 2] = np.nan
-    summary, even = run(block)
-    assert summary.present == (True, True, False, True, True, True)
-    assert summary.timeline.samples == 10_000
-    assert np.isnan(rows_by_place(even)[1][:, 2]).all()
-    assert 'axis_not_finite' in codes(summary)
+    assert codes(summary) == told_codes
 
 
 def test_messages_without_any_field_are_refused():
@@ -290,19 +249,18 @@ def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
     assert summary.timeline.rejected == 1000
 
 
-@pytest.mark.parametrize(('step_s', 'code'), [(3600.0, 'clock_jumps'), (-3600.0, 'clock_jumps')])
-def test_a_clock_step_begins_a_new_run_and_no_gap(step_s, code):
+@pytest.mark.parametrize('step_s', [3600.0, -3600.0])
+def test_a_clock_step_begins_a_new_run_and_no_gap(step_s):
     block = still(12_000)
     block.header_ns[7000:] += int(step_s * 1e9)
     summary, even = run(block)
-    assert code in codes(summary)
+    assert 'clock_jumps' in codes(summary)
     assert summary.clock_jumps == 1
     assert summary.timeline.gaps == ()
     assert (summary.timeline.samples, summary.timeline.missing) == (12_000, 0)
     assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
-    starts = [one.first_index for one in even if one.new_run]
-    assert starts == [0, 7000]
+    assert [one.first_index for one in even if one.new_run] == [0, 7000]
 
 
 def test_a_bag_played_in_a_loop_begins_a_new_run_each_time():
@@ -318,8 +276,8 @@ def test_a_bag_played_in_a_loop_begins_a_new_run_each_time():
 
 def test_a_break_of_reception_that_both_clocks_see_is_a_gap():
     block = still(12_000)
-    block.header_ns[7000:] += 3_600_000_000_000
-    block.receive_ns[7000:] += 3_600_000_000_000
+    for clock in (block.header_ns, block.receive_ns):
+        clock[7000:] += 3_600_000_000_000
     summary, even = run(block)
     assert summary.clock_jumps == 0
     (gap,) = summary.timeline.gaps
@@ -327,19 +285,13 @@ def test_a_break_of_reception_that_both_clocks_see_is_a_gap():
     assert sum(one.new_run for one in even) == 1
 
 
-def test_one_stray_stamp_in_the_future_is_left_out():
+@pytest.mark.parametrize('stray', [START_NS + 10**17, 0])
+def test_single_stamps_far_from_the_others_are_left_out(stray):
     block = still(12_000)
-    block.header_ns[[3000, 9000]] += 10**17
+    block.header_ns[[3000, 9000]] = stray
     summary, even = run(block)
     assert summary.timeline.out_of_order == summary.timeline.missing == 2
     assert sum(one.new_run for one in even) == 1
-
-
-def test_zero_stamps_amid_good_ones_are_left_out():
-    block = still(12_000)
-    block.header_ns[[3000, 9000]] = 0
-    summary, _ = run(block)
-    assert summary.timeline.out_of_order == summary.timeline.missing == 2
 
 
 @pytest.mark.parametrize(('spoil', 'flaw'), [
@@ -433,20 +385,14 @@ def test_a_rate_change_half_way_is_told_and_the_other_rate_left_out(other_hz):
     change = told(summary, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((100, other_hz), rel=1e-3)
     assert change['at_s'] == pytest.approx(300, abs=3)
-    assert change['left_out'] == summary.timeline.rejected
-    assert summary.timeline.rejected == pytest.approx(20_000, abs=300)
+    assert change['left_out'] == summary.timeline.rejected == pytest.approx(20_000, abs=300)
     assert len(rows_by_place(even)[0]) == pytest.approx(30_000, abs=300)
 
 
 def test_samples_at_the_first_rate_are_used_again_when_it_returns():
-    first, slow, last = still(10_000), still(6000, 20.0, seed=1), still(10_000, seed=2)
-    end = first.header_ns[-1] - START_NS
-    slow = replace(slow, header_ns=slow.header_ns + end + 50_000_000,
-                   receive_ns=slow.receive_ns + end + 50_000_000)
-    end = slow.header_ns[-1] - START_NS
-    last = replace(last, header_ns=last.header_ns + end + 10_000_000,
-                   receive_ns=last.receive_ns + end + 10_000_000)
-    summary, even = run([first, slow, last])
+    interval_ns = np.repeat([10_000_000, 50_000_000, 10_000_000], [10_000, 6000, 10_000])
+    stamps = START_NS + np.cumsum(interval_ns)
+    summary, even = run(replace(still(26_000), header_ns=stamps, receive_ns=stamps + 300_000))
     assert summary.timeline.samples == pytest.approx(20_000, abs=500)
     assert max(np.diff(rows_by_place(even)[0])) == pytest.approx(30_000, abs=500)
     (gap,) = summary.timeline.gaps
@@ -478,17 +424,10 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
 @pytest.mark.parametrize('gravity', [0.0, 1.0, 5.0])
 def test_gravity_far_from_its_value_is_told(gravity):
     block = still(2000)
-    block.samples[:, 5] += gravity - 9.81
-    summary, _ = run(block)
-    assert told(summary, 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
-
-
-def test_a_slightly_tilted_real_sensor_says_nothing_about_gravity():
-    block = still(2000)
-    block.samples[:, 3] += 1.0
-    block.samples[:, 5] += 0.1
-    summary, _ = run(block)
-    assert summary.remarks == ()
+    block.samples[:, 3:] += [1.0, 0, 0.1]
+    assert run(block)[0].remarks == ()
+    block.samples[:, 3:] += [-1.0, 0, gravity - 9.91]
+    assert told(run(block)[0], 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
 
 
 def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
@@ -499,12 +438,6 @@ def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
     assert len(summary.timeline.gaps) == 1000
     assert 'gaps_not_listed' in codes(summary)
     assert summary.timeline.missing == 19_990
-
-
-def test_many_missing_samples_are_told():
-    rng = np.random.default_rng(0)
-    summary, _ = run(pick(still(20_000), np.flatnonzero(rng.random(20_000) > 0.1)))
-    assert 'many_missing' in codes(summary)
 
 
 @pytest.mark.parametrize('count', [0, 1, 2, 3, 7, 50, 300])
@@ -544,29 +477,12 @@ def test_a_damaged_state_is_refused(damage):
 
 
 def test_state_stays_small_once_the_baseline_is_settled():
-    stage = TimelineStage()
-    for part in cut(still(60_000, 1000.0), range(0, 60_000, 500)):
-        stage.push(part)
-    stage.push(still(1))
-    large = sum(array.nbytes for array in stage.to_state().values())
-    stage = TimelineStage()
+    stage, sizes = TimelineStage(), []
     for part in cut(still(200_000, 1000.0), range(0, 200_000, 500)):
         stage.push(part)
-    small = sum(array.nbytes for array in stage.to_state().values())
-    assert small < 700_000 < large
-
-
-def test_bursts_without_two_samples_at_the_interval_have_no_rate():
-    # Values beyond reason in two of three: what is left lies apart.
-    rng, count = np.random.default_rng(1316), 658
-    samples = rng.normal(size=(count, 6)) * 10.0 ** rng.integers(-300, 300)
-    spoilt = rng.random((count, 6)) < 0.3
-    samples[spoilt] = rng.choice([np.nan, np.inf, -np.inf, 0.0], np.count_nonzero(spoilt))
-    stamps = START_NS + np.arange(count) // 30 * 300_000_000
-    block = ImuBlock(stamps, stamps, samples, np.zeros((count, 2), dtype=bool), 'imu_link')
-    summary, _ = run([block], clock='receive')
-    assert summary.timeline.samples == 2
-    assert summary.timeline.sample_rate_hz is None
+        sizes.append(sum(array.nbytes for array in stage.to_state().values())
+                     if len(sizes) in (120, 399) else 0)
+    assert sizes[399] < 700_000 < sizes[120]
 
 
 @settings(max_examples=60, deadline=None)
@@ -576,23 +492,15 @@ def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
     count = data.draw(st.integers(1, 9000))
 
     def stamps() -> np.ndarray:
-        kind = data.draw(st.sampled_from(
-            ['even', 'random', 'extreme', 'huge', 'stuck', 'backward', 'walk', 'bursts']))
-        if kind == 'even':
-            return START_NS + np.arange(count) * 10_000_000
-        if kind == 'random':
-            return rng.integers(0, 10**12, count)
-        if kind == 'extreme':
-            return rng.choice(np.array([0, 2**63 - 1, -2**63, 1, 10**18]), count)
-        if kind == 'huge':
-            return rng.integers(-2**63, 2**63 - 1, count)
-        if kind == 'stuck':
-            return np.repeat(rng.integers(0, 10**12, count), 50)[:count]
-        if kind == 'backward':
-            return START_NS - np.arange(count) * 10_000_000
-        if kind == 'walk':
-            return START_NS + np.cumsum(rng.integers(-10**7, 3 * 10**7, count))
-        return START_NS + np.arange(count) // 30 * 300_000_000
+        places = np.arange(count)
+        return data.draw(st.sampled_from([
+            lambda: START_NS + places * 10_000_000, lambda: START_NS - places * 10_000_000,
+            lambda: rng.integers(0, 10**12, count),
+            lambda: rng.choice(np.array([0, 2**63 - 1, -2**63, 1, 10**18]), count),
+            lambda: rng.integers(-2**63, 2**63 - 1, count),
+            lambda: np.repeat(rng.integers(0, 10**12, count), 50)[:count],
+            lambda: START_NS + np.cumsum(rng.integers(-10**7, 3 * 10**7, count)),
+            lambda: START_NS + places // 30 * 300_000_000]))()
 
     samples = rng.normal(size=(count, 6)) * 10.0 ** rng.integers(-300, 300)
     spoilt = rng.random((count, 6)) < data.draw(st.sampled_from([0.0, 0.001, 0.3]))
