@@ -321,16 +321,12 @@ class LateAxes(Record):
 
     def look(self, samples: Floats, consumed: int) -> dict[int, slice]:
         """
-        Find axes that come to life, and those that sleep on with another value than the first.
+        Find axes that come to life, and the messages in which each is not to count.
 
-        Gives the number of each axis, and the messages before, in which it is not to count.
+        The first `consumed` of samples, shape (n, 6), are decided on now.
         """
-        parts = {axis: part for axis, run in enumerate(self.run) if run >= 0
-                 and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}
-        first = max((part.stop for part in parts.values() if part.start is None),
-                    default=0)
-        # What a driver sent before it had anything to send is no sample of any axis.
-        return {axis: slice(first) for axis in range(6) if first} | parts
+        return {axis: part for axis, run in enumerate(self.run) if run >= 0
+                and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}
 
     def _not_yet(self, axis: int, values: Floats, consumed: int) -> slice | None:
         known = np.flatnonzero(np.isfinite(values))
@@ -346,12 +342,6 @@ class LateAxes(Record):
         slept, self.run[axis] = self.run[axis] + int(other[0]), -1
         following = values[known[other[0]:other[0] + 1 + _FOLLOWING]]
         changes = int(np.count_nonzero(following[1:] != following[:-1]))
-        if slept < _LATE and not changes and len(following) > _FEWEST_FOLLOWING:
-            # A driver's first messages may hold zeros: the axis sleeps on with another value.
-            first, self.run[axis] = int(now[other[0]]), 0
-            rest = values.copy()
-            rest[:first] = np.nan
-            return self._not_yet(axis, rest, consumed) or slice(first)
         if slept < _LATE or len(following) <= _FEWEST_FOLLOWING or (
                 changes < _ALIVE_SHARE * (len(following) - 1)):
             return None
