@@ -54,8 +54,6 @@ _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
 _LATE_AS_A_GAP = 3.0
 """Intervals by which the time of a gap is off its places where its end is late, and no gap."""
-_BESIDE_GAP = 3
-"""Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
 
 class Placing(Record):
@@ -427,22 +425,8 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """Give nanoseconds and places by which the rate is not told: gaps, and what is beside them."""
-    breaks = np.flatnonzero(_gaps(passed, steps, tolerated, pace))
-    interval, n = pace.interval_ns, len(steps)
-    if pace.counting:
-        # Where stamps are uneven, the pause before a batch is no part of the gap.
-        gaps = steps[breaks]
-        # A leap too short to be told from a batch's is no part of the pace all the same.
-        longest = (10 + 4 * sqrt(12) * pace.spread) * interval
-        leaps = (passed > longest) & (steps <= tolerated)
-        time = sum(round(gap * interval) for gap in gaps.tolist()) + int(passed[leaps].sum())
-        return time, int(gaps.sum()) + int(steps[leaps].sum())
-    if not len(breaks):
-        return 0, 0
-    # With jitter one place of a gap may be taken for one beside it.
-    beside = _BESIDE_GAP if len(breaks) * SPARSE < n else 0
-    left_out = np.zeros(n, dtype=bool)
-    for shift in range(-beside, beside + 1):
-        left_out[np.clip(breaks + shift, 0, n - 1)] = True
-    return int(passed[left_out].sum()), int(steps[left_out].sum())
+    """Give nanoseconds and places of gaps, by which the rate is not told."""
+    gaps = _gaps(passed, steps, tolerated, pace)
+    # Where stamps are uneven, the pause before a batch is no part of the gap.
+    time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
+    return int(time[gaps].sum()), int(steps[gaps].sum())

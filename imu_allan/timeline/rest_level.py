@@ -58,6 +58,8 @@ QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
 _FINE = 0.7
 """Noise over a step from which on the step hides nothing: below, an output may rest for long."""
+_FEWEST_INNER = 4
+"""Windows with neighbours on both sides, of which the wander of their means is told."""
 _DITHER = 0.75
 """Of a squared step: an output of whole steps that flips between two has about a quarter."""
 
@@ -155,9 +157,7 @@ class RestLevel(Record):
 
     def begin(self, held: list[Stretch], windows: Windows) -> None:
         """Find the first baseline in the windows held back."""
-        size = windows.size
-        full = [stretch for stretch in held if stretch.held >= size]
-        quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
+        full = [stretch for stretch in held if stretch.held >= windows.size]
         if not full:
             # Between frequent gaps no stretch may last a window: then each is one, but for the
             # shorter ones. One sample has no noise, and two may be alike by chance.
@@ -165,39 +165,38 @@ class RestLevel(Record):
             usual = np.median([stretch.held for stretch in full]) if full else 0
             full = [stretch for stretch in full if stretch.held >= usual]
         if not full:
-            self.baseline = quiet
+            self.baseline = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
             return
         loudness = np.concatenate([stretch.loudness for stretch in full])
         wander = np.concatenate([stretch.wander() for stretch in full])
-        resolution = np.full(6, np.inf)
-        for stretch in full[:4]:
-            resolution = np.minimum(resolution, resolution_of(stretch.joined()[:8 * 1024]))
+        resolution = np.min([resolution_of(stretch.joined()[:8 * 1024]) for stretch in full[:4]],
+                            axis=0)
         still = ~np.concatenate([windows.implausible(stretch, 0) for stretch in full])
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
-        if len(loudness) < _FEWEST_WINDOWS and full[0].held < size:
-            self.baseline = _of_few(loudness, resolution)
-            return
-        if len(loudness) < _FEWEST_WINDOWS:
+        loudness, wander = loudness[still], wander[still]
+        if len(loudness) >= _FEW_WINDOWS:
+            self.baseline, rest = settle(loudness, wander, resolution)
+        elif len(loudness) < _FEWEST_WINDOWS and full[0].held >= windows.size:
             centre = np.median(windows.fifths(full), axis=0)
             self.baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
                                      resolution)
             return
-        if np.count_nonzero(still) < _FEW_WINDOWS:
-            # Of so few the quietest eighth is one or two, whose spread says nothing.
-            few = _of_few(loudness[still], resolution)
-            still &= np.all(loudness <= few.loudest(), axis=1)
-            found = baseline_of(loudness[still], wander[still], resolution)
-            self.baseline = replace(
-                few, wander=found.wander if np.count_nonzero(still) >= _FEWEST_WINDOWS
-                else few.wander)
-            self.first = self.baseline.loudness
-            self.past = np.hstack([loudness, wander])[still]
-            self.past = self.past[~np.isnan(self.past).any(axis=1)]
-            return
-        self.baseline, rest = settle(loudness[still], wander[still], resolution)
+        else:
+            # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
+            # of the quieter half, as surely as their samples tell it.
+            quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
+            centre = np.median(loudness[quieter], axis=0)
+            few = Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)
+            self.baseline = few
+            if len(loudness) < _FEWEST_WINDOWS:
+                return
+            rest = np.all(loudness <= few.loudest(), axis=1)
+            if np.count_nonzero(rest) >= _FEWEST_WINDOWS:
+                found = baseline_of(loudness[rest], wander[rest], resolution)
+                self.baseline = replace(few, wander=found.wander)
         self.first = self.baseline.loudness
-        self.past = np.hstack([loudness, wander])[still][rest]
+        self.past = np.hstack([loudness, wander])[rest]
         self.past = self.past[~np.isnan(self.past).any(axis=1)]
 
     def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
@@ -258,17 +257,13 @@ class RestLevel(Record):
         if not (stretch.loudness[first:last] < self.baseline.far_quieter).any():
             self.quieter = 0
             return None
-        loud = self.baseline.loudness
+        loud, windows = self.baseline.loudness, stretch.loudness[first:last]
         known = (loud > 0) & np.isfinite(loud)
-        here = stretch.loudness[first:last, known]
-        quiet = here < self.baseline.far_quieter[known]
+        quiet, alive = windows < self.baseline.far_quieter, (windows > 0) & known
         # A coarse or constant axis may be as it was, and one that stands still has died.
-        alive = here > 0
-        share = np.where(alive.any(axis=1), np.sum(quiet & alive, axis=1) / np.maximum(
-            alive.sum(axis=1), 1), quiet.mean(axis=1)) if known.any() else np.zeros(last - first)
-        quieter = (share > 0.5) & ~np.any(
-            stretch.loudness[first:last] > self.baseline.loudest(), axis=1) if known.any() else (
-            np.zeros(last - first, dtype=bool))
+        told: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
+        quieter = (np.sum(quiet & told, axis=1) > 0.5 * told.sum(axis=1)) & ~np.any(
+            windows > self.baseline.loudest(), axis=1)
         for at in range(first, last):
             self.quieter = self.quieter + 1 if quieter[at - first] else 0
             if self.quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
@@ -344,50 +339,24 @@ class RestLevel(Record):
         return [most]
 
 
-def _of_few(loudness: Floats, resolution: Floats) -> Baseline:
-    """Take the quieter half of a few windows for rest, as surely as their samples tell it."""
-    order = np.argsort(loudness.sum(axis=1))
-    centre = np.median(loudness[order[:(len(order) + 1) // 2]], axis=0)
-    return Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)
-
-
 def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
     """
-    Find the windows at rest, starting from the quietest.
+    Find the windows at rest, and the baseline that they make.
 
-    Parameters
-    ----------
-    loudness : ndarray, shape (n, 12)
-        As `describe` gives it.
-    wander : ndarray, shape (n, 6)
-        Second difference of window means, NaN at the ends of a stretch.
-    resolution : ndarray, shape (6,)
-        Smallest change between two samples.
-
-    Returns
-    -------
-    Baseline
-        From the windows at rest.
-    ndarray of bool, shape (n,)
-        Which they are: the set grows from the quietest eighth as far as the distribution of
-        loudness has no hole of many standard deviations.
-
+    Their set grows from the quietest eighth as far as the distribution of loudness has no hole of
+    many standard deviations. Wander is NaN at the ends of a stretch.
     """
     dead = _dead(loudness, resolution)
-    quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
-    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
-        assert dead is not None
-        alive = loudness[~dead[:, axis]]
-        quiet[axis::6] = np.percentile(alive[:, axis::6], _QUIET_PERCENT, axis=0)
+    percentile = np.nanpercentile if dead.any() else np.percentile
+    quiet = percentile(np.where(np.tile(dead, 2), np.nan, loudness), _QUIET_PERCENT, axis=0)
     noisy = quiet > 0
+    rest = np.ones(len(loudness), dtype=bool)
     if noisy.any():
         louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
-        if dead is not None and not dead.any(axis=1).all():
+        if not dead.any(axis=1).all():
             # Fewer axes are quieter by chance, and say nothing of those that are dead.
             louder[dead.any(axis=1)] = np.inf
         rest = louder <= np.percentile(louder[np.isfinite(louder)], _QUIET_PERCENT)
-    else:
-        rest = np.ones(len(loudness), dtype=bool)
     for _ in range(50):
         baseline = baseline_of(loudness[rest], wander[rest], resolution)
         grown = np.all(loudness <= baseline.loudest(), axis=1)
@@ -398,58 +367,38 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
 
 
 def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
-    """Describe windows at rest; the arguments are those of `settle`."""
-    centre, spread, wide = _typical(loudness, wander)
-    dead = _dead(loudness, resolution)
-    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
-        assert dead is not None
-        alive, own = ~dead[:, axis], slice(axis, None, 6)
-        centre[own], spread[own], wide[axis:axis + 1] = _typical(
-            loudness[alive, own], wander[alive, axis:axis + 1])
+    """Describe windows at rest by medians; the arguments are those of `settle`."""
+    median, dead = np.median, _dead(loudness, resolution)
+    if dead.any():
+        median = np.nanmedian
+        loudness = np.where(np.tile(dead, 2), np.nan, loudness)
+        wander = np.where(dead, np.nan, wander)
+    centre = median(loudness, axis=0)
+    spread = 1.4826 * median(np.abs(loudness - centre), axis=0)
+    inner = wander[~np.isnan(wander).all(axis=1)]
+    wide = np.full(6, np.inf)
+    if len(inner) >= _FEWEST_INNER:
+        known = np.count_nonzero(~np.isnan(inner), axis=0) >= _FEWEST_INNER
+        wide[known] = 1.4826 * median(np.abs(inner[:, known]), axis=0)
     return Baseline(centre, spread, wide, resolution)
 
 
-def _typical(loudness: Floats, wander: Floats) -> tuple[Floats, Floats, Floats]:
-    """Medians of loudness, of its spread and of the wander, which NaN is unknown of."""
-    centre: Floats = np.median(loudness, axis=0)
-    spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
-    known = wander[~np.isnan(wander[:, 0])]
-    wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
-            else np.full(wander.shape[1], np.inf))
-    return centre, spread, wide
-
-
-def _dead(loudness: Floats, resolution: Floats) -> Bools | None:
+def _dead(loudness: Floats, resolution: Floats) -> Bools:
     """
-    Tell windows in which an axis stood still, shape (n, 6); None if there are none.
+    Tell windows in which an axis stood still, shape (n, 6).
 
     A fine one never does while others live. One that never lived, and coarse steps, are left.
     """
     still = loudness[:, :6] == 0
-    if not still.any():
-        return None
     dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
     for axis in np.flatnonzero(dead.any(axis=0)).tolist():
         noise = float(np.median(loudness[~still[:, axis], axis])) ** 1.5
         dead[:, axis] &= noise >= _FINE * resolution[axis]
-    return dead if dead.any() else None
+    return dead
 
 
 def resolution_of(samples: Floats) -> Floats:
-    """
-    Smallest change between neighbouring samples, per axis.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 6)
-        Even samples.
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Infinite for an axis that does not change.
-
-    """
+    """Smallest change between neighbours of each axis, infinite where there is none."""
     change = np.abs(np.diff(samples, axis=0))
     change[change == 0] = np.inf
     smallest: Floats = np.min(change, axis=0, initial=np.inf)
