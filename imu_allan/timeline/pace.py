@@ -39,8 +39,10 @@ _GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
 """Stretches of 64 messages that tell it, and the share of the best fit that is as good."""
 _SPARSEST = 0.37
 """Share of places taken: with 0.4 the bound on bridges holds, with 0.3 it does not."""
+_EXACT = 0.05
+"""In intervals: a driver's header stamps lie closer, batches and ticks do not."""
 _NEAR = 0.15
-"""Intervals by which stamps on a grid lie off it, but for some that are late. A judgment."""
+"""The same for receive stamps, of which some are a little late. A judgment."""
 _SHORTEST_STEP_NS = 1e5
 """No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
 _SHORTEST_ON = 0.1
@@ -53,8 +55,10 @@ _LEAST_OUTAGE = 4.0
 """Intervals: losses of single messages leave shorter pauses."""
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
-_LATEST = 0.75
-"""Intervals by which messages of a clock that is a witness scatter at most. A judgment."""
+_MOST_PERCENT = 95
+"""Of lags, the share that is told by: all but strays. A judgment."""
+_STRAIGHT = 0.75
+"""Intervals from a line within which a tick or a dropping counter keeps every message."""
 _WIDER_THAN_TICK = 0.99
 """Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two
 are kept and two dropped in turn they lie within 1, of three kept and two dropped within 1.33."""
@@ -150,15 +154,15 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         # Bursts fit the grid of every interval that divides their distance.
         short = steps < 0.5 * overall
         if np.mean(short) > _MOSTLY_IN_BURSTS:
-            return _in_batches(time, ~short) or _on_a_line(time)
+            return _in_batches(time, ~short) or _on_a_line(time)[0]
         grid = _best_grid(time, steps, overall)
     else:
         grid = _on_grid(time, steps, overall)
     if grid is None or _is_tick(stamps, steps, grid.interval_ns):
-        return _on_a_line(time)
+        return _on_a_line(time)[0]
     if grid.interval_ns < _SPARSEST * overall:
         # Too many places are empty to be bridged.
-        line = _on_a_line(time)
+        line, _ = _on_a_line(time)
         return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
     return _grid_or_line(time, grid, other)
 
@@ -211,7 +215,7 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
     if len(stamps) < _FEW_LOSSES:
         return None
     time, numbers = (stamps - stamps[0]).astype(np.float64), place.astype(np.float64)
-    line = _on_a_line(time, numbers)
+    line, _ = _on_a_line(time, numbers)
     # A batch may lie on the places of its own grid: what counts is how late it is.
     return Pace(line.interval_ns, line.spread, counting=line.spread > COUNTING_SPREAD)
 
@@ -263,13 +267,16 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     n = len(time)
     if np.count_nonzero(steps > 1) < _FEW_LOSSES:
         return grid
-    line = _on_a_line(time)
+    line, worst = _on_a_line(time)
     apart = abs(line.interval_ns / grid.interval_ns - 1)
     if apart < max(_SAME_PACE * lost / n, 1e-4):
         return grid
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:
         return grid if truly > 0.5 else line
+    if worst > _STRAIGHT or grid.spread > _EXACT:
+        # Ticks are exact, and nothing is late on top of them.
+        return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
     if wide > _WIDER_THAN_TICK * grid.interval_ns:
@@ -293,7 +300,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
-    if (float(one.std()) > _LATEST * interval
+    if (float(one.std()) > _STRAIGHT * interval
             or abs(float(one.mean()) / interval - few) > 0.5 * few):
         # Nor is one that is read in batches, or in whole seconds: what a batch hands over tells
         # little of the moment.
@@ -349,8 +356,8 @@ def _spread(length: Floats) -> float:
     return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
-def _on_a_line(time: Floats, numbers: Floats | None = None) -> Pace:
-    """Take every message, or number, for a sample."""
+def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float]:
+    """Take every message, or number, for a sample; give how far they lie off, in intervals."""
     n = len(time)
     apart = max(min(n // 4, PHASE_GROUP), 1)
     if numbers is None:
@@ -369,11 +376,13 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> Pace:
         interval = float(middle @ (time - time.mean()) / (middle @ middle))
     residual = time / interval - counted
     residual -= float(np.median(residual))
+    # A single loss is seen some messages early or late: up to there they lie off.
+    worst = float(np.percentile(np.abs(residual), _MOST_PERCENT))
     # Small jumps may be what random losses add up to.
     leaps = np.diff(counted - place, prepend=0.0)
     hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS,
                      _ERRORS_OF_LINE)
-    return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
+    return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
 def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
