@@ -198,11 +198,12 @@ class Placing(Record):
             pace = measure_pace(messages.stamps)
             if pace is not None:
                 decision.take_pace(pace)
-        steps = self._steps(messages)
-        c = messages.consumed
+        c, lost = messages.consumed, self._lost(messages)
+        steps = self._steps(messages, lost)
         if not decision.counted_only and (cursor.other_rate
                                           or self._rate_doubtful(messages, steps)):
-            changes = rate_changes(self._places(messages)[:c], decision.pace, cursor.other_rate)
+            changes = rate_changes(self._places(messages, lost)[:c], decision.pace,
+                                   cursor.other_rate)
             if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
                 yield from self._split_by_rate(messages, changes)
                 return
@@ -228,7 +229,7 @@ class Placing(Record):
                 self._leave_out(part)
                 continue
             self.cursor.other_rate = False
-            yield from self._put(part, self._steps(part))
+            yield from self._put(part, self._steps(part, self._lost(part)))
 
     def _leave_out(self, messages: Messages) -> None:
         """Reject messages that come at another rate."""
@@ -244,44 +245,41 @@ class Placing(Record):
         counts.at_other_rate += n
         cursor.other_rate, cursor.number = True, None
 
-    def _places(self, messages: Messages) -> Floats:
-        """Stamps in intervals from the last sample placed."""
+    def _places(self, messages: Messages, lost: Ints) -> Floats:
+        """Stamps in intervals from the last sample placed, those of lost messages left out."""
         cursor, interval = self.cursor, self._decision.pace.interval_ns
         if cursor.fresh_run or cursor.last_ns is None:
             since, late = messages.stamps - messages.stamps[0], interval
         else:
             since, late = messages.stamps - cursor.last_ns, cursor.late_ns
         places: Floats = (since.astype(np.float64) + late) / interval
-        lost = self._lost(messages)
-        return places if lost is None else places - np.cumsum(lost)
+        return places - np.cumsum(lost) if lost.any() else places
 
-    def _steps(self, messages: Messages) -> Ints:
+    def _steps(self, messages: Messages, lost: Ints) -> Ints:
+        """Count places from each message to the one before."""
         cursor, pace = self.cursor, self._decision.pace
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
-        steps = count_steps(self._places(messages), pace, late=late, new_run=cursor.begins)
-        lost = self._lost(messages)
-        return steps if lost is None else steps + lost
+        return lost + count_steps(self._places(messages, lost), pace, late, cursor.begins)
 
-    def _lost(self, messages: Messages) -> Ints | None:
-        """Messages lost before each one, by their numbers; None where stamps alone tell."""
+    def _lost(self, messages: Messages) -> Ints:
+        """Messages lost before each one, by their numbers; 0 where stamps alone tell."""
         numbers, cursor, decision = messages.numbers, self.cursor, self._decision
         if numbers is None or not (decision.numbered and decision.pace.counting):
-            return None
+            return np.zeros(len(messages.stamps), dtype=np.int64)
         known = None if cursor.begins else cursor.number
         lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
         # Behind another publisher numbers may leap, but time does not.
-        leaps = lost > sqrt(12) * decision.pace.spread
-        if leaps.any():
-            passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
-                             else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
-            for at in np.flatnonzero(leaps & (passed < 0.5 * lost)).tolist():
-                # Within a batch no time passes at once, but before the next ones.
-                ahead = np.cumsum(1 + lost - passed)[max(at - _MOST_LOST, 0):at + _MOST_LOST]
-                before = min(at, _MOST_LOST)
-                usual = float(np.mean(ahead[:before])) if before else 0.0
-                if lost[at] >= _MOST_LOST or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
-                    lost[at] = 0
-        return lost if lost.any() else None
+        passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
+                         else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
+        leaps = (lost > sqrt(12) * decision.pace.spread) & (passed < 0.5 * lost)
+        for at in np.flatnonzero(leaps).tolist():
+            # Within a batch no time passes at once, but before the next ones.
+            ahead = np.cumsum(1 + lost - passed)[max(at - _MOST_LOST, 0):at + _MOST_LOST]
+            before = min(at, _MOST_LOST)
+            usual = float(np.mean(ahead[:before])) if before else 0.0
+            if lost[at] >= _MOST_LOST or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
+                lost[at] = 0
+        return lost
 
     def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:
         """Intervals that pass between messages without a gap, places counted, and messages."""
