@@ -272,4 +272,4 @@ def _motion_facts(motion: MotionSummary) -> Facts:
 def _kept_motion(motion: MotionSummary) -> Facts:
     cut = motion.cut
     return {'motion_kept': {'count': cut.count, 'seen_s': cut.total_s,
-                            'first_s': cut.listed[0][0]}} if cut.count else {}
+                            'first_s': cut.listed[0][0]}} if cut.listed else {}

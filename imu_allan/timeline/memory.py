@@ -204,6 +204,11 @@ class Decision(Record):
     restart: bool = False
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
+    def check(self) -> None:
+        """Refuse a pace at which nothing advances."""
+        if not self.pace.interval_ns > 0:
+            raise ValueError('an interval is not positive')
+
     def rate_error(self, steps: int) -> float:
         """Bound the relative error of a rate over steps: stamps lie evenly within a batch."""
         return sqrt(12) * self.pace.spread / max(steps, 1)

@@ -64,7 +64,7 @@ class Spans(Record):
 
     def add(self, first: int, rows: int, start_s: float, duration_s: float) -> None:
         """Note rows, as part of the span before if they follow it."""
-        if first == self.end:
+        if first == self.end and self.count:
             self.lasts_s += duration_s
             if self.count == len(self.listed):
                 self.listed = (*self.listed[:-1], (self.listed[-1][0], self.lasts_s))

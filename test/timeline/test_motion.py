@@ -1,15 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 
-from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.motion import MotionDetector, MotionSummary
-from imu_messages import codes, rows_by_place, run, SIGMA, still
+from imu_messages import codes, pick, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
@@ -98,20 +96,15 @@ def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving
     assert places[0] >= moving_s * rate_hz
 
 
-def test_kept_motion_stays():
+def test_kept_motion_stays_and_is_told():
     block = still(12_000)
+    assert not run(block, motion='keep')[0].remarks
     block.samples[6000:6100] += 1.0
     summary, even = run(block, motion='keep')
     assert summary.timeline.motion == ()
     assert np.array_equal(rows_by_place(even)[1], block.samples)
     assert (summary.motions, summary.mostly_motion) == (0, False)
-
-
-def test_kept_motion_is_told():
-    block = still(12_000)
-    assert not run(block, motion='keep')[0].remarks
-    block.samples[6000:6100] += 1.0
-    (remark,) = run(block, motion='keep')[0].remarks
+    (remark,) = summary.remarks
     assert (remark.code, remark.values['count']) == ('motion_kept', 1)
     assert 1 <= remark.values['seen_s'] < 10
     assert remark.values['first_s'] < 60 < remark.values['first_s'] + remark.values['seen_s']
@@ -133,6 +126,21 @@ def test_one_knock_in_a_short_recording_is_not_mostly_motion():
     summary, _ = run(block)
     assert summary.motions == 1
     assert not summary.mostly_motion
+
+
+def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_bridged():
+    block = still(20_000)
+    block.absent[:, 0] = True
+    block.samples[10_000:10_005, 4] += 0.5
+    rows = np.delete(np.arange(20_000), [5000, 10_010, 15_000])
+    summary, even = run(pick(block, rows))
+    assert covered(summary.timeline.motion, 100.0, 0.05)
+    assert (summary.motions, summary.bridged) == (1, 3)
+    assert [place for one in even for place in one.first_index + one.bridged] == [5000, 15_000]
+    assert np.isnan(rows_by_place(even)[1][:, :3]).all()
+    jumps = np.diff(rows_by_place(even)[0]) - 1
+    assert (jumps.min(), np.count_nonzero(jumps)) == (0, 1)
+    assert sum(one.new_run for one in even) == 1
 
 
 def test_a_knock_on_an_axis_that_is_constant_otherwise_is_cut_out():
@@ -159,18 +167,6 @@ def test_an_engine_that_goes_on_running_is_motion_as_long_as_it_runs():
     block.samples[30_000:] += np.random.default_rng(1).normal(size=(30_000, 6)) * 30 * SIGMA
     summary, _ = run(block)
     assert covered(summary.timeline.motion, 300.0, 300.0)
-
-
-def test_spans_beyond_the_list_are_counted():
-    block = still(600_000, 1000.0)
-    block.samples[::3600, 3] += 1.0
-    detector = MotionDetector(0.001)
-    for first in range(0, len(block), 4000):
-        detector.push(EvenPiece(block.samples[first:first + 4000], first, first / 1000,
-                                first == 0, np.empty(0, dtype=np.int64)))
-    detector.flush()
-    assert detector.summary.cut.count >= 100
-    assert detector.summary.cut.total_s < 600
 
 
 def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummary, int]:
@@ -266,40 +262,6 @@ def test_noise_drift_and_steady_vibration_are_no_motion(kind):
 def test_a_day_of_noise_has_no_motion(kind, rate_hz, hours):
     summary, _ = detect(noise_at_rest(kind, rate_hz, 2), rate_hz, hours)
     assert summary.cut.count == 0
-
-
-def test_absent_axes_do_not_hinder_the_others():
-    block = still(20_000)
-    block.absent[:, 0] = True
-    block.samples[12_000:12_005, 4] += 0.5
-    summary, even = run(block)
-    assert covered(summary.timeline.motion, 120.0, 0.05)
-    assert summary.motions == 1
-    assert np.isnan(rows_by_place(even)[1][:, :3]).all()
-
-
-def test_bridged_rows_within_motion_are_not_counted_in_the_blocks_given():
-    block = still(20_000)
-    block.samples[10_000:10_005] += 0.5
-    lost = [5000, 10_010, 15_000]
-    rows = np.delete(np.arange(20_000), lost)
-    summary, even = run(replace(
-        block, header_ns=block.header_ns[rows], receive_ns=block.receive_ns[rows],
-        samples=block.samples[rows], absent=block.absent[rows]))
-    assert summary.bridged == 3
-    assert [place for one in even for place in one.first_index + one.bridged] == [5000, 15_000]
-
-
-def test_blocks_after_motion_begin_beyond_the_end_of_the_block_before():
-    block = still(20_000)
-    block.samples[10_000:10_005] += 0.5
-    _, even = run(block)
-    ends: list[EvenBlock] = [one for one in even if len(one)]
-    jumps = [later.first_index - one.first_index - len(one)
-             for one, later in pairwise(ends)]
-    assert sorted(jumps)[-1] > 0
-    assert np.count_nonzero(jumps) == 1
-    assert sum(one.new_run for one in even) == 1
 
 
 @pytest.mark.parametrize('rate_hz', [20.0, *RATES])
