@@ -124,22 +124,9 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     """
     Fit every axis of an estimator, which is left as it is.
 
-    Parameters
-    ----------
-    estimator : Estimator
-        What has taken in the samples.
-    sample_rate_hz : float
-        Samples per second.
-    quantities : sequence of Quantity
-        What each axis measures.
-    fits : sequence of AxisFit or None, optional
-        Of every axis, where they are there already, or not those of the estimator alone.
-
-    Returns
-    -------
-    list of (AxisResult, list of Finding)
-        What is worth telling the user beside each axis; messages do not name the axis.
-
+    `estimator`: what has taken in the samples. `quantities`: what each axis measures. `fits`: of
+    every axis, where they are there already, or not those of the estimator alone. Returns: what is
+    worth telling the user beside each axis; messages do not name the axis.
     """
     finished = estimator.finished()
     dt = 1.0 / sample_rate_hz

@@ -31,20 +31,10 @@ def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
     """
     Whether the slow noise of an axis does not show one exponent in all recordings.
 
-    Parameters
-    ----------
-    joint : AxisResult
-        Of all recordings at once.
-    singles : sequence of AxisResult
-        Of each that has a fit.
-
-    Returns
-    -------
-    bool
-        Where some tell another exponent than flicker's: whether the joint fit tells none, one of
-        theirs is not that of the joint fit, or a recording that tells none shows flicker or has a
-        curve too low for it. Another one is too short to contradict.
-
+    `joint`: of all recordings at once. `singles`: of each that has a fit. Returns: where some tell
+    another exponent than flicker's: whether the joint fit tells none, one of theirs is not that of
+    the joint fit, or a recording that tells none shows flicker or has a curve too low for it.
+    Another one is too short to contradict.
     """
     laws = [axis.power_law for axis in singles if axis.power_law is not None]
     if not laws:
@@ -65,20 +55,10 @@ def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> Axis
     """
     Give an axis what its recordings say one by one.
 
-    Parameters
-    ----------
-    joint : AxisResult
-        Of all recordings at once, under one exponent.
-    singles : sequence of AxisResult
-        Of each that has a fit.
-
-    Returns
-    -------
-    AxisResult
-        The noise density is the weighted mean of the single ones; the other terms, and it, too,
-        where none shows it, are bounded by the largest of theirs. There is no common fit to be
-        good, and no model.
-
+    `joint`: of all recordings at once, under one exponent. `singles`: of each that has a fit.
+    Returns: the noise density is the weighted mean of the single ones; the other terms, and it,
+    too, where none shows it, are bounded by the largest of theirs. There is no common fit to be
+    good, and no model.
     """
     coefficients = dict(joint.coefficients)
     for key in _BOUNDED:
@@ -100,15 +80,7 @@ def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
     """
     Say what the slow noise of an axis is in each recording.
 
-    Parameters
-    ----------
-    singles : mapping of path to AxisResult
-        Of each recording that has a fit.
-
-    Returns
-    -------
-    Finding
-
+    `singles`: of each recording that has a fit.
     """
     return finding('power_law', recordings=list(singles), exponents=[
         None if axis.power_law is None else axis.power_law.exponent for axis in singles.values()],

@@ -224,22 +224,10 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
     """
     Enter into the findings of a warm-up which start leaves it out.
 
-    Parameters
-    ----------
-    found : iterable of Finding
-        Of all axes.
-    axes : mapping of axis name to AxisResult
-        What was fitted.
-    length_s : float
-        Of the recording, the shortest of several.
-    several : bool, optional
-        Whether the axes are of several recordings, for which no start is chosen.
-
-    Returns
-    -------
-    list of Finding
-        `start` of a warm-up is what ``--start`` should be, None where the recording is too short.
-
+    `found`: of all axes. `axes`: what was fitted. `length_s`: of the recording, the shortest of
+    several. `several`: whether the axes are of several recordings, for which no start is chosen.
+    Returns: `start` of a warm-up is what ``--start`` should be, None where the recording is too
+    short.
     """
     steady = [time for axis in axes.values() if (time := steady_of(axis)) > 0]
     longest_s, start_s = max(steady, default=0.0), start_of(steady, length_s)
@@ -256,19 +244,8 @@ def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
     """
     Say what the record is too short for.
 
-    Parameters
-    ----------
-    axes : mapping of axis name to AxisResult
-        What was fitted.
-    summary : TimelineSummary
-        Of the same record.
-    unclear : collection of str
-        Axes whose random walk is hidden by a trend, not by the length of the record.
-
-    Returns
-    -------
-    list of Finding
-
+    `axes`: what was fitted. `summary`: of the same record. `unclear`: axes whose random walk is
+    hidden by a trend, not by the length of the record.
     """
     live = {name: axis for name, axis in axes.items()
             if axis.goodness_of_fit.p_value is not None}

@@ -37,17 +37,8 @@ def united(parts: Sequence[HalfResult]) -> Result:
     """
     Join the results of gyroscope and accelerometer into that of the IMU.
 
-    Parameters
-    ----------
-    parts : sequence of HalfResult
-        The gyroscope first.
-
-    Returns
-    -------
-    Result
-        Each axis tells its own rate. Rate, gaps and faults of the whole are those of the first
-        part that has axes, as its remark `two_rates` says.
-
+    `parts`: the gyroscope first. Returns: each axis tells its own rate. Rate, gaps and faults of
+    the whole are those of the first part that has axes, as its remark `two_rates` says.
     """
     axes = {name: replace(axis, sample_rate_hz=part.result.timeline.sample_rate_hz)
             for part in parts for name, axis in part.result.axes.items()

@@ -74,24 +74,9 @@ def joint_result(recordings: Sequence[Characterization],
     """
     Characterize one IMU from several recordings.
 
-    Parameters
-    ----------
-    recordings : sequence of Characterization
-        At least two, each of a whole recording.
-    remarks : sequence of sequence of Finding, optional
-        Findings of the front door about each.
-
-    Returns
-    -------
-    Result
-        With `recordings` and `turn_on_bias`.
-
-    Raises
-    ------
-    ImuAllanError
-        If there are fewer than two, one of them holds nothing usable, or they cannot be recordings
-        of one IMU in one setting.
-
+    `recordings`: at least two, each of a whole recording. `remarks`: findings of the front door
+    about each. With `recordings` and `turn_on_bias`. Raises ImuAllanError: if there are fewer than
+    two, one of them holds nothing usable, or they cannot be recordings of one IMU in one setting.
     """
     if len(recordings) < 2:
         raise ImuAllanError('a joint result needs at least two recordings')

@@ -18,21 +18,10 @@ def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False)
     """
     Return the standard error of the mean of one axis over a record.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        As fitted, one whose `mean_is_known`; terms that do not show count nothing.
-    duration_s : float
-        Length of the record.
-    at_most : bool, optional
-        Count lasting terms that do not show by their upper bounds: what the mean may wander.
-
-    Returns
-    -------
-    float
-        The Allan deviation of the fitted terms at the length of the record: how far the mean of
-        one such record tells that of the next. Zero without a record.
-
+    `axis`: as fitted, one whose `mean_is_known`; terms that do not show count nothing. `at_most`:
+    count lasting terms that do not show by their upper bounds: what the mean may wander. Returns:
+    the Allan deviation of the fitted terms at the length of the record: how far the mean of one
+    such record tells that of the next. Zero without a record.
     """
     values = {key: found.value for key, found in axis.coefficients.items()
               if found.value is not None}

@@ -69,15 +69,8 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     """
     Return the spread of the means of a run from power-on to power-on, by axis.
 
-    Parameters
-    ----------
-    ended : sequence of Mark
-        Of the power-ons before the latest, in their order.
-    axes : mapping of axis name to AxisResult
-        What was fitted to all samples.
-    record : FinishedRecord
-        All samples.
-
+    `ended`: of the power-ons before the latest, in their order. `axes`: what was fitted to all
+    samples. `record`: all samples.
     """
     found: dict[str, TurnOnBias] = {}
     for name, axis in axes.items():
@@ -95,20 +88,10 @@ def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[f
     """
     Return the spread of means from one power-on to the next.
 
-    Parameters
-    ----------
-    means : sequence of float
-        At least two.
-    axis : AxisResult
-        Whose means they are, and whose coefficients say how far a mean wanders in a record.
-    lengths_s : sequence of float
-        How long a record each is the mean of.
-
-    Returns
-    -------
-    TurnOnBias
-        What measuring explains of the scatter is taken off; of the lower end of the interval what
-        a term may explain that does not show, too.
+    `means`: at least two. `axis`: whose means they are, and whose coefficients say how far a mean
+    wanders in a record. `lengths_s`: how long a record each is the mean of. Returns: what
+    measuring explains of the scatter is taken off; of the lower end of the interval what a term
+    may explain that does not show, too.
 
     Examples
     --------

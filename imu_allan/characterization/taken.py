@@ -61,15 +61,8 @@ class Group(Record):
         """
         Add a block that has these axes.
 
-        Parameters
-        ----------
-        block : EvenBlock
-            Of which other axes are left aside.
-        epoch_ns : int or None
-            Stamp of the clock in use at time zero of the block's `start_s`.
-        interval_ns : float or None
-            From one sample to the next, by the clock.
-
+        `block`: of which other axes are left aside. `epoch_ns`: stamp of the clock in use at time
+        zero of the block's `start_s`. `interval_ns`: from one sample to the next, by the clock.
         """
         estimator, skipped = self.estimator, 0
         if not estimator.samples:
@@ -172,19 +165,8 @@ def groups_of(groups: Sequence[Group], there: NDArray[np.bool_], readings: Therm
     """
     Divide groups, and add one, where some of their axes have left or come.
 
-    Parameters
-    ----------
-    groups : sequence of Group
-        Which are left as they are where nothing changes.
-    there : ndarray of bool, shape (6,)
-        The axes that the next block has.
-    readings : Thermometer
-        With all readings so far, and no samples: of a new group.
-
-    Returns
-    -------
-    list of Group
-
+    `groups`: which are left as they are where nothing changes. `there`, shape (6,): the axes that
+    the next block has. `readings`: with all readings so far, and no samples: of a new group.
     """
     found: list[Group] = []
     for group in groups:

@@ -117,18 +117,9 @@ class Thermometer(Record):
         """
         Take readings.
 
-        Parameters
-        ----------
-        stamps_ns : array_like of int, shape (n,)
-            On the clock of the samples.
-        celsius : array_like, shape (n,)
-            What is not finite, or beyond a million degrees, is left out.
-
-        Raises
-        ------
-        ValueError
-            If the two differ in length.
-
+        `stamps_ns`, shape (n,): on the clock of the samples. `celsius`, shape (n,): what is not
+        finite, or beyond a million degrees, is left out. Raises ValueError: if the two differ in
+        length.
         """
         stamps = np.asarray(stamps_ns, dtype=np.int64).reshape(-1)
         values = np.asarray(celsius, dtype=np.float64).reshape(-1)
@@ -167,17 +158,10 @@ class Thermometer(Record):
         """
         Note where samples lie on the clock.
 
-        Parameters
-        ----------
-        run : int
-            Their run, as the estimator numbers it.
-        first, samples : int
-            Place of the first of them on the grid of the run, and how many they are.
-        skipped : int
-            Places left empty before them.
-        first_ns, last_ns : int or None
-            Stamps of the first and the last; None where there is no clock.
-
+        `run`: their run, as the estimator numbers it. `first`, `samples`: place of the first of
+        them on the grid of the run, and how many they are. `skipped`: places left empty before
+        them. `first_ns`, `last_ns`: stamps of the first and the last; None where there is no
+        clock.
         """
         begin = self.shown + skipped
         self.shown = begin + samples
@@ -225,20 +209,8 @@ class Thermometer(Record):
         """
         Return the temperature over a record.
 
-        Parameters
-        ----------
-        series : Cells
-            The whole-record series of the estimator.
-        size : int
-            Samples in one of its full cells.
-        dt : float
-            Sample interval in seconds.
-
-        Returns
-        -------
-        Temperature or None
-            None without readings or samples.
-
+        `series`: the whole-record series of the estimator. `size`: samples in one of its full
+        cells. None without readings or samples.
         """
         whole = series.take(series.counts >= size / 2)
         if not len(self.keys) or not len(whole) or not len(self.runs):
@@ -273,18 +245,8 @@ class Thermometer(Record):
         """
         Return the temperature over time, in stretches of whole columns of the signal.
 
-        Parameters
-        ----------
-        columns : Columns
-            Of the signal of the axes, on whose time axis it stands.
-        dt : float
-            Sample interval in seconds.
-
-        Returns
-        -------
-        Signal or None
-            In degrees Celsius; None where no stretch has a temperature.
-
+        `columns`: of the signal of the axes, on whose time axis it stands. In degrees Celsius;
+        None where no stretch has a temperature.
         """
         if not len(self.keys) or not len(self.runs) or not len(columns.counts):
             return None

@@ -168,12 +168,8 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
     """
     Find pairs of axes that give the same samples, or those of the other sign.
 
-    Returns
-    -------
-    list of (int, int, int)
-        Two numbers of axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``. Axes that are
-        constant, or steps of which hide the noise, may be the same by nature.
-
+    Returns: two numbers of axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``. Axes
+    that are constant, or steps of which hide the noise, may be the same by nature.
     """
     coarse = steps_hide_noise(finished)
     return [] if finished.samples < SHORTEST_RECORD else [

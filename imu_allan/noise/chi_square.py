@@ -42,17 +42,9 @@ def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
     """
     Return the probability that equal variances look so different: Bartlett's test.
 
-    Parameters
-    ----------
-    ratio, dof : ndarray, shape (n, bands)
-        Variances over what is expected of each, and their degrees of freedom.
-    least : float, optional
-        The lowest ratio that counts, over that of all of a band: none has no logarithm.
-
-    Returns
-    -------
-    float
-        All bands together.
+    `ratio`, `dof`, shape (n, bands): variances over what is expected of each, and their degrees of
+    freedom. `least`: the lowest ratio that counts, over that of all of a band: none has no
+    logarithm. Returns: all bands together.
 
     Examples
     --------

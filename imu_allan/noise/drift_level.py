@@ -34,20 +34,8 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     """
     Return the covariance of the means of neighbouring parts, without white noise.
 
-    Parameters
-    ----------
-    model : DriftModel
-        Of the axis.
-    part_s : float
-        Length of a part in seconds.
-    parts : int
-        How many.
-
-    Returns
-    -------
-    ndarray, shape (parts, parts)
-        Right for what is left after the mean of all is taken off: a walk has no other covariance.
-
+    `part_s`: length of a part in seconds. Returns shape (parts, parts): right for what is left
+    after the mean of all is taken off: a walk has no other covariance.
     """
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
     slowest = _WALK_TIMES * parts * part_s
@@ -71,15 +59,9 @@ def degrees_of_freedom(trace: Array | float, trace_of_square: Array | float) -> 
     """
     Return the degrees of freedom of a sum of squares of correlated Gaussian values.
 
-    Parameters
-    ----------
-    trace, trace_of_square : float or ndarray, shape (n,)
-        Of the covariance of the values, and of its matrix product with itself.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Those of the chi-square of the same mean and variance, by Satterthwaite.
+    `trace`, `trace_of_square`, shape (n,): of the covariance of the values, and of its matrix
+    product with itself. Returns shape (n,): those of the chi-square of the same mean and variance,
+    by Satterthwaite.
 
     Examples
     --------
@@ -96,21 +78,11 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
     """
     Tell the level of the drift from the spread of the means of the parts of a segment.
 
-    Parameters
-    ----------
-    seen : ndarray, shape (segments,)
-        Mean square of the means about the mean of the segment.
-    white : float
-        Variance that white noise gives each mean.
-    shape : ndarray, shape (parts, parts)
-        Covariance of the drift, to any scale; a walk's where it is zero.
-
-    Returns
-    -------
-    list of (float, (float, float))
-        Standard deviation of the drift, and its 95 % interval: all levels that make neither so
-        small nor so large a spread less likely than 1 in 40.
-
+    `seen`, shape (segments,): mean square of the means about the mean of the segment. `white`:
+    variance that white noise gives each mean. `shape`, shape (parts, parts): covariance of the
+    drift, to any scale; a walk's where it is zero. Returns: standard deviation of the drift, and
+    its 95 % interval: all levels that make neither so small nor so large a spread less likely than
+    1 in 40.
     """
     parts = len(shape)
     drift = about_mean(shape)

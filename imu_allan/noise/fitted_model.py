@@ -65,18 +65,8 @@ class FittedModel:
         """
         Allan variance over clusters.
 
-        Parameters
-        ----------
-        size : array_like, shape (n,)
-            Samples in a cluster.
-        dt : float
-            Sample interval in seconds.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            In the squared unit of a sample.
-
+        `size`, shape (n,): samples in a cluster. Returns shape (n,): in the squared unit of a
+        sample.
         """
         size = np.asarray(size)
         tau = size * dt
@@ -98,18 +88,8 @@ class FittedModel:
         """
         Two-sided power spectral density of the samples.
 
-        Parameters
-        ----------
-        frequency_hz : array_like, shape (n,)
-            Above zero, up to half the sample rate.
-        dt : float
-            Sample interval in seconds.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            In squared sample units per Hz. The ramp is deterministic and has no spectrum.
-
+        `frequency_hz`, shape (n,): above zero, up to half the sample rate. Returns shape (n,): in
+        squared sample units per Hz. The ramp is deterministic and has no spectrum.
         """
         nu = np.asarray(frequency_hz, dtype=np.float64) * dt
         total = np.zeros(nu.shape)

@@ -25,24 +25,11 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     """
     Forecast further recording time.
 
-    Parameters
-    ----------
-    coefficients : mapping
-        Best SI value by key, also of terms that are not observable yet.
-    observable : mapping
-        Which of them are observable.
-    dt : float
-        Sample interval in seconds.
-    duration_s : float
-        Length of the record so far in seconds.
-
-    Returns
-    -------
-    dict
-        By key: time until the term is expected to become observable (None where it is, or where
-        nothing hints at its size), and time until its interval is expected to be half as wide
-        (None where it is not observable). Forecasts end at 4096 times the record.
-
+    `coefficients`: best SI value by key, also of terms that are not observable yet. `observable`:
+    which of them are observable. `duration_s`: length of the record so far in seconds. Returns: by
+    key: time until the term is expected to become observable (None where it is, or where nothing
+    hints at its size), and time until its interval is expected to be half as wide (None where it
+    is not observable). Forecasts end at 4096 times the record.
     """
     found: Forecasts = {}
     theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2

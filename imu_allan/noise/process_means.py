@@ -21,17 +21,8 @@ def on_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
     """
     Weight of the state at the beginning in the mean over an interval.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Correlation time of the process; infinite for a constant.
-    interval_s : array_like
-        Broadcast against `time_s`.
-
-    Returns
-    -------
-    ndarray
-
+    `time_s`: correlation time of the process; infinite for a constant. `interval_s`: broadcast
+    against `time_s`.
     """
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
@@ -59,20 +50,10 @@ def dct_power(time_s: float, interval_s: float, length: int) -> Array:
     The spectrum of an endless process gives the lowest coefficients of a short series more than
     they have, by a quarter where the process is slow.
 
-    Parameters
-    ----------
-    time_s : float
-        Correlation time of the process, whose variance is 1.
-    interval_s : float
-        That a mean is taken over.
-    length : int
-        Means in a row.
-
-    Returns
-    -------
-    ndarray, shape (length - 1,)
-        Expected squared orthonormal DCT-II coefficients 1 to length - 1: means k apart have the
-        covariance w(t/T)^2 exp(-(k - 1) t/T), whose sums with the cosines are geometric series.
+    `time_s`: correlation time of the process, whose variance is 1. `interval_s`: that a mean is
+    taken over. `length`: means in a row. Returns shape (length - 1,): expected squared orthonormal
+    DCT-II coefficients 1 to length - 1: means k apart have the covariance w(t/T)^2 exp(-(k - 1)
+    t/T), whose sums with the cosines are geometric series.
 
     Examples
     --------

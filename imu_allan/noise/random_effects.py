@@ -83,19 +83,9 @@ class Effects:
         """
         Limit that a share of all units keeps, not only of those measured.
 
-        Parameters
-        ----------
-        share : float, optional
-            Of the units that lie below the limit.
-        confidence : float, optional
-            Probability with which at least that share does.
-
-        Returns
-        -------
-        float
-            Exact where the measurement is much finer than the spread; where the spread cannot be
-            told from measurement error, its upper bound takes its place.
-
+        `share`: of the units that lie below the limit. `confidence`: probability with which at
+        least that share does. Returns: exact where the measurement is much finer than the spread;
+        where the spread cannot be told from measurement error, its upper bound takes its place.
         """
         from scipy.stats import nct
 
@@ -114,23 +104,10 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     """
     Fit a population to units that were measured with different errors.
 
-    Parameters
-    ----------
-    values, errors : array_like, shape (units,)
-        At least two units, errors not negative.
-    bounds : array_like, shape (censored,), optional
-        Upper bounds of further units.
-
-    Returns
-    -------
-    Effects
-        The maximum over m and b of -1/2 sum_i [ln v_i + (y_i - m)^2/v_i] - 1/2 ln sum_i 1/v_i with
-        v_i = b^2 + e_i^2, to which a bound adds the logarithm of the probability below it.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two units.
+    `values`, `errors`, shape (units,): at least two units, errors not negative. `bounds`, shape
+    (censored,): upper bounds of further units. Returns: the maximum over m and b of -1/2 sum_i [ln
+    v_i + (y_i - m)^2/v_i] - 1/2 ln sum_i 1/v_i with v_i = b^2 + e_i^2, to which a bound adds the
+    logarithm of the probability below it. Raises ValueError: if there are fewer than two units.
 
     Examples
     --------
@@ -167,17 +144,9 @@ def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> fl
     """
     Weighted square sum about the weighted mean.
 
-    Parameters
-    ----------
-    values, errors : array_like, shape (units,)
-        As measured, with their standard errors.
-    spread : float, optional
-        Of the true values.
-
-    Returns
-    -------
-    float
-        Chi-square with one degree of freedom less than there are units, if the spread is true.
+    `values`, `errors`, shape (units,): as measured, with their standard errors. `spread`: of the
+    true values. Returns: chi-square with one degree of freedom less than there are units, if the
+    spread is true.
 
     Examples
     --------
@@ -249,21 +218,12 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
     """
     Find the units that do not belong to the population of the others.
 
-    Parameters
-    ----------
-    values, errors : array_like, shape (units,)
-        As measured, with their standard errors.
-    chance : float, optional
-        Probability with which a population without outliers shows one all the same.
-
-    Returns
-    -------
-    ndarray of bool, shape (units,)
-        None among fewer than five units. One unit after the other, the farthest first, is held
-        against the population without it and its forerunners, at the quantile of Student's t that
-        as many tests call for; the last that fails takes its forerunners with it, so that two bad
-        units do not hide each other.
-
+    `values`, `errors`, shape (units,): as measured, with their standard errors. `chance`:
+    probability with which a population without outliers shows one all the same. Returns shape
+    (units,): None among fewer than five units. One unit after the other, the farthest first, is
+    held against the population without it and its forerunners, at the quantile of Student's t that
+    as many tests call for; the last that fails takes its forerunners with it, so that two bad
+    units do not hide each other.
     """
     from scipy.stats import t
 

@@ -165,16 +165,7 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
     """
     Gather the power of every segment.
 
-    Parameters
-    ----------
-    periodogram : Periodogram
-        Finished.
-
-    Returns
-    -------
-    SegmentPowers or None
-        None for a record of fewer than three segments.
-
+    None for a record of fewer than three segments.
     """
     segments = periodogram.segments
     used = segments.used
@@ -199,17 +190,8 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     """
     Gather the power of the parts of a record too short for segments.
 
-    Parameters
-    ----------
-    periodogram : Periodogram
-        Finished.
-
-    Returns
-    -------
-    SegmentPowers or None
-        Up to a quarter of the rate of the cells of the whole-record series, in up to
-        `_SHORT_PARTS` parts of it; None where they are fewer than three.
-
+    Returns: up to a quarter of the rate of the cells of the whole-record series, in up to
+    `_SHORT_PARTS` parts of it; None where they are fewer than three.
     """
     series, cell = periodogram.series, periodogram.cell
     count = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
@@ -279,23 +261,8 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     """
     Compare the segments of one axis.
 
-    Parameters
-    ----------
-    powers : SegmentPowers
-        Of all axes.
-    axis : int
-        Row of `powers.power`.
-    dt : float
-        Sample interval in seconds.
-    lines_hz : sequence of float, optional
-        Lines, whose bands are left out.
-    white_alone : bool, optional
-        Leave out what is slower than white noise, as in the parts of a short record.
-
-    Returns
-    -------
-    Steadiness
-
+    `powers`: of all axes. `lines_hz`: lines, whose bands are left out. `white_alone`: leave out
+    what is slower than white noise, as in the parts of a short record.
     """
     frequency = powers.frequency / dt
     keep = np.asarray((powers.dof > 0).all(axis=0))
@@ -344,24 +311,9 @@ def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
     """
     Amplitude of the white noise of every segment over that of the whole record.
 
-    Parameters
-    ----------
-    powers : SegmentPowers
-        Of all axes.
-    axis : int
-        Row of `powers.power`.
-    white : float
-        Fitted density, squared.
-    density : ndarray, shape (bands,)
-        That of all terms, squared.
-    below : ndarray of bool, shape (bands,)
-        Where the spectrum is not bent.
-
-    Returns
-    -------
-    (ndarray, ndarray) or None
-        Ratio and its relative standard error, shape (segments,).
-
+    `powers`: of all axes. `white`: fitted density, squared. `density`, shape (bands,): that of all
+    terms, squared. `below`, shape (bands,): where the spectrum is not bent. Returns: ratio and its
+    relative standard error, shape (segments,).
     """
     keep = below & (white > _WHITE_SHARE * density) & (powers.dof > 0).all(axis=0)
     if not keep.any():

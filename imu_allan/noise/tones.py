@@ -79,26 +79,9 @@ def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
     """
     Find the lines of one axis.
 
-    Parameters
-    ----------
-    pieces : list of SpectrumPiece
-        From the slowest to the fastest part.
-    bins : Bins
-        Of the same pieces.
-    axis : int
-        Which axis.
-    dt : float
-        Sample interval in seconds.
-    first : Solution
-        A first fit of all bins, by which the spectrum is flattened.
-
-    Returns
-    -------
-    lines : list of Tone
-        All of them, the strongest first.
-    keep : ndarray of bool, shape (bins,)
-        False where a line or its side lobes are.
-
+    `pieces`: from the slowest to the fastest part. `bins`: of the same pieces. `first`: a first
+    fit of all bins, by which the spectrum is flattened. Returns the lines, the strongest first,
+    and a mask of the bins, False where a line or its side lobes are.
     """
     for leak in _LEAKS:
         lines, keep = _find_lines(pieces, bins, axis, dt, first, leak)
@@ -112,15 +95,8 @@ def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]
     """
     Choose the lines that a result names, and sum the others by octave.
 
-    Parameters
-    ----------
-    lines : sequence of Tone
-        The strongest first.
-
-    Returns
-    -------
-    named, weaker : tuple of Tone
-        Their power and, where they are averaged for long, what they leave are those of `lines`.
+    `lines`: the strongest first. Returns: their power and, where they are averaged for long, what
+    they leave are those of `lines`.
 
     Examples
     --------
@@ -144,22 +120,8 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, pieces: Sequence[Sp
     """
     Leave out the lines of a slow cycle, whose harmonics come one after the other from the first.
 
-    Parameters
-    ----------
-    lines : sequence of Tone
-        Of one record.
-    cycle_s : float or None
-        Period of its cycle.
-    pieces : sequence of SpectrumPiece
-        In which the lines were found.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    list of Tone
-        In the same order.
-
+    `lines`: of one record. `cycle_s`: period of its cycle. `pieces`: in which the lines were
+    found. In the same order.
     """
     if cycle_s is None:
         return list(lines)

@@ -37,17 +37,7 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     """
     Tell why an axis does not measure; without a fault it has coefficients.
 
-    Parameters
-    ----------
-    finished : Estimator
-        As `Estimator.finished` returns it.
-    axis : int
-        Its number.
-
-    Returns
-    -------
-    Constant, Deadband, StoodStill, CutOff or None
-        The first that holds, in this order.
+    Returns the first that holds of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
 
     Examples
     --------

@@ -30,19 +30,9 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     """
     Tell whether an axis gives small values as zero.
 
-    Parameters
-    ----------
-    finished : Estimator
-        As `Estimator.finished` returns it.
-    axis : int
-        Its number.
-
-    Returns
-    -------
-    Deadband or None
-        None where there is none, where values lie on one side of zero alone, where the output
-        steps so coarsely that the next value is twice the first, or where fewer samples are zero
-        than a hole of that width would hold.
+    None where there is none, where values lie on one side of zero alone, where the output steps so
+    coarsely that the next value is twice the first, or where fewer samples are zero than a hole of
+    that width would hold.
 
     Examples
     --------

@@ -63,18 +63,8 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     """
     Tell where the output of an axis is cut off.
 
-    Parameters
-    ----------
-    finished : Estimator
-        As `Estimator.finished` returns it.
-    axis : int
-        Its number.
-
-    Returns
-    -------
-    CutOff or None
-        The end at which more samples stand; None where neither end cuts anything off, or where
-        the output is constant or steps more coarsely than its noise.
+    Returns: the end at which more samples stand; None where neither end cuts anything off, or
+    where the output is constant or steps more coarsely than its noise.
 
     Examples
     --------

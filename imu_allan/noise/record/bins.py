@@ -86,19 +86,7 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
     """
     Join the pieces of a spectrum.
 
-    Parameters
-    ----------
-    pieces : sequence of SpectrumPiece
-        At least one.
-    dt : float
-        Sample interval in seconds.
-    bridges : Bridges, optional
-        Samples that stand in for missing ones.
-
-    Returns
-    -------
-    Bins
-
+    `pieces`: at least one. `bridges`: samples that stand in for missing ones.
     """
     parts = []
     for number, piece in enumerate(pieces):

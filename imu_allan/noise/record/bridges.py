@@ -49,21 +49,10 @@ class Bridges:
         """
         Give the power of white noise in the DCT-II of means, over that of full ones.
 
-        Parameters
-        ----------
-        length : int
-            Points of a block.
-        step : int
-            Samples in a point.
-
-        Returns
-        -------
-        ndarray, shape (length,), or None
-            By index; None where it is one. The covariances of the points are those of the samples
-            under a triangle, and
-
-            ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n)
-            - sin(pi k l/n) / (n sin(pi k/n)))``.
+        `length`: points of a block. `step`: samples in a point. Returns shape (length,): by index;
+        None where it is one. The covariances of the points are those of the samples under a
+        triangle, and ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n) - sin(pi k l/n) / (n
+        sin(pi k/n)))``.
 
         Examples
         --------
@@ -147,19 +136,9 @@ def shared_noise(stand_ins: NDArray[np.int64], samples: int) -> Array:
     """
     Sum up the noise that stand-ins share with others.
 
-    Parameters
-    ----------
-    stand_ins : ndarray of int64, shape (b,), b >= 1
-        Their places, rising.
-    samples : int
-        Places in a row.
-
-    Returns
-    -------
-    ndarray, shape (LAGS,)
-        Sum over the pairs of places of a distance of the covariance of white noise of unit
-        variance, less that of as many samples. Nothing where no sample is left.
-
+    `stand_ins`, shape (b,): their places, rising. `samples`: places in a row. Returns shape
+    (LAGS,): sum over the pairs of places of a distance of the covariance of white noise of unit
+    variance, less that of as many samples. Nothing where no sample is left.
     """
     own = np.ones(samples, dtype=bool)
     own[stand_ins] = False

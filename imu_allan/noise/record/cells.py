@@ -74,21 +74,8 @@ def cells_of(rows: Array, run: int, first: int, size: int) -> Cells:
     """
     Sum samples into cells.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (axes, n)
-        Consecutive samples, n >= 1.
-    run : int
-        Number of the run.
-    first : int
-        Place of the first sample on the grid of the run.
-    size : int
-        Samples in a cell.
-
-    Returns
-    -------
-    Cells
-
+    `rows`, shape (axes, n): consecutive samples, n >= 1. `first`: place of the first sample on the
+    grid of the run. `size`: samples in a cell.
     """
     n = rows.shape[1]
     head = min(-first % size, n)
@@ -144,19 +131,9 @@ def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
     """
     Tell where cells lie.
 
-    Parameters
-    ----------
-    cells : Cells
-        In order of time.
-    size : int
-        Samples in a full cell.
-
-    Returns
-    -------
-    runs, places, end_to_end : ndarray, shape (n,)
-        The run of each cell, and its middle in samples: on the grid of the run, and with the runs
-        one directly behind the other.
-
+    `cells`: in order of time. `size`: samples in a full cell. Returns shape (n,): the run of each
+    cell, and its middle in samples: on the grid of the run, and with the runs one directly behind
+    the other.
     """
     in_a_row = np.asarray(end_to_end(cells.keys), dtype=np.float64)
     places = np.asarray(cells.keys & _PLACE, dtype=np.float64)

@@ -98,13 +98,8 @@ class Census(SideBySide):
         """
         Count the next samples.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            About `reference`, one at least.
-        reference : ndarray, shape (axes,)
-            What was subtracted.
-
+        `rows`, shape (axes, n): about `reference`, one at least. `reference`, shape (axes,): what
+        was subtracted.
         """
         self._count_ends(rows)
         self._count_near_zero(rows, -reference)

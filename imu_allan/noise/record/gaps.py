@@ -86,18 +86,10 @@ def filled(cells: Cells) -> Array:
     """
     Lay means out on the whole grid from the first to the last cell.
 
-    Parameters
-    ----------
-    cells : Cells
-        All of one run.
-
-    Returns
-    -------
-    ndarray, shape (axes, span)
-        Missing cells stand on the straight line between the means of what surrounds them, taken
-        over twice as many cells as are missing: a line between the two nearest cells alone would
-        stretch their noise over the gap and look like flicker.
-
+    `cells`: all of one run. Returns shape (axes, span): missing cells stand on the straight line
+    between the means of what surrounds them, taken over twice as many cells as are missing: a line
+    between the two nearest cells alone would stretch their noise over the gap and look like
+    flicker.
     """
     means = cells.means
     places = cells.keys - cells.keys[0]
@@ -116,17 +108,7 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     """
     Work out what the gaps of cells do to noise once they are `filled`.
 
-    Parameters
-    ----------
-    cells : Cells
-        All of one run.
-    size : int
-        Samples in a full cell.
-
-    Returns
-    -------
-    Gaps
-
+    `cells`: all of one run. `size`: samples in a full cell.
     """
     places = cells.keys - cells.keys[0]
     span = int(places[-1]) + 1
@@ -169,16 +151,8 @@ def _slow_power(weights: Array) -> Array:
     """
     Work out the power of weighted sums of flicker noise, and of a random walk.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (n, span)
-        Of consecutive means, each row adding up to zero.
-
-    Returns
-    -------
-    ndarray, shape (2, n)
-        Up to a constant.
-
+    `weights`, shape (n, span): of consecutive means, each row adding up to zero. Returns shape (2,
+    n): up to a constant.
     """
     length = next_fast_len(_RESOLUTION * weights.shape[1], real=True)
     gain = np.abs(rfft(weights, length))[:, 1:]**2

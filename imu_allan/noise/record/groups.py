@@ -87,17 +87,8 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     """
     Take the mean that a ramp gives the coefficients out of their power.
 
-    Parameters
-    ----------
-    power, cross, ramp : ndarray, shape (n,)
-        As in `Groups`.
-    slope : float
-        Of the ramp, per second.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
+    `power`, `cross`, `ramp`, shape (n,): as in `Groups`. `slope`: of the ramp, per second. Returns
+    shape (n,).
     """
     if slope == 0:
         return power
@@ -112,23 +103,10 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     """
     Gather the bins of one axis into bands of an eighth of an octave.
 
-    Parameters
-    ----------
-    bins : Bins
-        The spectrum of all axes.
-    axis : int
-        Column of the axis.
-    keep : ndarray of bool, shape (bins,), optional
-        False leaves a bin out.
-    regressors : ndarray, shape (bins, n), optional
-        Coefficients of what may move the mean beside the ramp, which comes first in any case;
-        zero outside the whole-record part.
-
-    Returns
-    -------
-    Groups
-        The lowest 48 coefficients of every whole-record part stay single.
-
+    `bins`: the spectrum of all axes. `keep`, shape (bins,): False leaves a bin out. `regressors`,
+    shape (bins, n): coefficients of what may move the mean beside the ramp, which comes first in
+    any case; zero outside the whole-record part. Returns: the lowest 48 coefficients of every
+    whole-record part stay single.
     """
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
@@ -142,17 +120,7 @@ def regressed(still: Groups, bins: Bins, axis: int, keep: NDArray[np.bool_] | No
     """
     Exchange the regressors of the groups that `grouped` makes of the same bins.
 
-    Parameters
-    ----------
-    still : Groups
-        With any regressors.
-    bins, axis, keep, regressors
-        As for `grouped`.
-
-    Returns
-    -------
-    Groups
-
+    `still`: with any regressors. `bins`, `axis`, `keep`, `regressors`: as for `grouped`.
     """
     return _regressed(still, _Bands(bins, keep), bins, axis, regressors)
 
@@ -195,17 +163,9 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     """
     Put the spectra of several records side by side.
 
-    Parameters
-    ----------
-    parts : sequence of Groups
-        Of each record, with regressors.
-
-    Returns
-    -------
-    Groups
-        In order of frequency; the coefficients are one, those of the regressors each record's own.
-        A record with fewer regressors than another has some that are nothing.
-
+    `parts`: of each record, with regressors. In order of frequency; the coefficients are one,
+    those of the regressors each record's own. A record with fewer regressors than another has some
+    that are nothing.
     """
     most = max(part.along.shape[1] for part in parts if part.along is not None)
     parts = [part.widened(most) for part in parts]

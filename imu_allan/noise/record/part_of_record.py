@@ -39,17 +39,7 @@ def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
     """
     Cells of the whole-record series that fall into some segments.
 
-    Parameters
-    ----------
-    periodogram : Periodogram
-        Finished.
-    first, last : int
-        The segments, `first` up to and without `last`.
-
-    Returns
-    -------
-    Cells
-
+    `first`, `last`: the segments, `first` up to and without `last`.
     """
     series, segments = periodogram.series, periodogram.segments
     end = np.cumsum(series.counts)
@@ -87,19 +77,9 @@ class Part:
         """
         Spectrum of one axis.
 
-        Parameters
-        ----------
-        axis : int
-            Column of the axis.
-        lines_hz : sequence of float, optional
-            Frequencies of lines, whose bands and those beside them are left out.
-
-        Returns
-        -------
-        Groups
-            From the slowest to the fastest, as `grouped` gives them for the whole record; without
-            any where the part is too short.
-
+        `lines_hz`: frequencies of lines, whose bands and those beside them are left out. Returns:
+        from the slowest to the fastest, as `grouped` gives them for the whole record; without any
+        where the part is too short.
         """
         found = [] if self._slow is None else [grouped(self._slow, axis)]
         if self.periodogram.cell > 1:

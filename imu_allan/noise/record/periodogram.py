@@ -157,18 +157,9 @@ class Stage(SideBySide):
         """
         Cut consecutive points into the longest blocks and add them.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            The points of every axis.
-        variance : ndarray, shape (n,), optional
-            Variance of white noise in each point over that of a full one.
-
-        Returns
-        -------
-        list of (int, int, ndarray)
-            Length, number and summed power, shape (axes, length), of what was added.
-
+        `rows`, shape (axes, n): the points of every axis. `variance`, shape (n,): variance of
+        white noise in each point over that of a full one. Returns: length, number and summed
+        power, shape (axes, length), of what was added.
         """
         added = []
         start = 0
@@ -275,15 +266,8 @@ class Periodogram(SideBySide):
         """
         Add samples of one stretch.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            A multiple of `BLOCK` samples, or the rest of the stretch.
-        run : int
-            Number of the run.
-        first : int
-            Place of the first sample on the grid of the run.
-
+        `rows`, shape (axes, n): a multiple of `BLOCK` samples, or the rest of the stretch.
+        `first`: place of the first sample on the grid of the run.
         """
         self.samples += rows.shape[1]
         self.segments.absorb(rows, self.stages[0].add(rows))
@@ -322,14 +306,7 @@ class Periodogram(SideBySide):
             stage.finish(2**(STAGE_OCTAVES * number))
 
     def pieces(self) -> list[SpectrumPiece]:
-        """
-        Return the spectrum from the slowest to the fastest part, without overlap.
-
-        Returns
-        -------
-        list of SpectrumPiece
-
-        """
+        """Return the spectrum from the slowest to the fastest part, without overlap."""
         top = 0.5 if self.cell == 1 else HIGHEST_OF_MEANS
         found = []
         for points, gaps, start in unbroken(self.series, self.cell):
@@ -396,20 +373,10 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
     """
     Cut cells into parts whose gaps are few enough to be filled.
 
-    Parameters
-    ----------
-    cells : Cells
-        In order of time.
-    size : int
-        Samples in a full cell; those less than half full are left out, and so are a few that lie
-        alone beyond a gap.
-
-    Returns
-    -------
-    list of (ndarray, Gaps, int)
-        Points, shape (axes, n), of each part of at least `SHORTEST` of them, what filling its gaps
-        did to noise, and the samples before the first; runs are laid end to end.
-
+    `cells`: in order of time. `size`: samples in a full cell; those less than half full are left
+    out, and so are a few that lie alone beyond a gap. Returns: points, shape (axes, n), of each
+    part of at least `SHORTEST` of them, what filling its gaps did to noise, and the samples before
+    the first; runs are laid end to end.
     """
     whole = cells.take(cells.counts >= size / 2)
     place = end_to_end(whole.keys) * size

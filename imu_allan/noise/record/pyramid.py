@@ -78,11 +78,7 @@ class Pyramid(SideBySide):
         """
         Add the next samples of the stretch.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            In the unit of a sample.
-
+        `rows`, shape (axes, n): in the unit of a sample.
         """
         known, n = self.newest.shape[1], rows.shape[1]
         # Memory that is used again takes a third of the time off. What is read lies in one of the

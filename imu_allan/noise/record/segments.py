@@ -71,13 +71,7 @@ def layout(length: int, step: int) -> Layout:
     """
     Lay the coefficients of a block out on the bands.
 
-    Parameters
-    ----------
-    length : int
-        Points of the block.
-    step : int
-        Samples in a point: 1, or `MEANS`.
-
+    `length`: points of the block. `step`: samples in a point: 1, or `MEANS`.
     """
     low, high = (_BORDER, 0.5) if step == 1 else (2.0**-OCTAVES, _BORDER)
     first = max(_LOWEST_INDEX, int(np.ceil(2 * length * step * low)))
@@ -126,13 +120,8 @@ class Segments(SideBySide):
         """
         Add the next samples.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            At most `SHORTEST_SEGMENT` consecutive samples.
-        blocks : sequence of (int, int, ndarray)
-            Length, number and summed power, shape (axes, length), of the blocks that they make.
-
+        `rows`, shape (axes, n): at most `SHORTEST_SEGMENT` consecutive samples. `blocks`: length,
+        number and summed power, shape (axes, length), of the blocks that they make.
         """
         n = rows.shape[1]
         while self.samples + n > SEGMENTS * self.width:

@@ -53,19 +53,9 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     """
     Find where an axis gave one value all the time, and elsewhere does not.
 
-    Parameters
-    ----------
-    columns : Columns
-        Of the whole record.
-    axis : int
-        Its number.
-
-    Returns
-    -------
-    (int, int) or None
-        First place and number of places of the longest such stretch. None where there is none,
-        where the axis is constant throughout, or where its resolution is so coarse that chance
-        repeats values as long.
+    `columns`: of the whole record. Returns: first place and number of places of the longest such
+    stretch. None where there is none, where the axis is constant throughout, or where its
+    resolution is so coarse that chance repeats values as long.
 
     Examples
     --------
@@ -140,11 +130,7 @@ class Signal(SideBySide):
         """
         Add the next samples.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (axes, n)
-            Finite.
-
+        `rows`, shape (axes, n): finite.
         """
         n = rows.shape[1]
         while self.place + n > COLUMNS * self.width:
@@ -181,13 +167,8 @@ class Signal(SideBySide):
         """
         Add the columns of another record behind this one's.
 
-        Parameters
-        ----------
-        other : Signal
-            Of the same axes. It begins with the next whole column.
-        shift : ndarray, shape (axes,)
-            Added to the other's values.
-
+        `other`: of the same axes. It begins with the next whole column. `shift`, shape (axes,):
+        added to the other's values.
         """
         theirs = other.copy()
         while self.width < theirs.width:
