@@ -32,7 +32,6 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.sensor.units import engineering
-from imu_allan.writers.answer import FITS, MISFIT, UNKNOWN
 from rich import box
 from rich.console import Console, Group
 from rich.live import Live
@@ -331,12 +330,12 @@ class Screen:
 def word_for(axes: Sequence[Mapping[str, str]]) -> str:
     """Say in a word how far the numbers of a sensor can be trusted by now."""
     if not all('noise_density/value' in values for values in axes):
-        return UNKNOWN
+        return 'cannot tell'
     if not all(values.get('goodness_of_fit/acceptable') == 'true' for values in axes):
-        return MISFIT
+        return 'does not fit'
     if not all('rate_random_walk/value' in values for values in axes):
-        return f'{FITS}, drift: {UNKNOWN} yet'
-    return FITS
+        return 'fits, drift: cannot tell yet'
+    return 'fits'
 
 
 def true_value(model: NoiseModel, axis: str, key: str) -> tuple[str, str]:

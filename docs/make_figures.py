@@ -88,8 +88,8 @@ def beside(results: Mapping[str, Result], path: Path) -> None:
                 strip.set_xlabel('')
                 strip.tick_params(labelbottom=False)
             figure.text(0.485, 0.905 - (place + 0.13) * height, name, ha='right', va='bottom',
-                        fontsize=9, fontweight='bold', color=COLOURS['light'][letter])
-            draw_curve(panel, result.axes['gyro_x'], COLOURS['light'][letter], MARKERS[letter],
+                        fontsize=9, fontweight='bold', color=COLOURS[letter])
+            draw_curve(panel, result.axes['gyro_x'], COLOURS[letter], MARKERS[letter],
                        result.timeline, DASHES[letter])
         path.write_bytes(render(figure, 'png', dpi=110))
 
@@ -135,10 +135,10 @@ def parts_of(result: Result, path: Path) -> None:
             middle = (segment.start_s + segment.duration_s / 2) / 3600
             value, low, high = (engineering(v, density.unit)[0]
                                 for v in (segment.noise_density, *segment.ci95))
-            panel.plot([middle, middle], [low, high], color=COLOURS['light']['x'])
-            panel.plot([middle], [value], MARKERS['x'], color=COLOURS['light']['x'], markersize=5)
+            panel.plot([middle, middle], [low, high], color=COLOURS['x'])
+            panel.plot([middle], [value], MARKERS['x'], color=COLOURS['x'], markersize=5)
         low, high = (engineering(v, density.unit)[0] for v in density.ci95)
-        panel.axhspan(low, high, color=COLOURS['light']['soft'], alpha=0.2, linewidth=0)
+        panel.axhspan(low, high, color=COLOURS['soft'], alpha=0.2, linewidth=0)
         panel.set_xlabel('time [h]')
         panel.set_ylabel(f'N of each segment [{typeset(engineering(1.0, density.unit)[1])}]')
         panel.set_ylim(0, 0.9)

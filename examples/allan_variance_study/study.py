@@ -97,7 +97,7 @@ def draw_pair(title: str, axis: AxisResult, truth: Mapping[str, float], hours: f
                                    wspace=0.42)
         density, allan = (figure.add_subplot(grid[0, column]) for column in range(2))
         timeline = Timeline(RATE_HZ, round(hours * 3600 * RATE_HZ), hours * 3600)
-        draw_density(density, axis, timeline, COLOURS['light']['z'])
+        draw_density(density, axis, timeline, COLOURS['z'])
         frame_density(density, 'gyro', density_limits([axis], timeline))
         density.set_title('(a) power spectral density: measured, model', loc='left')
         draw_allan(allan, axis, truth)
@@ -119,7 +119,7 @@ def draw_lines(title: str, axis: AxisResult, truth: Mapping[str, float]) -> byte
 def draw_allan(panel, axis: AxisResult, truth: Mapping[str, float]) -> None:
     """Draw the curve over the lines of the true coefficients."""
     frame_allan(panel, 'gyro', limits_of([axis], rings=True))
-    draw_curve(panel, axis, COLOURS['light']['z'], 'o')
+    draw_curve(panel, axis, COLOURS['z'], 'o')
     draw_terms(panel, axis, truth=truth)
 
 

@@ -156,7 +156,7 @@ def run(rates: Array, densities: Densities, seed: int) -> tuple[Array, Array]:
 
 def figure(found: Mapping[str, tuple[Array, Array]]) -> Figure:
     """Draw NEES over the outage and NIS of the fixes, for each way to feed the filter."""
-    looks = [(COLOURS['light'][letter], DASHES[letter], MARKERS[letter]) for letter in 'xzy']
+    looks = [(COLOURS[letter], DASHES[letter], MARKERS[letter]) for letter in 'xzy']
     with plot_style():
         drawn = empty_figure(9, 3.8)
         drawn.set_layout_engine('constrained')
@@ -170,14 +170,14 @@ def figure(found: Mapping[str, tuple[Array, Array]]) -> Figure:
             left.annotate(name, (seconds[-1], mean[-1]), xytext=(7, 0), color=colour, va='center',
                           textcoords='offset points', fontweight='bold')
             right.plot([float(nis.mean())], [name], marker, color=colour, markersize=8)
-        left.axhline(1, color=COLOURS['light']['ink'], linewidth=0.8)
+        left.axhline(1, color=COLOURS['ink'], linewidth=0.8)
         left.set(yscale='log', xlim=(0, OUTAGE_S * 1.35), xticks=range(0, OUTAGE_S + 1, 10),
                  xlabel='seconds without a fix', ylabel='NEES of the position / 3')
         left.set_title('outages: 1 is right, above 1 overconfident', loc='left')
         left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
         left.yaxis.set_minor_formatter(NullFormatter())
-        right.axvline(1, color=COLOURS['light']['ink'], linewidth=0.8)
+        right.axvline(1, color=COLOURS['ink'], linewidth=0.8)
         right.set(xlabel='NIS of the fixes / 3', xlim=(0.7, 1.3), ylim=(2.5, -0.5))
         right.set_title('while corrected', loc='left')
         for panel in (left, right):

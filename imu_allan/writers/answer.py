@@ -20,6 +20,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
+from imu_allan.writers.curves import axes_of, sensors_of
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -32,53 +33,6 @@ _VAGUE = 10.0
 UNCERTAIN = f'not known to a factor of {_VAGUE:g}'
 """What is said instead of such an interval."""
 
-STEADY, UNSTEADY, WARMING = 'steady', 'not steady', 'still warming up'
-MISFIT, UNKNOWN, CONSTANT = 'does not fit', 'cannot tell', 'constant'
-FITS = 'fits'
-"""Where the record is too short to be cut into parts: all that is known is that the model fits."""
-GOOD = (STEADY, FITS)
-TOO_SHORT = 'too short'
-SHORTEST_GOOD_S = 60.0
-"""Of less rest nothing is called good: N is known to some percent, and nothing slower shows."""
-
-
-@dataclass(frozen=True)
-class Figure:
-    """
-    One coefficient of the worst axis.
-
-    Attributes
-    ----------
-    axis : str
-    word : str
-        One of the words above.
-    coefficient : Coefficient
-
-    """
-
-    axis: str
-    word: str
-    coefficient: Coefficient
-
-
-@dataclass(frozen=True)
-class Tuned:
-    """
-    The numbers for a filter of one bias state, SI, of the axis where each is largest.
-
-    Attributes
-    ----------
-    noise_density, random_walk : str
-    units : (str, str)
-    tunings : mapping of axis name to FilterTuning
-
-    """
-
-    noise_density: str
-    random_walk: str
-    units: tuple[str, str]
-    tunings: Mapping[str, FilterTuning]
-
 
 @dataclass(frozen=True)
 class Answer:
@@ -88,13 +42,16 @@ class Answer:
     Attributes
     ----------
     sensor, title : str
-    word : str
-        The worst that is to be said of its noise and its drift; where some axes do not measure,
-        which and why: ``z constant``.
-    noise, drift : Figure or None
-        N and K of the worst axis.
-    tuned : Tuned or None
+    constant : bool
+        Whether every sample of every axis is the same.
+    worst : mapping of str to (str, Coefficient)
+        By key of N and K, the letter of the worst axis and what it has; without those of which
+        not even a bound is known.
+    tunings : mapping of axis name to FilterTuning
         For a filter that is corrected every `AIDING_S` and alone for `COAST_S` at most.
+    for_filter : tuple of (str, str, str)
+        Symbol, number and SI unit of N and K for such a filter of one bias state, of the axis
+        where each is largest; empty where none can be tuned.
     forecast : str
         How far off it is after `COAST_S` unaided, its bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
@@ -107,77 +64,32 @@ class Answer:
 
     sensor: str
     title: str
-    word: str
-    noise: Figure | None
-    drift: Figure | None
-    tuned: Tuned | None
+    constant: bool
+    worst: Mapping[str, tuple[str, Coefficient]]
+    tunings: Mapping[str, FilterTuning]
+    for_filter: tuple[tuple[str, str, str], ...]
     forecast: str
-    forecast_interval: str = ''
-    extrapolated: bool = False
+    forecast_interval: str
+    extrapolated: bool
 
 
 def answers(result: Result) -> list[Answer]:
-    """
-    Return the answer for each sensor of a result.
-
-    Parameters
-    ----------
-    result : Result
-        Of one recording.
-
-    """
-    found, rest_s = [], result.timeline.rest_s
-    for sensor, title in wording.SENSORS.items():
-        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
-        if axes:
-            noise, drift = (_figure(axes, key, rest_s)
-                            for key in ('noise_density', 'rate_random_walk'))
-            word = _overall(axes, noise)
-            if rest_s < SHORTEST_GOOD_S and word in GOOD:
-                word = f'{TOO_SHORT}, {wording.duration(rest_s)} at rest'
-            found.append(Answer(sensor, title, word, noise, drift,
-                                _tuned(axes), *_forecast(sensor, axes), any(
-                                    axis.drift_model.to_s * (1 + 1e-6) < COAST_S
-                                    for axis in axes.values()
-                                    if axis.drift_model is not None and not axis.constant)))
+    """Return the answer for each sensor of the result of one recording."""
+    found = []
+    for sensor in sensors_of(result):
+        axes = axes_of(result, sensor)
+        known = {name: axis for name, axis in axes.items()
+                 if axis.drift_model is not None and not axis.constant}
+        tunings = _tunings(known)
+        found.append(Answer(
+            sensor, wording.SENSORS[sensor], all(axis.constant for axis in axes.values()),
+            {key: (worst[-1], axes[worst].coefficients[key])
+             for key in ('noise_density', 'rate_random_walk')
+             for worst in [worst_of(axes, key)] if worst is not None},
+            tunings, _for_filter(axes, tunings), *_forecast(sensor, known), any(
+                axis.drift_model is not None and axis.drift_model.to_s * (1 + 1e-6) < COAST_S
+                for axis in known.values())))
     return found
-
-
-def word_of(axis: AxisResult) -> str:
-    """
-    Say in a word how far the noise density of an axis is to be trusted.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        What was found of it.
-
-    """
-    if axis.constant:
-        return CONSTANT
-    if not axis.coefficients['noise_density'].observable:
-        return UNKNOWN
-    if not axis.goodness_of_fit.acceptable:
-        return MISFIT
-    if axis.trend is not None and axis.trend.warm_up is not None:
-        return WARMING
-    if axis.stationarity is None:
-        return FITS
-    return STEADY if axis.stationarity.steady else UNSTEADY
-
-
-def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
-    words = {word_of(axis) for axis in axes.values()}
-    faults = [axis.fault for axis in axes.values()]
-    if any(faults) and words != {CONSTANT}:
-        return ', '.join(
-            wording.listed([name[-1] for name, axis in axes.items() if axis.fault == fault])
-            + f' {fault}'
-            for fault in dict.fromkeys(faults) if fault is not None)
-    if words == {CONSTANT} or noise is None:
-        return CONSTANT if words == {CONSTANT} else UNKNOWN
-    return next(word for word in (UNKNOWN, MISFIT, WARMING, UNSTEADY, FITS, STEADY)
-                if word in words)
 
 
 def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
@@ -189,39 +101,32 @@ def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
     return max(values, key=values.__getitem__, default=None)
 
 
-def _figure(axes: Mapping[str, AxisResult], key: str, rest_s: float) -> Figure | None:
-    worst = worst_of(axes, key)
-    if worst is None:
-        return None
-    found = axes[worst].coefficients[key]
-    word = word_of(axes[worst]) if found.observable else UNKNOWN
-    if rest_s < SHORTEST_GOOD_S and word in GOOD:
-        word = TOO_SHORT
-    return Figure(worst[-1], word, found)
-
-
-def _tuned(axes: Mapping[str, AxisResult]) -> Tuned | None:
+def _tunings(axes: Mapping[str, AxisResult]) -> dict[str, FilterTuning]:
     tunings = {}
     for name, axis in axes.items():
-        if axis.drift_model is not None and not axis.constant:
-            # The reasons are those for which it cannot be tuned at all: nothing to show.
-            with suppress(ImuAllanError):
-                tunings[name] = tune(axis, AIDING_S, COAST_S)
+        # The reasons are those for which it cannot be tuned at all: nothing to show.
+        with suppress(ImuAllanError):
+            tunings[name] = tune(axis, AIDING_S, COAST_S)
+    return tunings
+
+
+def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuning]
+                ) -> tuple[tuple[str, str, str], ...]:
     if not tunings:
-        return None
-    axis = next(iter(axes.values()))
-    units = (axis.coefficients['noise_density'].unit, axis.coefficients['rate_random_walk'].unit)
-    return Tuned(f'{max(t.noise_density for t in tunings.values()):#.3g}',
-                 f'{max(t.random_walk or 0.0 for t in tunings.values()):#.3g}', units, tunings)
+        return ()
+    coefficients = next(iter(axes.values())).coefficients
+    return tuple((coefficients[key].symbol, f'{largest:#.3g}', coefficients[key].unit)
+                 for key, largest in (
+                     ('noise_density', max(t.noise_density for t in tunings.values())),
+                     ('rate_random_walk', max(t.random_walk or 0.0 for t in tunings.values()))))
 
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
     """Write what integrating the worst axis comes to, and between what that lies."""
     found = []
     for axis in axes.values():
-        if axis.drift_model is not None and not axis.constant:
-            with suppress(ImuAllanError):
-                found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
+        with suppress(ImuAllanError):
+            found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
     if not found:
         return '', ''
     angle = max(found, key=lambda drift: drift.integral[0])

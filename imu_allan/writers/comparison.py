@@ -225,8 +225,7 @@ def shown(coefficient: Coefficient) -> str:
     return (reported(coefficient) or ('not observable',))[0]
 
 
-def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme = 'light'
-                      ) -> 'Figure':
+def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
     """
     Draw the Allan deviation of every result, a panel for each axis.
 
@@ -234,8 +233,6 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
     ----------
     results : mapping of name to Result
         What to draw.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
@@ -246,8 +243,9 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
              for axis in AXES}
     drawn = {axis: found for axis, found in drawn.items() if found}
     rows = max(1, len({axis.partition('_')[0] for axis in drawn}))
-    colours = result_colours(len(results), theme)
-    with figure_style.plot_style(theme):
+    colours = [figure_style.SERIES[place % len(figure_style.SERIES)]
+               for place in range(len(results))]
+    with figure_style.plot_style():
         figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * rows)
         head = 1.35 / figure.get_figheight()
         grid = figure.add_gridspec(rows, 3, left=0.062, right=0.938,
@@ -268,25 +266,6 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
                                MARKERS[place % len(MARKERS)],
                                dashes=_DASHES[place % len(_DASHES)])
         return figure
-
-
-def result_colours(count: int, theme: figure_style.Theme = 'light') -> list[str]:
-    """
-    Return a colour for each of `count` results, distinguishable in colour-blind vision.
-
-    Parameters
-    ----------
-    count : int
-        How many; beyond seven they repeat and only the markers differ.
-    theme : 'light' or 'dark'
-        Of the paper.
-
-    """
-    named = figure_style.COLOURS[theme]
-    palette = [named['z'], named['x'], named['y'],
-               *(('#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b') if theme == 'light'
-                 else ('#e39ac4', '#f0e442', '#9fd0f0', '#b0b0b0'))]
-    return [palette[place % len(palette)] for place in range(count)]
 
 
 def _difference(a: Coefficient, b: Coefficient) -> tuple[float | None, float | None]:

@@ -17,7 +17,7 @@ import os
 import sys
 from threading import Lock
 from types import ModuleType
-from typing import Literal, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from imu_allan.result import AxisResult
 from imu_allan.sensor.units import engineering, typeset
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.gridspec import GridSpec
 
-Theme = Literal['light', 'dark']
 # After Okabe and Ito's palette for colour-blind readers, with a deeper blue: to tritanopes theirs
 # is close to the green.
-COLOURS: dict[Theme, dict[str, str]] = {
-    'light': {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'soft': '#6b6b6b',
-              'grid': '#e3e3e3', 'paper': '#ffffff', 'gap': '#8c8c8c', 'motion': '#e69f00',
-              'good': '#eef3f7'},
-    'dark': {'x': '#ff8c42', 'y': '#4fe3b4', 'z': '#5a8cf0', 'ink': '#ececec', 'soft': '#a5a5a5',
-             'grid': '#333840', 'paper': '#16181c', 'gap': '#8c8c8c', 'motion': '#e69f00',
-             'good': '#232a33'},
-}
+COLOURS = {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'soft': '#6b6b6b',
+           'grid': '#e3e3e3', 'paper': '#ffffff', 'gap': '#8c8c8c', 'motion': '#e69f00',
+           'good': '#eef3f7'}
+SERIES = (COLOURS['z'], COLOURS['x'], COLOURS['y'], '#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b')
+"""Of results beside one another; there are no more that can be distinguished."""
+DARK = {'#d55e00': '#ff8c42', '#009e73': '#4fe3b4', '#2340a0': '#5a8cf0', '#1a1a1a': '#ececec',
+        '#6b6b6b': '#a5a5a5', '#e3e3e3': '#333840', '#ffffff': '#16181c', '#eef3f7': '#232a33',
+        '#cc79a7': '#e39ac4', '#b8860b': '#f0e442', '#56b4e9': '#9fd0f0'}
+"""What a picture in a page has instead of these where the page is dark."""
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
     'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
@@ -61,19 +61,12 @@ def empty_figure(width: float, height: float) -> Figure:
 
 
 @contextmanager
-def plot_style(theme: Theme = 'light', size: float = 9.0) -> Iterator[None]:
+def plot_style(size: float = 9.0) -> Iterator[None]:
     """
     Fonts, lines and colours of every figure, for as long as the context lasts.
 
-    Parameters
-    ----------
-    theme : 'light' or 'dark'
-        Colours of the paper.
-    size : float, optional
-        Of the text, in points; the numbers beside the axes are a point smaller, 7 at least.
-
+    Text has `size` points; the numbers beside the axes are a point smaller, 7 at least.
     """
-    colours = COLOURS[theme]
     matplotlib = matplotlib_alone()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -81,11 +74,11 @@ def plot_style(theme: Theme = 'light', size: float = 9.0) -> Iterator[None]:
             'font.family': 'DejaVu Sans', 'font.size': size, 'axes.labelsize': size,
             'axes.titlesize': size + 1, 'axes.titleweight': 'bold',
             'xtick.labelsize': max(7.0, size - 1), 'ytick.labelsize': max(7.0, size - 1),
-            'figure.facecolor': colours['paper'], 'axes.facecolor': colours['paper'],
-            'text.color': colours['ink'],
-            'axes.labelcolor': colours['ink'], 'xtick.color': colours['soft'],
-            'ytick.color': colours['soft'], 'axes.edgecolor': colours['soft'],
-            'axes.linewidth': 0.7, 'grid.color': colours['grid'], 'grid.linewidth': 0.7,
+            'figure.facecolor': COLOURS['paper'], 'axes.facecolor': COLOURS['paper'],
+            'text.color': COLOURS['ink'],
+            'axes.labelcolor': COLOURS['ink'], 'xtick.color': COLOURS['soft'],
+            'ytick.color': COLOURS['soft'], 'axes.edgecolor': COLOURS['soft'],
+            'axes.linewidth': 0.7, 'grid.color': COLOURS['grid'], 'grid.linewidth': 0.7,
             'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'none',
             'svg.hashsalt': 'imu_allan', 'path.simplify': True})
         yield
@@ -180,7 +173,7 @@ def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
 
 
-def label_ends(panel: Axes, axes: Mapping[str, AxisResult], theme: Theme) -> None:
+def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
     """Name each curve at its right end, moved apart where two would overlap."""
     # A point beyond the limits is not drawn: the last one that is carries the name.
     bottom, top = panel.get_ylim()
@@ -203,8 +196,8 @@ def label_ends(panel: Axes, axes: Mapping[str, AxisResult], theme: Theme) -> Non
     panel.set_xlim(start / 1.6, edge * 4.0)
     for (tau, value, name), height in zip(ends, heights, strict=True):
         panel.annotate(name[-1], (tau, value), xytext=(edge * 2.1, float(np.exp(height + shift))),
-                       color=COLOURS[theme][name[-1]], fontweight='bold', va='center', zorder=8,
-                       arrowprops={'arrowstyle': '-', 'color': COLOURS[theme][name[-1]],
+                       color=COLOURS[name[-1]], fontweight='bold', va='center', zorder=8,
+                       arrowprops={'arrowstyle': '-', 'color': COLOURS[name[-1]],
                                    'linewidth': 0.7, 'shrinkA': 1, 'shrinkB': 3})
 
 

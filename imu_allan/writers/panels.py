@@ -16,7 +16,7 @@ from imu_allan.result import AxisResult, Result, Signal, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
 from imu_allan.wording import duration
 from imu_allan.writers import curves
-from imu_allan.writers.figure_style import COLOURS, MARKERS, Theme, write_in_a_row
+from imu_allan.writers.figure_style import COLOURS, MARKERS, write_in_a_row
 from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,7 +96,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                                                  'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
-def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
+def draw_terms(panel: 'Axes', axis: AxisResult,
                truth: Mapping[str, float] | None = None) -> None:
     """
     Draw each observable term's own line, its slope, and a ring where its coefficient is read.
@@ -107,8 +107,6 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
         With its limits set.
     axis : AxisResult
         Whose terms.
-    theme : 'light' or 'dark'
-        Colours of the paper.
     truth : mapping of term key to float, optional
         Draw these coefficients (SI) instead of the estimated ones.
 
@@ -122,14 +120,14 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
     for other in curves.beside_terms(axis, tau) if truth is None else ():
-        _draw_beside(panel, axis, tau, other, taken, theme)
+        _draw_beside(panel, axis, tau, other, taken)
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
         inside = (line > low) & (line < high)
         if value == 0 or not inside.any():
             continue
-        panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
+        panel.plot(tau[inside], line[inside], color=COLOURS['soft'], linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
         lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}']
         at = curves.reading_point(term, axis, tau, truth)
@@ -140,18 +138,18 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
             lines.append(f'{slope}, read at {READ_AT[key]}' if term.read_at else
                          f'{slope}, at {FLICKER_FLOOR:.3f} B')
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
-                       markeredgecolor=COLOURS[theme]['ink'], markeredgewidth=1.2, zorder=8)
+                       markeredgecolor=COLOURS['ink'], markeredgewidth=1.2, zorder=8)
         else:
             lines.append(slope)
             place = int(inside.sum()) * 2 // 5
             at, height = float(tau[inside][place]), float(line[inside][place])
-        _name(panel, axis, (at, height), lines, taken, theme)
+        _name(panel, axis, (at, height), lines, taken)
 
 
 def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
-          taken: list[Box], theme: Theme) -> None:
+          taken: list[Box]) -> None:
     """Write beside a point what it is, with a line to it, where the text covers least."""
-    ink, paper = COLOURS[theme]['ink'], COLOURS[theme]['paper']
+    ink, paper = COLOURS['ink'], COLOURS['paper']
     scale = 72 / panel.figure.dpi
     tall = panel.bbox.height * scale
 
@@ -178,22 +176,21 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
 
 
 def _draw_beside(panel: 'Axes', axis: AxisResult, tau: Array, other: tuple[Array, int, list[str]],
-                 taken: list[Box], theme: Theme) -> None:
+                 taken: list[Box]) -> None:
     """Draw noise that none of the terms is, and name it."""
     line, place, name = other
     low, high = panel.get_ylim()
     inside = (line > low) & (line < high)
     if not inside.any():
         return
-    panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
+    panel.plot(tau[inside], line[inside], color=COLOURS['soft'], linewidth=0.9,
                linestyle=(0, (6, 1)), zorder=2.5)
     at = np.flatnonzero(inside)
     place = int(at[np.argmin(np.abs(at - place))])
-    _name(panel, axis, (float(tau[place]), float(line[place])), name, taken, theme)
+    _name(panel, axis, (float(tau[place]), float(line[place])), name, taken)
 
 
-def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str,
-                 theme: Theme = 'light') -> None:
+def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:
     """
     Draw the two-sided power spectral density: measured where given, the model's, and the tones.
 
@@ -207,18 +204,16 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
         Gives the sample rate and the lowest frequency.
     colour : str
         Colour of the axis.
-    theme : 'light' or 'dark'
-        Colours of the paper.
 
     """
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
         return
     if axis.band_edge_hz is not None:
-        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS[theme]['good'], linewidth=0,
+        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS['good'], linewidth=0,
                       zorder=0)
         panel.text(0.99, 0.02, 'shaded: not fitted', transform=panel.transAxes, ha='right',
-                   va='bottom', fontsize=7, color=COLOURS[theme]['soft'])
+                   va='bottom', fontsize=7, color=COLOURS['soft'])
     if axis.spectrum is not None:
         frequency, power = curves.in_bands(axis.spectrum)
         seen = power > 0
@@ -228,9 +223,9 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     model = curves.model_density(axis, frequency, rate)
     fitted = model > 0
     panel.plot(frequency[fitted], model[fitted],
-               color=COLOURS[theme]['ink'] if axis.spectrum is not None else colour,
+               color=COLOURS['ink'] if axis.spectrum is not None else colour,
                linewidth=1.3, zorder=3)
-    soft = COLOURS[theme]['soft']
+    soft = COLOURS['soft']
     for key, value in curves.coefficients_of(axis).items():
         own = curves.model_density(axis, frequency, rate, {key: value})
         inside = own > model[fitted].min(initial=inf) * 0.3
@@ -249,8 +244,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
                            fontsize=7, color=soft)
 
 
-def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
-                theme: Theme = 'light') -> None:
+def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -> None:
     """
     Draw how the means wandered over the recording, its gaps, and the motion that was left out.
 
@@ -264,11 +258,9 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
         Of one sensor.
     result : Result
         Whose axes they are.
-    theme : 'light' or 'dark'
-        Colours of the paper.
 
     """
-    colours, timeline = COLOURS[theme], result.timeline
+    colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale
     panel.set_xlim(0, length)
@@ -306,16 +298,16 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
             total = duration(sum(span.duration_s for span in spans))
             parts.append((f'■ {len(spans)} × {name} ({total})', colour))
     if result.temperature is not None:
-        _draw_temperature(panel, result.temperature, scale, theme)
+        _draw_temperature(panel, result.temperature, scale)
         parts.append(('- - temperature [°C]', colours['soft']))
     write_in_a_row(panel, parts)
 
 
-def _draw_temperature(panel: 'Axes', signal: Signal, scale: float, theme: Theme) -> None:
+def _draw_temperature(panel: 'Axes', signal: Signal, scale: float) -> None:
     mean = np.array([np.nan if v is None else v for v in signal.mean])
     if not np.isfinite(mean).any():
         return
     right = panel.twinx()
     right.plot((np.arange(len(mean)) + 0.5) * signal.step_s / scale, mean, linewidth=1.2,
-               linestyle=(0, (4, 2)), color=COLOURS[theme]['soft'])
+               linestyle=(0, (4, 2)), color=COLOURS['soft'])
     right.locator_params(axis='y', nbins=4)

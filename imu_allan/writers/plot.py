@@ -26,7 +26,6 @@ from imu_allan.writers.figure_style import (
     label_ends,
     MARKERS,
     plot_style,
-    Theme,
 )
 from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
 
@@ -65,7 +64,7 @@ def plot(result: Result) -> 'Figure':
     return overview_figure(result)
 
 
-def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
+def overview_figure(result: Result) -> 'Figure':
     """
     Draw the Allan deviation of every axis with intervals and fitted model, on one sheet.
 
@@ -73,8 +72,6 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
     ----------
     result : Result
         What to draw.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
@@ -82,30 +79,30 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
         Gyroscope and accelerometer side by side, their coefficients above, the signal below.
 
     """
-    with plot_style(theme):
+    with plot_style():
         sensors = curves.sensors_of(result)
         halves = max(1, len(sensors))
         live = [sensor for sensor in sensors
                 if any(any(axis.curve.adev) for axis in curves.axes_of(result, sensor).values())]
         figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
-        _write_heading(figure, result, theme)
+        _write_heading(figure, result)
         for column, sensor in enumerate(sensors):
             axes = curves.axes_of(result, sensor)
             left, width = column / halves, 1 / halves
             if sensor not in live:
-                _write_why(figure, left + 0.04 * width, sensor, axes, theme)
+                _write_why(figure, left + 0.04 * width, sensor, axes)
                 continue
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
-                        sensor, axes, theme)
+                        sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
             frame_allan(panel, sensor, curves.limits_of(axes.values()))
             for name, axis in axes.items():
                 if any(axis.curve.adev):
-                    draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
+                    draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
                                result.timeline, DASHES[name[-1]])
-            label_ends(panel, axes, theme)
+            label_ends(panel, axes)
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
-            draw_signal(strip, axes, result, theme)
+            draw_signal(strip, axes, result)
         return figure
 
 
@@ -114,7 +111,7 @@ def overview_png(result: Result) -> bytes:
     return render(overview_figure(result))
 
 
-def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figure':
+def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
 
@@ -127,8 +124,6 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
         What to draw.
     sensor : 'gyro' or 'accel'
         Which of the two.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Raises
     ------
@@ -139,31 +134,31 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
     axes = curves.axes_of(result, sensor)
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
-    with plot_style(theme):
+    with plot_style():
         figure = empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
-        _write_heading(figure, result, theme, wording.SENSORS[sensor])
+        _write_heading(figure, result, wording.SENSORS[sensor])
         limits = curves.limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
-            colour, marker = COLOURS[theme][name[-1]], MARKERS[name[-1]]
+            colour, marker = COLOURS[name[-1]], MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
             frame_allan(allan, sensor, limits, **ends)
             draw_curve(allan, axis, colour, marker, result.timeline)
-            draw_terms(allan, axis, theme)
+            draw_terms(allan, axis)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
-            draw_density(density, axis, result.timeline, colour, theme)
+            draw_density(density, axis, result.timeline, colour)
             frame_density(density, sensor,
                           curves.density_limits(axes.values(), result.timeline), **ends)
             first = [first[0] or allan, first[1] or density]
-        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result, theme)
+        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
         return figure
 
 
-def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Figure':
+def paper_figure(result: Result, width_cm: float) -> 'Figure':
     """
     Draw the Allan deviations for a column of a paper, which has its own caption.
 
@@ -174,8 +169,6 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
     width_cm : float
         Width of the column; the sensors stand beside one another from 12 cm on, below one another
         in less.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
@@ -196,7 +189,7 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
     # From 12 cm on two panels beside each other can be read.
     beside = len(drawn) if width_cm >= 12.0 else 1
     width, height = width_cm / 2.54, _PAPER_ROW * (len(drawn) // beside)
-    with plot_style(theme, size=7.5):
+    with plot_style(size=7.5):
         figure = empty_figure(width, height)
         column, row = 1 / beside, _PAPER_ROW / height
         for place, (sensor, axes) in enumerate(drawn.items()):
@@ -205,9 +198,9 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
                                      column - 1.14 / width, row - 0.68 / height))
             frame_allan(panel, sensor, curves.limits_of(axes.values()))
             for name, axis in axes.items():
-                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
+                draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
                            result.timeline, DASHES[name[-1]])
-            label_ends(panel, axes, theme)
+            label_ends(panel, axes)
             panel.set_title(wording.SENSORS[sensor], loc='left')
         return figure
 
@@ -239,8 +232,8 @@ def render(figure: 'Figure', format: str = 'png',  # noqa: A002
     return content.getvalue()
 
 
-def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult],
-               theme: Theme) -> None:
+def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult]
+               ) -> None:
     """Say in the place of the pictures of a sensor why there are none."""
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',
@@ -250,12 +243,12 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
                'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
     figure.text(left, 1 - 1.35 / top, '; '.join(
         f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
-        color=COLOURS[theme]['soft'], va='center')
+        color=COLOURS['soft'], va='center')
 
 
-def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], theme: Theme) -> None:
+def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
     """Draw the coefficients that at least one axis shows, with their intervals."""
-    ink, soft = COLOURS[theme]['ink'], COLOURS[theme]['soft']
+    ink, soft = COLOURS['ink'], COLOURS['soft']
     panel.axis('off')
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
@@ -288,13 +281,13 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                     curves.law_instead(axis, term.key) or 'not observable', *said]), ha='right',
                     va='center', fontsize=7, color=soft)
     for row, name in enumerate(axes):
-        colour = COLOURS[theme][name[-1]]
+        colour = COLOURS[name[-1]]
         panel.plot([0.012], [2.3 - 0.9 * row], MARKERS[name[-1]], color=colour, markersize=5)
         panel.text(0.035, 2.3 - 0.9 * row, name[-1], color=colour, va='center', fontsize=9.5,
                    fontweight='bold')
 
 
-def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '') -> None:
+def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
     title = '   '.join(shorten(name, 60) for name in wording.names_of(result))
     facts = [wording.amount_of(result.timeline),
              *(shorten(fact, 40) for fact in wording.origin_of(result)),
@@ -312,5 +305,5 @@ def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),
             (key, 0.70, 8.5, 'soft', 'normal')):
         # Names from a recording are text, not formulas: a dollar sign is a dollar sign.
-        figure.text(0.02, 1 - below / top, text, fontsize=size, color=COLOURS[theme][colour],
+        figure.text(0.02, 1 - below / top, text, fontsize=size, color=COLOURS[colour],
                     fontweight=weight, va='center', parse_math=False)

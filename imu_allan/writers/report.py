@@ -28,7 +28,6 @@ from imu_allan.writers.answer import (
     answers,
     CALIBRATION_S,
     COAST_S,
-    GOOD,
     outlook_of,
     UNCERTAIN,
     written_mean,
@@ -42,7 +41,7 @@ from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.pages import filled, text_of
-from imu_allan.writers.verdict import findings_line, verdict_lines
+from imu_allan.writers.verdict import findings_line, SAID, verdict_lines, verdicts_of
 from imu_allan.writers.words import message_of, presented, title_of
 
 _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
@@ -72,6 +71,7 @@ def report_html(result: Result) -> str:
         'report.html', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
+        words={sensor: SAID[one.verdict] for sensor, one in verdicts_of(result).items()},
         answers=found, remarks=remarks, remark_count=findings_line(result),
         allan=[chart for answer in found for chart in [allan_chart(
             answer.sensor, axes_of(result, answer.sensor), result.timeline)] if chart is not None],
@@ -80,10 +80,10 @@ def report_html(result: Result) -> str:
         rest=wording.duration(result.timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes_of(result, sensor) for sensor in sensors_of(result)},
-        outlook=outlook_of(result), good=GOOD, cell=_cell, density=_density_of, drift=_drift_of,
+        outlook=outlook_of(result), cell=_cell, density=_density_of, drift=_drift_of,
         mean=written_mean, rest_s=result.timeline.rest_s,
-        tunings=[(name, result.axes[name], tuning) for answer in found if answer.tuned is not None
-                 for name, tuning in answer.tuned.tunings.items()],
+        tunings=[(name, result.axes[name], tuning) for answer in found
+                 for name, tuning in answer.tunings.items()],
         parts={sensor: known for sensor in sensors_of(result) if (known := {
             name: axis for name, axis in axes_of(result, sensor).items()
             if axis.stationarity is not None and axis.stationarity.segments})},
@@ -148,10 +148,9 @@ def _typeset(sentence: str) -> str:
 def _charts(result: Result, answer: Answer) -> list[Chart | None]:
     """Return all charts of a sensor but the first, in the order of the page."""
     axes = axes_of(result, answer.sensor)
-    tunings = {} if answer.tuned is None else answer.tuned.tunings
     return [signal_chart(result, answer.sensor, axes),
             density_chart(answer.sensor, axes, result.timeline),
-            drift_chart(answer.sensor, axes, tunings), segment_chart(answer.sensor, axes)]
+            drift_chart(answer.sensor, axes, answer.tunings), segment_chart(answer.sensor, axes)]
 
 
 def _cell(coefficient: Coefficient) -> dict[str, str]:

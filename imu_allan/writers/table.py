@@ -25,7 +25,6 @@ from imu_allan.writers.answer import (
     Answer,
     answers,
     COAST_S,
-    CONSTANT,
     outlook_of,
     UNCERTAIN,
     written_mean,
@@ -251,8 +250,8 @@ def _columns(answer: Answer, rows: Sequence[_Row], layout: _Layout) -> 'list[Tex
     columns += [[Text(name[-1], 'bold'),
                  *(row.cells[name].text(tall=layout.tall) for row in rows)]
                 for name in rows[0].cells]
-    if layout.tuned and answer.tuned is not None:
-        tunings = answer.tuned.tunings.values()
+    if layout.tuned and answer.tunings:
+        tunings = answer.tunings.values()
         filters = {'N': max(tuning.noise_density for tuning in tunings),
                    'K': max(tuning.random_walk or 0.0 for tuning in tunings)}
         columns.append([Text('filter', 'bold'), *(
@@ -293,21 +292,21 @@ def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
 def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[Text]':
     """Say what to give a filter, in SI, and how far off the sensor is unaided."""
     lines = []
-    if any(answer.tuned is not None for answer in found):
+    if any(answer.for_filter for answer in found):
         lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
                      f'{wording.duration(COAST_S)} '
                      'unaided (imu_allan export, tune)')
     for answer in found:
-        if (tuned := answer.tuned) is not None:
-            pair = (f'  {answer.sensor:<5}  filter N {tuned.noise_density} {tuned.units[0]}',
-                    f'filter K {tuned.random_walk} {tuned.units[1]}')
-            beside = '  '.join(pair)
-            lines += [beside] if len(beside) <= width else [pair[0], f'{"":9}{pair[1]}']
-        elif answer.word != CONSTANT and answer.noise is not None:
-            lines += [f'  {answer.sensor:<5}  worst axis {figure.axis}: '
-                      f'{found.symbol} {reported(found, si=True)[0]} {found.unit}'
-                      for figure in (answer.noise, answer.drift) if figure is not None
-                      for found in [figure.coefficient]]
+        if answer.for_filter:
+            pair = [f'filter {symbol} {number} {unit}'
+                    for symbol, number, unit in answer.for_filter]
+            beside = f'  {answer.sensor:<5}  {"  ".join(pair)}'
+            lines += [beside] if len(beside) <= width else [
+                f'  {answer.sensor:<5}  {pair[0]}', f'{"":9}{pair[1]}']
+        elif not answer.constant and 'noise_density' in answer.worst:
+            lines += [f'  {answer.sensor:<5}  worst axis {axis}: '
+                      f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
+                      for axis, worst in answer.worst.values()]
     drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
               if answer.forecast}
     if len(set(drifts.values())) == 1:

@@ -6,13 +6,19 @@ from collections.abc import Mapping
 from typing import Literal
 
 from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.sentences import WORDS
 from imu_allan.writers.words import presented, title_of
 
 Units = Literal['datasheet', 'si']
+SAID = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
+
+
+def verdicts_of(result: Result) -> dict[str, SensorVerdict]:
+    """Return the verdict on each sensor, which a file may hold already."""
+    return dict(result.sensors) or verdicts(result)
 
 
 def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
@@ -32,16 +38,15 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
         Such as ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
 
     """
-    found = result.sensors or verdicts(result)
     lines = []
-    for sensor, verdict in found.items():
+    for sensor, verdict in verdicts_of(result).items():
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':
             lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
         else:
-            word = 'not usable' if verdict.verdict == 'not_usable' else 'use with care'
-            lines.append(f'{title}: {word}: {_reason(result, sensor, verdict.because)}.')
+            lines.append(f'{title}: {SAID[verdict.verdict]}: '
+                         f'{_reason(result, sensor, verdict.because)}.')
     return lines
 
 

@@ -10,7 +10,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.wording import duration, SAMPLES, SENSORS
-from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style, Theme
+from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style
 import numpy as np
 
 if TYPE_CHECKING:
@@ -23,8 +23,7 @@ _ROOM = 1.5
 """Factor from the outer horizons to the ends of the axis, also where there is one alone."""
 
 
-def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme = 'light'
-                        ) -> 'Figure':
+def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
     """
     Draw how far the mean was off after an unaided time, beside what was predicted.
 
@@ -34,8 +33,6 @@ def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme
         By axis.
     other : str
         Name of the recording that it was run over.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
@@ -53,25 +50,25 @@ def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme
                if any(name.startswith(sensor) and one.full.coasts for name, one in found.items())]
     if not sensors:
         raise ImuAllanError('nothing is at rest for long enough to show a drift: no picture')
-    with plot_style(theme):
+    with plot_style():
         figure = empty_figure(5.4 * len(sensors), 4.4)
         figure.text(0.02, 0.955, f'Drift observed in {shorten(other, 70)}', fontsize=12,
                     fontweight='bold', parse_math=False)
         figure.text(0.02, 0.905, 'points: observed;  dotted, bars: predicted;  shaded: where 95 % '
-                    'of the points should lie', fontsize=8.5, color=COLOURS[theme]['soft'])
+                    'of the points should lie', fontsize=8.5, color=COLOURS['soft'])
         for column, sensor in enumerate(sensors):
             panel = figure.add_axes(((column + 0.135) / len(sensors), 0.13,
                                      0.84 / len(sensors), 0.68))
             _draw(panel, sensor, {name: one for name, one in found.items()
-                                  if name.startswith(sensor) and one.full.coasts}, theme)
+                                  if name.startswith(sensor) and one.full.coasts})
     return figure
 
 
-def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest], theme: Theme) -> None:
+def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest]) -> None:
     factor, shown = engineering(1.0, AXES[next(iter(found))].unit)
     horizons = sorted({row.horizon_s for one in found.values() for row in one.full.coasts})
     for place, (name, one) in enumerate(found.items()):
-        colour, outcome = COLOURS[theme][name[-1]], one.full
+        colour, outcome = COLOURS[name[-1]], one.full
         h = np.array([row.horizon_s for row in outcome.coasts]) \
             * _APART**(place - (len(found) - 1) / 2)
         low, high = (np.array(ends) * factor for ends in zip(*outcome.bands, strict=True))

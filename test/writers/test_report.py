@@ -20,15 +20,12 @@ from imu_allan.finding import Finding, finding
 from imu_allan.result import (
     Curve,
     GaussMarkov,
-    GoodnessOfFit,
     Inspection,
     PowerLaw,
     Signal,
     Source,
     Spectrum,
     Timeline,
-    Trend,
-    WarmUp,
 )
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import measured
@@ -80,7 +77,7 @@ def written(tmp_path, text):
 
 def test_the_report_shows_the_answer_before_it_explains_it(filtered):
     text = Outline(report_html(filtered)).text
-    for part in ('Gyroscope steady N angle random walk, worst axis: y 2.647 °/√h '
+    for part in ('Gyroscope good N angle random walk, worst axis: y 2.647 °/√h '
                  '95 %: 2.642 – 2.652 0.0007700 rad/s/√Hz',
                  'K rate random walk, worst axis: y 54 °/h/√h 95 %: 38 – 71',
                  'tuned for corrections every 0.1 s and up to 60 s unaided',
@@ -123,13 +120,11 @@ def test_remarks_are_one_line_until_they_are_opened(result):
     assert 'its worst half-octave is off by 3 to 8 %' in Outline(html).text
 
 
-def test_findings_of_an_axis_are_told_in_a_word(result):
-    axis = replace(result.axes['gyro_x'], goodness_of_fit=GoodnessOfFit(None, None, False))
-    text = Outline(report_html(replace(result, axes={'gyro_x': axis}))).text
-    assert 'Gyroscope does not fit' in text
-    warm = replace(result.axes['gyro_x'], trend=Trend(warm_up=WarmUp(1e-3, 300.0, (5e-4, 2e-3))))
-    text = Outline(report_html(replace(result, axes={'gyro_x': warm}))).text
-    assert 'Gyroscope still warming up' in text
+def test_the_verdict_stands_behind_each_sensor(result):
+    found = replace(result, warnings=(finding('poor_fit', ('gyro_x',), misfit_share=0.03),))
+    text = Outline(report_html(found)).text
+    assert 'Gyroscope use with care N angle' in text
+    assert 'Accelerometer good N velocity' in text
 
 
 def test_a_constant_sensor_says_so_instead_of_blank_charts(result, make_axis):

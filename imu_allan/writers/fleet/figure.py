@@ -15,8 +15,8 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
-from imu_allan.writers.comparison import MARKERS, result_colours
-from imu_allan.writers.figure_style import allan_panels, COLOURS, empty_figure, plot_style, Theme
+from imu_allan.writers.comparison import MARKERS
+from imu_allan.writers.figure_style import allan_panels, COLOURS, empty_figure, plot_style, SERIES
 from imu_allan.writers.fleet.findings import Fleet
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 
 _MOST_CURVES = 200
 """Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
-_MOST_NAMED = 7
-"""Colours there are; outliers beyond them are named in the table alone."""
+_PALETTE = (*SERIES[1:], SERIES[0])
+"""The blue last, which is the band's; outliers beyond them are named in the table alone."""
 _MOST_TICKS = 12
 """Units that are named below a panel; more are counted."""
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
 
 
-def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
+def curves_figure(fleet: Fleet) -> 'Figure':
     """
     Draw the Allan deviations of a fleet, a panel for each axis.
 
@@ -45,48 +45,46 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
     ----------
     fleet : Fleet
         What to draw.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
     matplotlib.figure.Figure
 
     """
-    colours = _odd_colours(fleet, theme)
-    if len(fleet.population.units) <= _MOST_NAMED:
+    colours = _odd_colours(fleet)
+    if len(fleet.population.units) <= len(_PALETTE):
         others = [unit for unit in fleet.population.units if unit not in colours]
-        colours |= dict(zip(others, _palette(theme)[len(colours):], strict=False))
+        colours |= dict(zip(others, _PALETTE[len(colours):], strict=False))
     sensors = _sensors(fleet)
-    with plot_style(theme):
+    with plot_style():
         figure = empty_figure(_WIDTH, 0.9 + 3.7 * max(1, len(sensors)))
         grid = figure.add_gridspec(
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
             bottom=0.55 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme,
-                 'in colour: outliers' if len(fleet.population.units) > _MOST_NAMED else
+        _heading(figure, f'Allan deviation of {len(fleet.results)} units',
+                 'in colour: outliers' if len(fleet.population.units) > len(_PALETTE) else
                  'each unit in its colour')
         drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
         for name, panel in allan_panels(figure, grid, drawn):
-            _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units, theme)
+            _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units)
         return figure
 
 
 def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
-                 odd: Collection[str], theme: Theme) -> None:
-    ink = COLOURS[theme]['ink']
+                 odd: Collection[str]) -> None:
+    ink = COLOURS['ink']
     usual = [axis.curve for unit, axis in axes.items()
              if unit not in odd and any(axis.curve.adev)]
     step = max(1, len(usual) // _MOST_CURVES)
     for curve in usual[::step]:
-        panel.plot(curve.tau_s, curve.adev, color=COLOURS[theme]['gap'], linewidth=0.6, alpha=0.45,
+        panel.plot(curve.tau_s, curve.adev, color=COLOURS['gap'], linewidth=0.6, alpha=0.45,
                    zorder=2)
     if usual:
         longest = max(usual, key=lambda curve: len(curve.tau_s))
         tau = np.array(longest.tau_s)
         low, middle, high = _percentiles([(np.array(c.tau_s), np.array(c.adev)) for c in usual],
                                          tau)
-        panel.fill_between(tau, low, high, color=COLOURS[theme]['z'], alpha=0.18, linewidth=0,
+        panel.fill_between(tau, low, high, color=COLOURS['z'], alpha=0.18, linewidth=0,
                            zorder=3)
         panel.plot(tau, middle, color=ink, linewidth=1.4, zorder=4)
     ends: dict[str, tuple[float, float]] = {}
@@ -128,7 +126,7 @@ def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
     return low, middle, high
 
 
-def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
+def units_figure(fleet: Fleet) -> 'Figure':
     """
     Draw the coefficients of every unit side by side: value, 95 % interval or upper bound.
 
@@ -136,38 +134,36 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
     ----------
     fleet : Fleet
         What to draw.
-    theme : 'light' or 'dark'
-        Dark ink on white paper, or the reverse.
 
     Returns
     -------
     matplotlib.figure.Figure
 
     """
-    colours = _odd_colours(fleet, theme)
+    colours = _odd_colours(fleet)
     names = [axis for axis in AXES if _axes(fleet, axis)]
     known = {trait.key for trait in fleet.population.traits}
     keys = [key for key in LASTING_TERMS if key in known] or ['noise_density']
-    with plot_style(theme):
+    with plot_style():
         rows = [(sensor, key) for sensor in _sensors(fleet) for key in keys]
         figure = empty_figure(_WIDTH, 0.9 + 2.1 * max(1, len(rows)))
         grid = figure.add_gridspec(
             max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.62,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, 'Coefficients of every unit', theme,
+        _heading(figure, 'Coefficients of every unit',
                  'in colour: outliers · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
                 panel = figure.add_subplot(grid[row, column])
-                _draw_units(panel, fleet, name, key, colours, theme)
+                _draw_units(panel, fleet, name, key, colours)
                 if row == len(rows) - 1:
                     panel.set_xlabel('unit, counted in the order of the names'
                                      if len(fleet.population.units) > _MOST_TICKS else '')
         return figure
 
 
-def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mapping[str, str],
-                theme: Theme) -> None:
+def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mapping[str, str]
+                ) -> None:
     from matplotlib.ticker import MaxNLocator
 
     unit = TERMS[key].unit(AXES[name])
@@ -179,8 +175,8 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     trait = next((t for t in fleet.population.traits if (t.axis, t.key) == (name, key)), None)
     if trait is not None:
         low, middle, high = (engineering(trait.percentiles[p], unit)[0] for p in (5, 50, 95))
-        panel.axhspan(low, high, color=COLOURS[theme]['z'], alpha=0.13, linewidth=0)
-        panel.axhline(middle, color=COLOURS[theme]['ink'], linewidth=0.9)
+        panel.axhspan(low, high, color=COLOURS['z'], alpha=0.13, linewidth=0)
+        panel.axhline(middle, color=COLOURS['ink'], linewidth=0.9)
     many = len(axes) > _MOST_CURVES
     # By name where it is an outlier in this; elsewhere the name would stand on the dots of others.
     odd = {oddity.unit for oddity in fleet.population.oddities
@@ -188,7 +184,7 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     for place, member in enumerate(fleet.population.units, 1):
         if member in axes:
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
-                       _short(member) if member in odd else '', theme, rasterized=many)
+                       _short(member) if member in odd else '', rasterized=many)
     # There is no unit between the third and the fourth.
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     units = fleet.population.units
@@ -203,9 +199,9 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
 
 
 def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None, name: str,
-               theme: Theme, *, rasterized: bool) -> None:
+               *, rasterized: bool) -> None:
     """One unit's dot; a bound is a small arrow down."""
-    ink = colour or COLOURS[theme]['soft']
+    ink = colour or COLOURS['soft']
     if found.value is None or found.ci95 is None:
         if found.upper95 is not None:
             panel.plot([place], [engineering(found.upper95, found.unit)[0]], 'v', color=ink,
@@ -217,25 +213,18 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                rasterized=rasterized)
     if name:
         panel.annotate(name, (place, value), xytext=(4, 4), textcoords='offset points',
-                       fontsize=8, color=COLOURS[theme]['ink'])
+                       fontsize=8, color=COLOURS['ink'])
 
 
-def _heading(figure: 'Figure', title: str, theme: Theme, more: str) -> None:
+def _heading(figure: 'Figure', title: str, more: str) -> None:
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
     figure.text(0.02, 1 - 0.5 / height, f'line: median · band: nine in ten units · {more}',
-                fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
+                fontsize=8.5, va='center', color=COLOURS['soft'])
 
 
-def _odd_colours(fleet: Fleet, theme: Theme) -> dict[str, str]:
-    odd = fleet.population.odd_units[:_MOST_NAMED]
-    return dict(zip(odd, _palette(theme), strict=False))
-
-
-def _palette(theme: Theme) -> list[str]:
-    first, *others = result_colours(_MOST_NAMED, theme)
-    # The blue is the band's.
-    return [*others, first]
+def _odd_colours(fleet: Fleet) -> dict[str, str]:
+    return dict(zip(fleet.population.odd_units, _PALETTE, strict=False))
 
 
 def _sensors(fleet: Fleet) -> list[str]:

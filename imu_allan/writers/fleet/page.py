@@ -12,9 +12,8 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, duration, rounded
 from imu_allan.writers.answer import worst_of
-from imu_allan.writers.comparison import result_colours
 from imu_allan.writers.curves import axes_of
-from imu_allan.writers.figure_style import COLOURS, Theme
+from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
@@ -78,28 +77,17 @@ def _svg(figure: Any, place: int) -> str:
     text = render(figure, 'svg').decode()
     text = text[text.index('<svg'):]
     text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
-    for colour in _colours('light').values():
+    for colour in DARK:
         text = text.replace(colour, f'var(--c{colour[1:]})')
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
 
 
-def _colours(theme: Theme) -> dict[str, str]:
-    """Return the colours of the pictures by role."""
-    # Colours of results there are.
-    palette = result_colours(7, theme)
-    return {**{f'unit {place}': colour for place, colour in enumerate(palette)},
-            **COLOURS[theme]}
-
-
 def _both_colours() -> str:
     """Return the style by which pictures are dark where the page is."""
-    light, dark = _colours('light'), _colours('dark')
-
-    def said(shown: dict[str, str]) -> str:
-        return ' '.join(f'--c{light[role][1:]}: {colour};' for role, colour in shown.items())
-
-    return (f':root {{ {said(light)} }}\n'
-            f'@media screen and (prefers-color-scheme: dark) {{ :root {{ {said(dark)} }} }}')
+    light, dark = (' '.join(f'--c{colour[1:]}: {shown};' for colour, shown in pairs)
+                   for pairs in (zip(DARK, DARK, strict=True), DARK.items()))
+    return (f':root {{ {light} }}\n'
+            f'@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}')
 
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
