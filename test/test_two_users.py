@@ -19,9 +19,9 @@ from imu_allan.node.run_folder import try_folder
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers import folder_lock
+from imu_allan.writers import output_path
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.folder_lock import turn_in
+from imu_allan.writers.output_path import turn_in
 import pytest
 from shared_places import planted, shared_folder, SOMEBODY_ELSE
 from whole_lines import refused, Varying
@@ -134,7 +134,7 @@ def test_what_is_tried_in_the_folder_of_a_node_does_not_stay(tmp_path):
 def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):
     path = write_recording(tmp_path / 'a', simulated_blocks(
         parse_model(MODEL), 100.0, 3000, start_ns=10**18))
-    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
+    monkeypatch.setattr(output_path, 'PATIENCE_S', 0.1)
     with turn_in(tmp_path / 'out'):
         result, error = characterize(Task(str(path), Choice(), folder=tmp_path / 'out'))
     assert result.axes

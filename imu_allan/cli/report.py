@@ -32,7 +32,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
     from imu_allan.writers import folder
-    from imu_allan.writers.folder_lock import turn_in
+    from imu_allan.writers.output_path import turn_in
     from imu_allan.writers.result_file import load_result
 
     results = [load_result(path) for path in args.results]

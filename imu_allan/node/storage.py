@@ -22,7 +22,7 @@ from imu_allan.node.run_folder import other_folders, run_folder, try_folder
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
-from imu_allan.writers.folder_lock import turn_in
+from imu_allan.writers.output_path import turn_in
 
 
 class NothingToSave(ImuAllanError):

@@ -232,7 +232,7 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
     if len(results) > MOST_COMPARED:
         from imu_allan.writers.fleet import Fleet
         from imu_allan.writers.fleet.figure import curves_figure
-        from imu_allan.writers.fleet.page import fleet_html
+        from imu_allan.writers.fleet.written import fleet_html
 
         fleet = Fleet(results)
         page = fleet_html(fleet, f'{len(results)} results compared')

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where an output really goes.
+Where an output really goes, and whose turn it is to write there.
 
 In a folder that everybody may write to, such as /tmp, somebody else may have put a symbolic link
 where an output is expected, and the output would go wherever the link leads. Linux refuses to
@@ -12,17 +12,21 @@ not followed either: the folder is opened step by step, and the file is made in 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
 import errno
 import os
 from pathlib import Path
 import stat
+import time
 
 from imu_allan.errors import ImuAllanError, printable
 
 _STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
 _ONLY_PASSED = getattr(os, 'O_PATH', 0)
 """Folders on the way may be ones that one may pass through and not list."""
+PATIENCE_S = 30.0
+"""Writing takes seconds; whoever holds a folder for longer keeps it."""
 
 
 def followed(path: str | os.PathLike[str]) -> Path:
@@ -155,6 +159,49 @@ def open_to_lock(folder: str | os.PathLike[str]) -> int:
         return os.open('.', os.O_RDONLY, dir_fd=passed)
     finally:
         os.close(passed)
+
+
+@contextlib.contextmanager
+def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """
+    Wait until no other process writes to a folder, and keep the others waiting meanwhile.
+
+    The lock is on the folder itself: it leaves no file and ends with the process. Where the file
+    system has no locks, nobody waits. The folder is made where it is missing.
+
+    Raises
+    ------
+    ImuAllanError
+        If another process keeps it for longer than `PATIENCE_S`.
+
+    """
+    try:
+        # Not there on Windows.
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with contextlib.ExitStack() as stack:
+        handle = None
+        # What is wrong with the folder is reported by whoever writes to it.
+        with contextlib.suppress(OSError, ImuAllanError):
+            handle = open_to_lock(folder)
+            stack.callback(os.close, handle)
+        end = time.monotonic() + PATIENCE_S
+        while handle is not None:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > end:
+                    raise ImuAllanError(
+                        f'{os.fspath(folder)}: cannot be written (another process writes to it); '
+                        'choose another folder, or wait until it has ended') from None
+            except OSError:
+                break
+            # From one look to the next: nobody notices so long a wait.
+            time.sleep(0.05)
+        yield
 
 
 def _is_everybodys(folder: str) -> bool:

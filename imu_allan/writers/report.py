@@ -32,11 +32,15 @@ from imu_allan.writers.answer import (
     UNCERTAIN,
     written_mean,
 )
-from imu_allan.writers.charts.allan import allan_chart, comparison_chart
-from imu_allan.writers.charts.chart import Chart
-from imu_allan.writers.charts.drift import drift_chart
-from imu_allan.writers.charts.over_time import segment_chart, signal_chart
-from imu_allan.writers.charts.spectrum import density_chart
+from imu_allan.writers.charts import (
+    allan_chart,
+    Chart,
+    comparison_chart,
+    density_chart,
+    drift_chart,
+    segment_chart,
+    signal_chart,
+)
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export

@@ -9,9 +9,7 @@ from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import sentence
-from imu_allan.writers.fleet.folder import fleet_csv, fleet_json
-from imu_allan.writers.fleet.page import fleet_html
-from imu_allan.writers.fleet.table import cells
+from imu_allan.writers.fleet.written import cells, fleet_csv, fleet_html, fleet_json
 import numpy as np
 import pytest
 from rich.console import Console

@@ -26,7 +26,7 @@ from imu_allan.result import (
     Tone,
 )
 from imu_allan.writers import curves, panels, plot
-from imu_allan.writers.charts.allan import allan_chart
+from imu_allan.writers.charts import allan_chart
 from imu_allan.writers.figure_style import COLOURS, DARK
 from imu_allan.writers.report import report_html
 import matplotlib

@@ -3,12 +3,11 @@
 """
 A fleet on paper: one page, one table, one document about many units.
 
-`findings` says which are outliers, `figure` draws, `page` is the HTML, `table` the terminal's
-summary, `folder` writes the page, JSON and CSV.
+`findings` says which are outliers, `figure` draws, `written` has the terminal's summary, the page,
+JSON and CSV.
 """
 
 from imu_allan.writers.fleet.findings import Failure, Fleet
-from imu_allan.writers.fleet.folder import save_fleet
-from imu_allan.writers.fleet.table import population_table
+from imu_allan.writers.fleet.written import population_table, save_fleet
 
 __all__ = ['Failure', 'Fleet', 'population_table', 'save_fleet']

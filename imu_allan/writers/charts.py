@@ -1,0 +1,590 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The charts of the report: what is drawn into the page itself, for the desk and for the phone.
+
+Three axes share a panel; the band in which the points should fall, the terms and their names are
+shown for one of them at a time, the worst one until the reader chooses another.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
+from imu_allan.result import AxisResult, Result, Timeline
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
+from imu_allan.tuning.backtest import bands_of
+from imu_allan.tuning.tune import FilterTuning
+from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
+from imu_allan.writers import curves
+from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WIDE, NARROW = 1080.0, 380.0
+"""Widths of the two drawings: the page at a desk and in print, and on a phone."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """
+    One chart of the page.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the page.
+    title, caption : str
+    svg : str
+        The two drawings.
+    groups : tuple of (str, str, str)
+        Name, class and label of what can be looked at by itself.
+    focus : str
+        The group that is looked at in the beginning.
+
+    """
+
+    name: str
+    title: str
+    caption: str
+    svg: str
+    groups: tuple[tuple[str, str, str], ...] = ()
+    focus: str = ''
+
+
+def both(name: str, label: str, height: float, narrow_height: float,
+         draw: Callable[[Drawing, bool], None]) -> str:
+    """Draw for the desk and for the phone."""
+    drawings = []
+    for size, width, tall in (('at-desk', WIDE, height), ('on-phone', NARROW, narrow_height)):
+        drawing = Drawing(width, tall, f'{name}-{size}', label)
+        draw(drawing, size == 'on-phone')
+        drawings.append(drawing.svg(size))
+    return ''.join(drawings)
+
+
+def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
+                 heights: tuple[float, float], draw: Callable[[Drawing, bool], None],
+                 axes: Mapping[str, AxisResult], focus: str = '') -> Chart:
+    """Return the chart of a kind about the axes of a sensor."""
+    name = f'{sensor}-{kind}'
+    return Chart(name, f'{SENSORS[sensor]}: {title}', caption,
+                 both(name, f'{SENSORS[sensor]}: {label}', *heights, draw), tuple(
+                     (axis[-1], f'axis-{axis[-1]}', f'{axis[-1]} axis') for axis in axes), focus)
+
+
+def box_of(drawing: Drawing, narrow: bool, top: float = 26, bottom: float = 46) -> Box:
+    """Return the place of the axes in a drawing."""
+    return (56.0 if narrow else 64.0, top, drawing.width - (14 if narrow else 68),
+            drawing.height - bottom)
+
+
+def shape_of(letter: str) -> str:
+    """Return the mark of an axis."""
+    return SHAPES['xyz'.index(letter)]
+
+
+def worst_axis(axes: Mapping[str, AxisResult]) -> str:
+    """Return the letter of the axis with the largest noise density."""
+    return max(axes, key=lambda name: axes[name].coefficients['noise_density'].value or 0.0)[-1]
+
+
+def padded(low: float, high: float) -> tuple[float, float, bool]:
+    """Return the range of a linear axis, with room at both ends."""
+    room = 0.06 * (high - low) or max(abs(high), 1e-9) * 0.01
+    return low - room, high + room, False
+
+
+def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
+    """
+    Draw the Allan deviation with the model, where its points should fall, and its terms.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    timeline : Timeline
+        Of the same result.
+
+    Returns
+    -------
+    Chart or None
+        None where no axis has a curve above zero.
+
+    """
+    known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
+    if not known:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    low, high = curves.limits_of(known.values(), rings=True)
+    ends = (min(axis.curve.tau_s[0] for axis in known.values()) / 1.5,
+            max(axis.curve.tau_s[-1] for axis in known.values()) * 1.9)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
+        inside = []
+        for name, axis in known.items():
+            inside.append(group(name[-1], f'detail axis-{name[-1]}',
+                                _expected(panel, axis, timeline, factor)))
+        for name, axis in known.items():
+            tau, adev, bound = curves.model_curve(axis, timeline)
+            inside.append(group(name[-1], f'axis-{name[-1]}', [
+                panel.line(tau, bound * factor, 'bound'),
+                panel.line(tau, adev * factor, 'curve model'),
+                _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
+                                 shape_of(name[-1]))]))
+        for name, axis in known.items():
+            inside.append(group(name[-1], 'detail', _term_labels(
+                panel, axis, factor, timeline, brief=narrow)))
+        drawing.add(panel, inside)
+
+    caption = ('Points: measured, hollow where fewer than 3 degrees of freedom stand behind one. '
+               'Line: what the table reports, over the times of which it was fitted. '
+               'Short dashes: with the largest term that may be hidden, at its bound. '
+               'Shaded: where 95 % of the points should fall if the line is right. '
+               'Ring: where the coefficient is read.')
+    if curves.beyond(known.values(), (low, high)):
+        caption += ' Arrow: a point beyond the axes.'
+    return sensor_chart(sensor, 'allan', 'Allan deviation',
+                        'Allan deviation against averaging time', caption, (470, 330), draw,
+                        known, worst_axis(known))
+
+
+def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[float, float],
+            heights: tuple[float, float]) -> Panel:
+    """Return the panel of a curve between ends of averaging time and heights in SI units."""
+    factor, shown = engineering(1.0, unit)
+    low, high = heights
+    panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
+                          (low * factor, high * factor, True))
+    panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
+                f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+    return panel
+
+
+def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
+    """Return the area in which 95 % of the points should fall."""
+    tau, adev, _ = curves.model_curve(axis, timeline)
+    if not len(tau) or not (adev > 0).any():
+        return []
+    low, high = curves.expected_band(axis, tau, adev)
+    return [panel.band(tau, low * factor, high * factor, 'expected')]
+
+
+def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, label: str,
+                     shape: str) -> str:
+    curve = axis.curve
+    titles = []
+    for tau, value, band in zip(curve.tau_s, curve.adev, curve.ci95, strict=True):
+        shown, *bounds = measured(*(v * factor for v in (value, *band)))
+        titles.append(f'{label}, τ = {tau:.4g} s: {shown} {typeset(unit)}, '
+                      f'95 % {" – ".join(bounds)}')
+    seen = [value > 0 for value in curve.adev]
+    return panel.points(np.array(curve.tau_s)[seen], np.array(curve.adev)[seen] * factor, shape,
+                        [t for t, there in zip(titles, seen, strict=True) if there],
+                        [few for few, there in zip(curves.few_degrees(axis), seen, strict=True)
+                         if there])
+
+
+def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeline, *,
+                 brief: bool) -> list[str]:
+    """Return the line of each term and process, a ring where it is read, and its value."""
+    parts: list[str] = []
+    taken: list[Box] = []
+    tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
+    smooth = curves.model_curve(axis, timeline)[:2]
+    avoid = np.vstack([panel.pixels(axis.curve.tau_s, np.array(axis.curve.adev) * factor),
+                       panel.pixels(smooth[0], smooth[1] * factor)])
+    values = {key: value for key, value in curves.coefficients_of(axis).items() if value}
+    for key, value in values.items():
+        parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
+    for key, value in values.items():
+        term = TERMS[key]
+        at = curves.reading_point(term, axis, tau)
+        name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
+        lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}',
+                 name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
+        height = float(term.adev(value, at)) * factor
+        parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
+    for line, place, words in curves.beside_terms(axis, tau):
+        parts.append(panel.line(tau, line * factor, 'term'))
+        parts.append(panel.label(tau[place], line[place] * factor, words[:1] if brief else words,
+                                 avoid, 'name', taken, ring=False))
+    return parts
+
+
+def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
+    """
+    Draw the Allan deviation of one axis of every result.
+
+    Parameters
+    ----------
+    results : mapping of name to Result
+        What is compared.
+    axis : str
+        Its name, as in `Result.axes`.
+
+    Returns
+    -------
+    Chart or None
+        None where no result has the axis.
+
+    """
+    known = {str(place): (name, result.axes[axis], result.timeline)
+             for place, (name, result) in enumerate(results.items())
+             if axis in result.axes and any(result.axes[axis].curve.adev)}
+    if not known:
+        return None
+    sensor = axis.partition('_')[0]
+    unit = AXES[axis].unit
+    factor, shown = engineering(1.0, unit)
+    found = [item for _, item, _ in known.values()]
+    low, high = curves.limits_of(found)
+    ends = (min(item.curve.tau_s[0] for item in found) / 1.5,
+            max(item.curve.tau_s[-1] for item in found) * 1.6)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
+        inside = []
+        for place, (name, item, timeline) in known.items():
+            tau, adev, _ = curves.model_curve(item, timeline)
+            seen = np.array(item.curve.adev) > 0
+            bands = np.array(item.curve.ci95)[seen].T * factor
+            kind = f'result-{int(place) % 7}'
+            inside.append(group(place, f'detail {kind}', [
+                panel.band(np.array(item.curve.tau_s)[seen], bands[0], bands[1], 'expected')]))
+            inside.append(group(place, kind, [
+                panel.line(tau, adev * factor, 'curve model'),
+                _measured_points(panel, item, factor, shown, name,
+                                 SHAPES[int(place) % len(SHAPES)])]))
+        drawing.add(panel, inside)
+
+    return Chart(axis, spoken(axis), '',
+                 both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, 340, draw),
+                 tuple((place, f'result-{int(place) % 7}', name)
+                       for place, (name, _, _) in known.items()), next(iter(known)))
+
+
+def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
+    """
+    Draw the wandering of the mean of every axis, and below it lowest and highest samples.
+
+    Parameters
+    ----------
+    result : Result
+        What the axes are from.
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+
+    Returns
+    -------
+    Chart or None
+        None where the result does not have the signal.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if axis.signal is not None and axis.signal.mean and not axis.constant}
+    if not known:
+        return None
+    unit = next(iter(known.values())).unit
+    shown = MEAN_UNITS[unit]
+    factor = convert(1.0, unit, shown)
+    length = max(result.timeline.duration_s, 1e-9)
+    scale, units = curves.time_unit(length)
+    warmth = result.temperature
+    extents = [(name[-1], f'axis-{name[-1]}', axis.signal, factor)
+               for name, axis in known.items() if axis.signal is not None]
+    if warmth is not None:
+        extents.append(('°C', 'warmth', warmth, 1.0))
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        left, top, right, _ = box_of(drawing, narrow)
+        strip = 52.0
+        split = drawing.height - 46 - strip * (len(known) + (warmth is not None)) - 26
+        main = drawing.panel((left, top, right, split), (0, length / scale, False),
+                             _wander(known, factor))
+        _shade(main, result.timeline, scale, known)
+        main.frame('', f'mean of each segment less the mean of all [{typeset(shown)}]',
+                   x_labels=False, most_y=6)
+        courses = [(name[-1], *curves.wander(axis)) for name, axis in known.items()]
+        lines = [group(letter, f'axis-{letter}', [main.line(time / scale, mean * factor, 'curve')])
+                 for letter, time, mean in courses]
+        # Over all of the lines.
+        marks = [group(letter, f'axis-{letter}', [
+            _marks(main, letter, time, mean * factor, curves.marked(mean, place), scale)])
+            for place, (letter, time, mean) in enumerate(courses)]
+        drawing.add(main, [*lines, *marks])
+        drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
+                     'title')
+        for place, (tag, kind, signal, times) in enumerate(extents):
+            y0 = split + 26 + place * strip
+            low, high = (np.array([np.nan if v is None else v for v in values]) * times
+                         for values in (signal.low, signal.high))
+            ends = float(np.nanmin(low)), float(np.nanmax(high))
+            part = drawing.panel((left, y0 + 2, right, y0 + strip - 12),
+                                 (0, length / scale, False), padded(*ends))
+            _shade(part, result.timeline, scale, known)
+            last = place == len(extents) - 1
+            part.frame(f'time [{units}]' if last else '', '', x_labels=last, most_y=3)
+            time = (np.arange(len(low)) + 0.5) * signal.step_s / scale
+            shape = part.line(time, (low + high) / 2, 'curve') if signal is warmth else \
+                part.band(time, low, high, 'extent')
+            drawing.add(part, [group(tag, kind, [shape])])
+            if signal is warmth:
+                drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
+            else:
+                # On the paper: on the band of its own colour it would hardly be seen.
+                drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
+
+    text = ('Mean and extremes of equal segments of the recording. A drift, a warm-up or a knock '
+            'shows here before any fit.')
+    shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
+                                         ('Yellow: motion, left out.', result.timeline.motion))
+              if spans]
+    if warmth is not None:
+        shades.append('°C: of the thermometer beside the sensor.')
+    height = 354 if warmth is None else 406
+    return sensor_chart(sensor, 'signal', 'the signal', 'mean and extremes over time',
+                        ' '.join([text, *shades]), (height, height), draw, known)
+
+
+def _marks(panel: Panel, letter: str, time_s: Array, mean: Array, at: NDArray[np.intp],
+           scale: float) -> str:
+    """Draw the mark of an axis here and there on its curve: in grey colours are alike."""
+    return panel.points(time_s[at] / scale, mean[at], shape_of(letter),
+                        [f'{letter} axis, after {duration(time_s[i])}: {number(mean[i], 3)}'
+                         for i in at], [False] * len(at))
+
+
+def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:
+    values = np.concatenate([curves.wander(axis)[1] for axis in axes.values()]) * factor
+    return padded(float(np.nanmin(values)), float(np.nanmax(values)))
+
+
+def _shade(panel: Panel, timeline: Timeline, scale: float,
+           axes: Mapping[str, AxisResult]) -> None:
+    """Shade what was left out, and mark where the parts begin that were fitted by themselves."""
+    for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
+                              (timeline.gaps, 'gap', 'gap')):
+        # Of more, each has less than three of the 1080 points, and the page only grows.
+        for span in spans[:400]:
+            panel.parts.append(panel.span(
+                span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
+                f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on'))
+    steady = next((axis.stationarity for axis in axes.values()
+                   if axis.stationarity is not None), None)
+    for segment in steady.segments[1:] if steady else ():
+        panel.parts.append(panel.upright(segment.start_s / scale, 'segment', 'next segment'))
+
+
+def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
+    """
+    Draw the noise density of every part of the record with its interval.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+
+    Returns
+    -------
+    Chart or None
+        None where no part is known.
+
+    """
+    known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
+        segment.noise_density for segment in axis.stationarity.segments)}
+    if not known:
+        return None
+    unit = next(iter(known.values())).coefficients['noise_density'].unit
+    factor, shown = engineering(1.0, unit)
+    rows = {name: [(s.start_s + s.duration_s / 2, s.noise_density * factor,
+                    s.ci95[0] * factor, s.ci95[1] * factor)
+                   for s in axis.stationarity.segments
+                   if s.noise_density is not None and s.ci95 is not None]
+            if axis.stationarity is not None else [] for name, axis in known.items()}
+    scale, units = curves.time_unit(max(
+        s.start_s + s.duration_s for axis in known.values()
+        for s in (axis.stationarity.segments if axis.stationarity else ())))
+    ends = max(s.start_s + s.duration_s for axis in known.values()
+               for s in (axis.stationarity.segments if axis.stationarity else ())) / scale
+    values = [v for points in rows.values() for point in points for v in point[1:]]
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(box_of(drawing, narrow), (0, ends, False),
+                              padded(min(values), max(values)))
+        panel.frame(f'time [{units}]', f'N of each segment [{typeset(shown)}]',
+                    None if narrow else (1 / factor, f'[{typeset(unit)}]'), most_y=6)
+        inside = []
+        for place, (name, points) in enumerate(rows.items()):
+            apart = (place - 1) * ends * 0.008
+            parts = [panel.line([at / scale + apart] * 2, [low, high], 'whisker')
+                     for at, _, low, high in points]
+            parts.append(panel.points(
+                [p[0] / scale + apart for p in points], [p[1] for p in points], shape_of(name[-1]),
+                [f'{name[-1]} axis, segment {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
+                 for number_, p in enumerate(points, 1)], [False] * len(points)))
+            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+        drawing.add(panel, inside)
+
+    return sensor_chart(sensor, 'segments', 'by segment', 'noise density of each segment',
+                        'The noise density of equal segments of the recording, each by itself, '
+                        'with its 95 % interval.', (260, 260), draw, known)
+
+
+def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
+    """
+    Draw the power spectral density, measured and fitted, and the lines left out.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    timeline : Timeline
+        Of the same result.
+
+    Returns
+    -------
+    Chart or None
+        None where neither a spectrum nor a model is known.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if axis.spectrum is not None or curves.coefficients_of(axis)}
+    rate = timeline.sample_rate_hz
+    if not known or rate is None or timeline.duration_s <= 0:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    low, high = curves.density_limits(known.values(), timeline)
+    lowest = min(1 / timeline.duration_s, rate / 4)
+    frequency = np.geomspace(lowest, rate / 2, 160)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(box_of(drawing, narrow), (lowest / 1.2, rate / 2 * 1.2, True),
+                              (low * factor**2, high * factor**2, True))
+        for name, axis in known.items():
+            if axis.band_edge_hz is not None:
+                panel.parts.append(group(name[-1], 'detail', [panel.span(
+                    axis.band_edge_hz, rate / 2, 'beyond-band',
+                    f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')]))
+            # The strongest: of more the labels hide each other.
+            for tone in axis.tones[:12]:
+                amount = number(tone.amplitude * factor, 3)
+                panel.parts.append(group(name[-1], 'detail', [panel.upright(
+                    tone.frequency_hz, 'tone',
+                    f'{name[-1]} axis: line at {tone.frequency_hz:.4g} Hz, {amount} '
+                    f'{typeset(shown)}, left out of the fit')]))
+        panel.frame('frequency [Hz]',
+                    f'power spectral density, two-sided [({typeset(shown)})²/Hz]',
+                    None if narrow else (factor**-2, f'[({typeset(unit)})²/Hz]'))
+        inside = []
+        for name, axis in known.items():
+            if axis.spectrum is not None:
+                at, power = curves.in_bands(axis.spectrum)
+                inside.append(group(name[-1], f'axis-{name[-1]}', [
+                    panel.line(at, power * factor**2, 'measured')]))
+        for name, axis in known.items():
+            model = curves.model_density(axis, frequency, rate) * factor**2
+            inside.append(group(name[-1], f'axis-{name[-1]}', [
+                panel.line(frequency, np.where(model > 0, model, np.nan), 'curve model')]))
+        drawing.add(panel, inside)
+
+    shaded = any(axis.band_edge_hz is not None for axis in known.values())
+    return sensor_chart(
+        sensor, 'psd', 'power spectral density', 'power spectral density against frequency',
+        'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, low-pass '
+        'included; white noise of density N stands at N². Upright: lines that were left out of '
+        'the fit.' + (' Shaded: frequencies that were left out.' if shaded else ''), (400, 320),
+        draw, known, worst_axis(known))
+
+
+def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
+                tunings: Mapping[str, FilterTuning]) -> Chart | None:
+    """
+    Draw unaided drift over time: of the model, predicted by the filter, and observed.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    tunings : mapping of name to FilterTuning
+        What is expected of a filter, and what it predicts.
+
+    Returns
+    -------
+    Chart or None
+        None where nothing is known.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if name in tunings or (axis.backtest is not None and axis.backtest.coast)}
+    if not known:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    horizons, values = [], []
+    for name, axis in known.items():
+        if name in tunings:
+            horizons += [row[0] for row in tunings[name].consistency]
+            values += [v for row in tunings[name].consistency for v in row[1:]]
+        for row in axis.backtest.coast if axis.backtest else ():
+            horizons.append(row.horizon_s)
+            values += [row.predicted_sigma, row.observed_rms]
+        values += [end for band in bands_of(axis) for end in band]
+    values = [value for value in values if value > 0]
+    if not values:
+        return None
+    ends = min(horizons) / 1.4, max(horizons) * 1.4
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
+                              (min(values) * factor / 1.7, max(values) * factor * 1.7, True))
+        panel.frame('unaided time [s]', f'error of the mean {SAMPLES[sensor]} over it '
+                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        inside = []
+        for name, axis in known.items():
+            parts = []
+            if name in tunings:
+                h, expected, by_filter = np.array(tunings[name].consistency).T
+                parts += [panel.line(h, expected * factor, 'curve'),
+                          panel.line(h, by_filter * factor, 'by-filter')]
+            if axis.backtest is not None:
+                coast = axis.backtest.coast
+                if coast:
+                    low, high = np.array(bands_of(axis)).T * factor
+                    parts.insert(0, panel.band([c.horizon_s for c in coast], low, high,
+                                               'expected'))
+                parts.append(panel.line([c.horizon_s for c in coast],
+                                        [c.predicted_sigma * factor for c in coast], 'predicted'))
+                parts.append(panel.points(
+                    [c.horizon_s for c in coast], [c.observed_rms * factor for c in coast],
+                    shape_of(name[-1]), [
+                        f'{name[-1]} axis, after {duration(c.horizon_s)}: predicted '
+                        f'{number(c.predicted_sigma * factor, 3)}, observed '
+                        f'{number(c.observed_rms * factor, 3)} {typeset(shown)}'
+                        for c in coast], [False] * len(coast)))
+            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+        drawing.add(panel, inside)
+
+    tested = any(axis.backtest is not None for axis in known.values())
+    return sensor_chart(
+        sensor, 'drift', 'unaided drift', 'predicted and observed drift',
+        'Line: what a filter with the tuned numbers gets wrong, as the drift model has it. '
+        'Dashed: what that filter predicts.' + (
+            ' Points: what happened in the part of the recording that the model was not fitted '
+            'to; dotted: what it predicted for them; shade: where 95 % of the points should lie.'
+            if tested else ''), (340, 300), draw, known)

@@ -1,0 +1,270 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A fleet as it is written: terminal's table, JSON, CSV, and an HTML page without script."""
+
+from collections.abc import Iterator
+import csv
+from dataclasses import asdict
+import io
+import json
+import os
+from pathlib import Path
+import re
+from typing import Any, TYPE_CHECKING
+from urllib.parse import quote
+
+from imu_allan.errors import printable
+from imu_allan.fleet.population import MEAN, TOLERANCE_CONFIDENCE, TOLERANCE_SHARE, Trait
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Result
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.version import __version__
+from imu_allan.wording import bounded, duration, rounded, spoken
+from imu_allan.writers.answer import worst_of
+from imu_allan.writers.atomic import write_in
+from imu_allan.writers.curves import axes_of
+from imu_allan.writers.figure_style import DARK
+from imu_allan.writers.fleet.figure import curves_figure, units_figure
+from imu_allan.writers.fleet.findings import Fleet, quantity_name
+from imu_allan.writers.output_path import turn_in
+from imu_allan.writers.pages import filled, text_of
+from imu_allan.writers.plot import render
+from imu_allan.writers.terminal import bare_table
+from imu_allan.writers.verdict import findings_line
+from imu_allan.writers.words import presented
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+SCHEMA = 'imu_allan.fleet/1'
+_COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
+            ('accel', 'bias_instability'))
+"""Worst-axis coefficients in the table of units."""
+
+
+def population_table(fleet: Fleet) -> 'RenderableType':
+    """Lay a fleet out for a terminal."""
+    from rich.console import Group
+    from rich.text import Text
+
+    parts: list[RenderableType] = []
+    if fleet.population.traits:
+        table = bare_table('axis', 'term', 'unit', 'median', '5 .. 95 %', 'spread', 'error',
+                           '95/95', 'shown by', texts=3)
+        for trait in fleet.population.traits:
+            table.add_row(*cells(trait))
+        parts += [Text(f'{len(fleet.results)} units', 'bold'), table, Text(
+            '5 .. 95 %: where nine in ten units lie; spread: between units, measurement error '
+            'apart, or its 95 % upper limit where none shows; 95/95: 95 % of all such units keep '
+            'it, with 95 % confidence, where enough units are known', 'dim')]
+    if fleet.unseen:
+        parts.append(Text(fleet.unseen, style='italic'))
+    for unit in fleet.population.odd_units:
+        text = Text(f'{printable(unit)}: ', style='bold yellow')
+        text.append('; '.join(fleet.grouped_reasons(unit)), style='not bold')
+        parts.append(text)
+    for failure in fleet.failures:
+        text = Text(f'{printable(failure.unit)}: ', style='bold red')
+        text.append(printable(failure.reason), style='not bold')
+        parts.append(text)
+    return Group(*parts)
+
+
+def cells(trait: Trait) -> tuple[str, ...]:
+    """Return a trait as a row of the table, in the units of datasheets."""
+    def shown(value: float) -> str:
+        return rounded(engineering(value, trait.unit)[0])
+
+    symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
+    return (spoken(trait.axis), symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
+            ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
+            shown(trait.between) if trait.between else
+            bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
+            shown(trait.measurement),
+            '' if trait.tolerance is None else shown(trait.tolerance),
+            f'{trait.observable} of {trait.units}')
+
+
+def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
+    """
+    Return the page of a fleet.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        What to report.
+    title : str, optional
+        Of the page.
+
+    Returns
+    -------
+    str
+        An HTML document that loads nothing, pictures included.
+
+    """
+    from markupsafe import Markup
+
+    population = fleet.population
+    return filled(
+        'fleet.html', version=__version__, title=printable(title),
+        style=Markup(f'{text_of("report.css")}{_both_colours()}'),
+        facts=_facts(fleet),
+        fleet=fleet, reasons=_reasons, link=_link, worst=_worst, findings=findings_line,
+        pictures=[(name, Markup(_svg(figure, place))) for place, (name, figure) in enumerate((
+            ('Allan deviation of every unit', curves_figure(fleet)),
+            ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
+        traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
+                for trait in population.traits],
+        columns=_COLUMNS)
+
+
+def _facts(fleet: Fleet) -> list[str]:
+    lengths = [result.timeline.duration_s for result in fleet.results.values()]
+    facts = [f'{len(fleet.results)} units']
+    if lengths:
+        shortest, longest = duration(min(lengths)), duration(max(lengths))
+        facts.append(shortest if shortest == longest else f'{shortest} to {longest} each')
+    odd, failed = len(fleet.population.odd_units), len(fleet.failures)
+    facts.append('no outlier' if not odd else f'{odd} outlier{"s" if odd > 1 else ""}')
+    if failed:
+        facts.append(f'{failed} not counted')
+    return facts
+
+
+def _svg(figure: Any, place: int) -> str:
+    """Give the figure as an element of the page, its identifiers apart from the others'."""
+    text = render(figure, 'svg').decode()
+    text = text[text.index('<svg'):]
+    text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
+    for colour in DARK:
+        text = text.replace(colour, f'var(--c{colour[1:]})')
+    return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
+
+
+def _both_colours() -> str:
+    """Return the style by which pictures are dark where the page is."""
+    light, dark = (' '.join(f'--c{colour[1:]}: {shown};' for colour, shown in pairs)
+                   for pairs in (zip(DARK, DARK, strict=True), DARK.items()))
+    return (f':root {{ {light} }}\n'
+            f'@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}')
+
+
+def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
+    return (*row[:2], typeset(row[2]), *(cell.replace(' .. ', ' – ') for cell in row[3:]))
+
+
+def _reasons(fleet: Fleet, unit: str) -> list[str]:
+    return [typeset(sentence) for sentence in fleet.grouped_reasons(unit)]
+
+
+def _worst(result: Result, sensor: str, key: str) -> str:
+    """Largest value of the axes, or the largest bound where none shows one."""
+    axes = axes_of(result, sensor)
+    worst = worst_of(axes, key)
+    if worst is None:
+        return ''
+    found = axes[worst].coefficients[key]
+    reported = rounded if found.value is not None else bounded
+    return reported(engineering(found.value or found.upper95 or 0.0, found.unit)[0])
+
+
+def _link(fleet: Fleet, unit: str) -> str | None:
+    folder = fleet.folders.get(unit)
+    return None if folder is None else f'{quote(folder)}/report.html'
+
+
+def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
+    """
+    Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        What to write.
+    folder : path
+        Made where it is missing.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    ImuAllanError
+        If a file cannot be written.
+
+    """
+    with turn_in(folder):
+        return [write_in(folder, name, writer(fleet).encode()) for name, writer in (
+            ('fleet.json', fleet_json), ('fleet.csv', fleet_csv), ('fleet.html', fleet_html))]
+
+
+def fleet_json(fleet: Fleet) -> str:
+    """
+    Return the fleet as JSON text of the schema ``imu_allan.fleet/1``.
+
+    Units in natural order with verdict and reasons, the traits of the population in SI units, and
+    the recordings of which nothing came.
+    """
+    population = fleet.population
+    odd = set(population.odd_units)
+    document: dict[str, Any] = {
+        'schema': SCHEMA, 'imu_allan_version': __version__,
+        'units': [{
+            'name': unit, 'serial': fleet.serial(unit),
+            'path': fleet.results[unit].source.path, 'folder': fleet.folders.get(unit),
+            'duration_s': fleet.results[unit].timeline.duration_s, 'odd': unit in odd,
+            'reasons': fleet.reasons(unit),
+            'findings': [found.code for found in presented(
+                fleet.results[unit].warnings)]} for unit in population.units],
+        'traits': [{**asdict(trait), 'percentiles': {
+            str(percent): value for percent, value in trait.percentiles.items()}}
+            for trait in population.traits],
+        'tolerance': {'share': TOLERANCE_SHARE, 'confidence': TOLERANCE_CONFIDENCE},
+        'failures': [asdict(failure) for failure in fleet.failures]}
+    return json.dumps(document, indent=2, allow_nan=False) + '\n'
+
+
+def fleet_csv(fleet: Fleet) -> str:
+    """Return the fleet as CSV text: a row a unit, every coefficient with its interval, SI."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(['unit', 'serial', 'path', 'verdict', 'reasons', 'duration_s',
+                     'sample_rate_hz', *(f'{axis}.{name}' for axis in AXES for name in (
+                         'mean', *(f'{key}{part}' for key in TERMS for part in (
+                             '', '.low95', '.high95', '.upper95'))))])
+    for unit in fleet.population.units:
+        writer.writerow(list(_row(fleet, unit)))
+    for failure in fleet.failures:
+        writer.writerow([_text(failure.unit), '', _text(failure.path), 'failed',
+                         _text(failure.reason)])
+    return text.getvalue()
+
+
+def _row(fleet: Fleet, unit: str) -> Iterator[str]:
+    result = fleet.results[unit]
+    reasons = fleet.reasons(unit)
+    yield from (_text(unit), _text(fleet.serial(unit) or ''), _text(result.source.path or ''),
+                'odd' if reasons else 'ok', '; '.join(reasons))
+    yield _number(result.timeline.duration_s)
+    yield _number(result.timeline.sample_rate_hz)
+    for name in AXES:
+        axis = result.axes.get(name)
+        yield _number(None if axis is None else axis.mean)
+        for key in TERMS:
+            found = None if axis is None else axis.coefficients[key]
+            if found is None:
+                yield from ('', '', '', '')
+                continue
+            low, high = found.ci95 or (None, None)
+            yield from map(_number, (found.value, low, high, found.upper95))
+
+
+def _number(value: float | None) -> str:
+    return '' if value is None else repr(value)
+
+
+def _text(text: str) -> str:
+    # A spreadsheet takes what begins so for a formula, and names come from folders of strangers.
+    return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
