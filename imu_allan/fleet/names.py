@@ -12,21 +12,8 @@ def name_pattern(text: str) -> 'str | re.Pattern[str]':
     """
     Read what names are made of.
 
-    Parameters
-    ----------
-    text : str
-        ``folder``, ``file``, or a regular expression whose first group (or all of it, where it
-        has none) is the name.
-
-    Returns
-    -------
-    str or re.Pattern
-
-    Raises
-    ------
-    ImuAllanError
-        If the expression is not one.
-
+    ``folder``, ``file``, or a regular expression whose first group (or all of it, where it has
+    none) is the name.
     """
     if text in ('folder', 'file'):
         return text
@@ -41,19 +28,8 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
     """
     Name a unit after its recording.
 
-    Parameters
-    ----------
-    path : str
-        The recording.
-    source : str or re.Pattern, optional
-        From `name_pattern`: the recording's own name, that of the folder it lies in, or what a
-        regular expression finds in the path.
-
-    Raises
-    ------
-    ImuAllanError
-        If the expression finds nothing in the path.
-
+    After its own name, that of the folder it lies in, or what a regular expression finds in the
+    path, as `name_pattern` read it.
     """
     if isinstance(source, re.Pattern):
         found = source.search(path)

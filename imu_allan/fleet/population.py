@@ -136,15 +136,7 @@ def population(results: Mapping[str, Result]) -> Population:
     """
     Describe a fleet.
 
-    Parameters
-    ----------
-    results : mapping of unit name to Result
-        What was found of each unit.
-
-    Returns
-    -------
-    Population
-        Of quantities that at least three units show.
+    Of quantities that at least three units show.
 
     Examples
     --------

@@ -179,21 +179,7 @@ def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
     """
     Return a mean and its 95 % interval, which the fitted terms give it, as text.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose mean; one that shows no term has no interval, and four digits.
-    mean : float
-        Over all of the record or a part of it, in the unit of a sample.
-    duration_s : float
-        Of the record or the part.
-    unit : str
-        To write it in.
-
-    Returns
-    -------
-    value, low, high : str
-
+    An axis that shows no term has no interval, and four digits. `mean` is in the unit of a sample.
     """
     half = NORMAL95 * error_of_mean(axis, duration_s)
     return wording.measured(*(convert(value, axis.unit, unit)

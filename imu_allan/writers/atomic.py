@@ -53,18 +53,7 @@ def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
     """
     Refuse a file that is there and is of another kind, before the work for it begins.
 
-    Parameters
-    ----------
-    path : path
-        Where something is to be written; links are followed.
-    kind : str
-        What, as `kind_of` says it.
-
-    Raises
-    ------
-    ImuAllanError
-        If what is there is something else. What is empty may be replaced.
-
+    `kind` is as `kind_of` says it; links are followed, and what is empty may be replaced.
     """
     if _is_stream(path):
         return
@@ -77,18 +66,7 @@ def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, s
     """
     Refuse what `write_in` would refuse, before the work for it begins.
 
-    Parameters
-    ----------
-    folder : path
-        The output folder, which need not be there.
-    kinds : mapping of str to str
-        What is to be written, by the name of the file.
-
-    Raises
-    ------
-    ImuAllanError
-        As `require_replaceable` and `write_in`.
-
+    `kinds` are by the name of the file in the folder, which need not be there.
     """
     for name, kind in kinds.items():
         _require_no_link(Path(folder) / name)
@@ -100,12 +78,6 @@ def write_in(folder: str | os.PathLike[str], name: str, data: bytes) -> Path:
     Write a file into an output folder, as `write_atomically`, and return its path.
 
     Who gave the folder did not name the file: a link in its place is not followed.
-
-    Raises
-    ------
-    ImuAllanError
-        As `write_atomically`, and if there is a link of that name.
-
     """
     path = Path(folder) / name
     _require_no_link(path)
@@ -122,23 +94,8 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
     symbolic link is followed, but for one that somebody else put into a folder that everybody may
     write to; the permissions of a file that is replaced are kept. A file of another kind than
     `data` is not replaced, for it may be the user's. What is no regular file, such as
-    ``/dev/stdout`` or a pipe, is written to and stays what it is.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    data : bytes
-        Its new content.
-    private : bool, optional
-        Whether nobody else may read the file; otherwise that is for the umask to say.
-
-    Raises
-    ------
-    ImuAllanError
-        If the file cannot be written, or is there and of another kind; the message names it and
-        the reason.
-
+    ``/dev/stdout`` or a pipe, is written to and stays what it is. With `private` nobody else may
+    read the file; otherwise that is for the umask to say.
     """
     try:
         if _is_stream(path):

@@ -101,20 +101,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     """
     Draw the Allan deviation with the model, where its points should fall, and its terms.
 
-    Parameters
-    ----------
-    sensor : str
-        'gyro' or 'accel'.
-    axes : mapping of name to AxisResult
-        Of the sensor.
-    timeline : Timeline
-        Of the same result.
-
-    Returns
-    -------
-    Chart or None
-        None where no axis has a curve above zero.
-
+    None where no axis has a curve above zero.
     """
     known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
     if not known:
@@ -222,18 +209,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
     """
     Draw the Allan deviation of one axis of every result.
 
-    Parameters
-    ----------
-    results : mapping of name to Result
-        What is compared.
-    axis : str
-        Its name, as in `Result.axes`.
-
-    Returns
-    -------
-    Chart or None
-        None where no result has the axis.
-
+    None where no result has the axis.
     """
     known = {str(place): (name, result.axes[axis], result.timeline)
              for place, (name, result) in enumerate(results.items())
@@ -274,20 +250,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     """
     Draw the wandering of the mean of every axis, and below it lowest and highest samples.
 
-    Parameters
-    ----------
-    result : Result
-        What the axes are from.
-    sensor : str
-        'gyro' or 'accel'.
-    axes : mapping of name to AxisResult
-        Of the sensor.
-
-    Returns
-    -------
-    Chart or None
-        None where the result does not have the signal.
-
+    None where the result does not have the signal.
     """
     known = {name: axis for name, axis in axes.items()
              if axis.signal is not None and axis.signal.mean and not axis.constant}
@@ -388,18 +351,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     """
     Draw the noise density of every part of the record with its interval.
 
-    Parameters
-    ----------
-    sensor : str
-        'gyro' or 'accel'.
-    axes : mapping of name to AxisResult
-        Of the sensor.
-
-    Returns
-    -------
-    Chart or None
-        None where no part is known.
-
+    None where no part is known.
     """
     known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
         segment.noise_density for segment in axis.stationarity.segments)}
@@ -407,16 +359,15 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
         return None
     unit = next(iter(known.values())).coefficients['noise_density'].unit
     factor, shown = engineering(1.0, unit)
+    segments = {name: axis.stationarity.segments for name, axis in known.items()
+                if axis.stationarity is not None}
     rows = {name: [(s.start_s + s.duration_s / 2, s.noise_density * factor,
                     s.ci95[0] * factor, s.ci95[1] * factor)
-                   for s in axis.stationarity.segments
-                   if s.noise_density is not None and s.ci95 is not None]
-            if axis.stationarity is not None else [] for name, axis in known.items()}
-    scale, units = curves.time_unit(max(
-        s.start_s + s.duration_s for axis in known.values()
-        for s in (axis.stationarity.segments if axis.stationarity else ())))
-    ends = max(s.start_s + s.duration_s for axis in known.values()
-               for s in (axis.stationarity.segments if axis.stationarity else ())) / scale
+                   for s in own if s.noise_density is not None and s.ci95 is not None]
+            for name, own in segments.items()}
+    length = max(s.start_s + s.duration_s for own in segments.values() for s in own)
+    scale, units = curves.time_unit(length)
+    ends = length / scale
     values = [v for points in rows.values() for point in points for v in point[1:]]
 
     def draw(drawing: Drawing, narrow: bool) -> None:
@@ -445,20 +396,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
     """
     Draw the power spectral density, measured and fitted, and the lines left out.
 
-    Parameters
-    ----------
-    sensor : str
-        'gyro' or 'accel'.
-    axes : mapping of name to AxisResult
-        Of the sensor.
-    timeline : Timeline
-        Of the same result.
-
-    Returns
-    -------
-    Chart or None
-        None where neither a spectrum nor a model is known.
-
+    None where neither a spectrum nor a model is known.
     """
     known = {name: axis for name, axis in axes.items()
              if axis.spectrum is not None or curves.coefficients_of(axis)}
@@ -515,20 +453,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     """
     Draw unaided drift over time: of the model, predicted by the filter, and observed.
 
-    Parameters
-    ----------
-    sensor : str
-        'gyro' or 'accel'.
-    axes : mapping of name to AxisResult
-        Of the sensor.
-    tunings : mapping of name to FilterTuning
-        What is expected of a filter, and what it predicts.
-
-    Returns
-    -------
-    Chart or None
-        None where nothing is known.
-
+    `tunings` say what is expected of a filter, and what it predicts. None where nothing is known.
     """
     known = {name: axis for name, axis in axes.items()
              if name in tunings or (axis.backtest is not None and axis.backtest.coast)}

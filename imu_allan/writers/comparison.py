@@ -68,11 +68,7 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     """
     Return a short name for each file, all different.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Result files; files of one name are distinguished by their folders.
-
+    Files of one name are distinguished by their folders.
     """
     for parts in range(1, 1 + max(len(path.parts) for path in paths)):
         names = ['/'.join(path.with_suffix('').parts[-parts:]) for path in paths]
@@ -88,21 +84,8 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     """
     Compare every result with the first.
 
-    Parameters
-    ----------
-    results : mapping of name to Result
-        At least two.
-
-    Returns
-    -------
-    list of Difference
-        By axis, term and result; terms that neither shows are left out.
-
-    Raises
-    ------
-    ImuAllanError
-        If there are fewer than two results, or no axis is in all of them.
-
+    By axis, term and result; terms that neither shows are left out. ImuAllanError if there are
+    fewer than two results, or no axis is in all of them.
     """
     if len(results) < 2:
         raise ImuAllanError('a comparison needs at least two results')
@@ -129,16 +112,7 @@ def verdicts(differences: Sequence[Difference]) -> list[str]:
     """
     Say in sentences what differs by more than the intervals, all axes of a sensor together.
 
-    Parameters
-    ----------
-    differences : sequence of Difference
-        From `compare`.
-
-    Returns
-    -------
-    list of str
-        One for each result, sensor and term that differs; one that says so where nothing does.
-
+    One for each result, sensor and term that differs; one that says so where nothing does.
     """
     known = [one for one in differences if one.in_intervals is not None]
     said = []
@@ -176,19 +150,7 @@ def _span(values: Sequence[float]) -> str:
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':
-    """
-    Lay the differences out for a terminal.
-
-    Parameters
-    ----------
-    differences : sequence of Difference
-        From `compare`.
-
-    Returns
-    -------
-    rich.table.Table
-
-    """
+    """Lay the differences out for a terminal."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -226,19 +188,7 @@ def shown(coefficient: Coefficient) -> str:
 
 
 def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
-    """
-    Draw the Allan deviation of every result, a panel for each axis.
-
-    Parameters
-    ----------
-    results : mapping of name to Result
-        What to draw.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    """
+    """Draw the Allan deviation of every result, a panel for each axis."""
     drawn = {axis: [result.axes[axis] for result in results.values() if axis in result.axes]
              for axis in AXES}
     drawn = {axis: found for axis, found in drawn.items() if found}

@@ -157,11 +157,7 @@ def consumer_called(text: str) -> str:
     """
     Return the name of a consumer for what a user calls it, in capitals or not.
 
-    Raises
-    ------
-    KeyError
-        If none is called so; the message says where all are named, and which are near.
-
+    KeyError if none is called so; it says where all are named, and which are near.
     """
     name = '_'.join(text.casefold().replace('-', ' ').replace('_', ' ').split())
     found = name if name in CONSUMERS else _ALIASES.get(name)

@@ -75,17 +75,7 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     """
     Return the Allan deviation of the model between the averaging times, too.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose model it is.
-    timeline : Timeline
-        Gives the sample rate; without one the averaging times of the curve have to do.
-
-    Returns
-    -------
-    ModelCurve
-
+    Without a sample rate the averaging times of the curve have to do.
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
@@ -129,23 +119,9 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
     """
     Two-sided power spectral density of the samples under the fitted model.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose model.
-    frequency_hz : ndarray, shape (n,)
-        Above zero, up to half of `sample_rate_hz`.
-    sample_rate_hz : float
-        Of the samples.
-    coefficients : mapping of term key to float, optional
-        These terms alone (SI) instead of the fitted ones.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In squared sample units per Hz; NaN above the band that was fitted, of which the model
-        says nothing, and of an axis that has none. The ramp is deterministic and has no spectrum.
-
+    In squared sample units per Hz, of the samples; of the terms in `coefficients` (SI) alone where
+    they are given. NaN above the band that was fitted, of which the model says nothing, and of an
+    axis that has none. The ramp is deterministic and has no spectrum.
     """
     if coefficients is not None:
         return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
@@ -161,16 +137,6 @@ def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
 
     The lowest frequencies come one by one, where a single bin may be a hundred times too high or
     too low; a band is no wider than `_BAND` octaves, and a bin that is wider stays by itself.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of one axis.
-
-    Returns
-    -------
-    frequency_hz, psd : ndarray, shape (n,)
-
     """
     frequency, power = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
     if not len(frequency):
@@ -192,19 +158,8 @@ def reading_point(term: Term, axis: AxisResult, tau: Array,
     """
     Return the averaging time at which a coefficient is read off its line.
 
-    That of the bias instability is in the middle of where the model is lowest.
-
-    Parameters
-    ----------
-    term : Term
-        Whose coefficient.
-    axis : AxisResult
-        Whose model.
-    tau : ndarray, shape (n,)
-        Averaging times to choose from.
-    truth : mapping of term key to float, optional
-        The model instead (SI).
-
+    That of the bias instability is in the middle of where the model is lowest. `tau` holds the
+    averaging times to choose from, `truth` a model (SI) instead of that of the axis.
     """
     if term.read_at is not None:
         return term.read_at
@@ -228,13 +183,7 @@ def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
     """
     Return a coefficient as text: value and both ends of its interval, its bound alone, or nothing.
 
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Of an axis of a result.
-    si : bool, optional
-        In its SI unit; in that of datasheets by default.
-
+    In the unit of datasheets, or with `si` in that of the result.
     """
     scale = 1.0 if si else engineering(1.0, coefficient.unit)[0]
     if coefficient.value is not None and coefficient.ci95 is not None:
@@ -303,17 +252,8 @@ def wander(axis: AxisResult) -> tuple[Array, Array]:
     """
     Return how the mean of an axis wandered: that of each stretch less that of all.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose signal.
-
-    Returns
-    -------
-    time_s, mean : ndarray, shape (n,)
-        Middle of each stretch, and in the unit of a sample; NaN where there were no samples, and
-        nothing where the result does not have the signal.
-
+    Time in the middle of each stretch in seconds, and the mean in the unit of a sample: NaN where
+    there were no samples, and nothing where the result does not have the signal.
     """
     if axis.signal is None:
         return np.zeros(0), np.zeros(0)
@@ -328,18 +268,8 @@ def marked(mean: Array, place: int) -> NDArray[np.intp]:
     """
     Choose where the curve of a mean has the mark of its axis, for what colour does not tell.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (n,)
-        NaN where there is none.
-    place : int
-        Of the axis among those in the same picture: the marks of one lie between those of others.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Indices, m at most `_MARKED`.
-
+    Indices, `_MARKED` at most; `place` is that of the axis among those in the same picture: the
+    marks of one lie between those of others.
     """
     known = np.flatnonzero(np.isfinite(mean))
     if not len(known):
@@ -358,18 +288,8 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
     """
     Return the noise of an axis that none of the terms is.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose noise.
-    tau : ndarray, shape (n,)
-        Averaging times in seconds.
-
-    Returns
-    -------
-    list of (ndarray of shape (n,), int, list of str)
-        Allan deviation in the unit of a sample, the point at which to name it, and its name.
-
+    For each the Allan deviation at `tau` in the unit of a sample, the point at which to name it,
+    and its name.
     """
     found = []
     if (process := axis.gauss_markov) is not None:

@@ -48,33 +48,9 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     Write everything about one result.
 
     That is ``result.json``, ``curve.csv``, the configurations of `exports`, ``report.html`` and
-    ``allan_deviation.png``.
-
-    Parameters
-    ----------
-    result : Result
-        What to write.
-    folder : path
-        Made where it is missing.
-    exports : sequence of str, optional
-        Consumers whose configurations are written, too.
-    report : bool, optional
-        Without it the page is left out, which takes most of the time.
-    picture : bool, optional
-        Without it ``allan_deviation.png`` is left out.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written; what comes before it in the list above is written.
-    IncompleteSave
-        If a filter cannot be configured from this result; everything else is written.
-
+    ``allan_deviation.png``. Without `report` the page is left out, which takes most of the time.
+    Of an error, what comes before it in this list is written; IncompleteSave if a filter cannot be
+    configured from this result: everything else is written.
     """
     # The result first: it is what cannot be made again.
     folder = Path(folder)
@@ -99,29 +75,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
 
 def save_report(result: Result, folder: str | os.PathLike[str],
                 formats: Sequence[str] = FORMATS) -> list[Path]:
-    """
-    Write ``report.html``, ``allan_deviation.FORMAT`` and a sheet a sensor, ``gyro.FORMAT``.
-
-    Parameters
-    ----------
-    result : Result
-        What to write.
-    folder : path
-        Made where it is missing.
-    formats : sequence of 'png', 'svg', 'pdf'
-        Of the plots.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-
-    """
+    """Write ``report.html``, ``allan_deviation.FORMAT`` and a sheet a sensor, ``gyro.FORMAT``."""
     from imu_allan.writers.report import report_html
 
     folder = Path(folder)
@@ -135,57 +89,13 @@ def save_report(result: Result, folder: str | os.PathLike[str],
 
 def save_paper(result: Result, folder: str | os.PathLike[str], width_cm: float,
                formats: Sequence[str] = FORMATS) -> list[Path]:
-    """
-    Write ``allan_deviation_WIDTHcm.FORMAT``, made for a column of a paper.
-
-    Parameters
-    ----------
-    result : Result
-        What to write.
-    folder : path
-        Made where it is missing.
-    width_cm : float
-        Of the column.
-    formats : sequence of 'png', 'svg', 'pdf'
-        Of the figure.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written, or there is nothing to draw.
-
-    """
+    """Write ``allan_deviation_WIDTHcm.FORMAT``, made for a column of a paper."""
     figure = paper_figure(result, width_cm)
     return _save_plot(figure, Path(folder), f'allan_deviation_{width_cm:g}cm', formats, dpi=300)
 
 
 def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
-    """
-    Write ``imu_noise.tex`` and ``imu_noise.bib``.
-
-    Parameters
-    ----------
-    result : Result
-        What to write.
-    folder : path
-        Made where it is missing.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-
-    """
+    """Write ``imu_noise.tex`` and ``imu_noise.bib``."""
     from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
 
     return [write_in(folder, name, text.encode()) for name, text in (
@@ -204,26 +114,6 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
 
     More than seven, which is how many colours there are, are shown as a population: grey curves,
     median and band, and in colour the outliers.
-
-    Parameters
-    ----------
-    results : mapping of name to Result
-        What to compare, in order.
-    folder : path
-        Made where it is missing.
-    formats : sequence of 'png', 'svg', 'pdf'
-        Of the plot.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-
     """
     from imu_allan.writers.comparison import comparison_figure
     from imu_allan.writers.report import comparison_html

@@ -12,16 +12,7 @@ def included(axes: Mapping[str, AxisResult]) -> list[str]:
     """
     Say which courses of the mean are part of numbers from the drift model, and the remedy.
 
-    Parameters
-    ----------
-    axes : mapping of axis name to AxisResult
-        Those without a drift model are passed over.
-
-    Returns
-    -------
-    list of str
-        A sentence for each course; empty where nothing moves the mean.
-
+    A sentence for each course; empty where nothing moves the mean.
     """
     trends = {name: axis.trend for name, axis in axes.items()
               if axis.drift_model is not None and axis.trend is not None}

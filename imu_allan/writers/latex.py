@@ -27,11 +27,6 @@ def escaped(text: str) -> str:
     r"""
     Return text that LaTeX prints as it stands.
 
-    Parameters
-    ----------
-    text : str
-        As it is to be read.
-
     Examples
     --------
     >>> print(escaped('imu_link 5 %'))
@@ -45,16 +40,7 @@ def noise_table(result: Result) -> str:
     r"""
     Return the coefficients as a table (packages booktabs) and a paragraph on how they were found.
 
-    Parameters
-    ----------
-    result : Result
-        Whose coefficients they are.
-
-    Returns
-    -------
-    str
-        LaTeX, to be brought in with ``\input``; `BIBLIOGRAPHY` has what it cites.
-
+    To be brought in with ``\input``; `BIBLIOGRAPHY` has what it cites.
     """
     lines = ['% Needs \\usepackage{booktabs}; the references are in imu_noise.bib.',
              '\\begin{table}', '  \\centering', '  \\caption{Noise coefficients with their '

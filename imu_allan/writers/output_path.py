@@ -33,12 +33,8 @@ def followed(path: str | os.PathLike[str]) -> Path:
     """
     Return the absolute path without symbolic links, as ``os.path.realpath``.
 
-    Raises
-    ------
-    OSError
-        If a link on the way lies in a folder that everybody may write to, or below one, and is
-        neither of this user nor of root.
-
+    OSError if a link on the way lies in a folder that everybody may write to, or below one, and is
+    neither of this user nor of root.
     """
     if os.name != 'posix':
         return Path(os.path.realpath(path))
@@ -76,13 +72,8 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
     """
     Refuse a folder that cannot be written to, before the work for it begins.
 
-    A folder that is missing is not made; a full disk is not found out.
-
-    Raises
-    ------
-    ImuAllanError
-        If it, or the nearest one above that exists, is no folder or may not be written to.
-
+    A folder that is missing is not made; a full disk is not found out. Where it is missing, the
+    nearest one above that exists has to be a folder that may be written to.
     """
     nearest = Path(os.path.abspath(folder))  # noqa: PTH100
     try:
@@ -103,21 +94,8 @@ def open_folder(path: Path) -> int:
     """
     Open a folder, made where it is missing, without following a link at any step.
 
-    Parameters
-    ----------
-    path : Path
-        What `followed` gave: absolute, without links.
-
-    Returns
-    -------
-    int
-        Descriptor, for ``dir_fd``.
-
-    Raises
-    ------
-    OSError
-        If a step is none, may not be made or passed, or has become a link since.
-
+    `path` is absolute, without links, as of `followed`. The descriptor is for ``dir_fd``. OSError
+    if a step is none, may not be made or passed, or has become a link since.
     """
     handle = os.open('/', _STEP | _ONLY_PASSED)
     try:
@@ -143,16 +121,8 @@ def open_to_lock(folder: str | os.PathLike[str]) -> int:
     """
     Open a folder to be locked, made where it is missing, through no link of another user.
 
-    Returns
-    -------
-    int
-        Descriptor, which can be locked and listed.
-
-    Raises
-    ------
-    OSError
-        As `followed` and `open_folder`, or if it may not be read.
-
+    The descriptor can be locked and listed. OSError as `followed` and `open_folder`, or if it may
+    not be read.
     """
     passed = open_folder(followed(folder))
     try:
@@ -167,13 +137,8 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
     Wait until no other process writes to a folder, and keep the others waiting meanwhile.
 
     The lock is on the folder itself: it leaves no file and ends with the process. Where the file
-    system has no locks, nobody waits. The folder is made where it is missing.
-
-    Raises
-    ------
-    ImuAllanError
-        If another process keeps it for longer than `PATIENCE_S`.
-
+    system has no locks, nobody waits. The folder is made where it is missing. ImuAllanError if
+    another process keeps it for longer than `PATIENCE_S`.
     """
     try:
         # Not there on Windows.

@@ -43,21 +43,10 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     """
     Draw the Allan deviation and the fitted model.
 
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        Where to draw, with its limits set.
-    axis : AxisResult
-        Whose deviation. Points of few degrees of freedom are hollow; an arrow stands where one
-        lies beyond the limits.
-    colour, marker : str
-        Of the axis.
-    timeline : Timeline, optional
-        With the sample rate: the model is drawn on a fine grid, and shaded where 95 % of the
-        points should fall if it is right. Without, with the intervals of the points.
-    dashes : optional
-        Line style of the model, as matplotlib takes it.
-
+    In a panel with its limits set. Points of few degrees of freedom are hollow; an arrow stands
+    where one lies beyond the limits. With the sample rate of `timeline` the model is drawn on a
+    fine grid, and shaded where 95 % of the points should fall if it is right; without, with the
+    intervals of the points.
     """
     curve = axis.curve
     tau, adev = np.array(curve.tau_s), np.array(curve.adev)
@@ -101,15 +90,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
     """
     Draw each observable term's own line, its slope, and a ring where its coefficient is read.
 
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        With its limits set.
-    axis : AxisResult
-        Whose terms.
-    truth : mapping of term key to float, optional
-        Draw these coefficients (SI) instead of the estimated ones.
-
+    In a panel with its limits set; `truth` (SI) instead of the estimated coefficients.
     """
     curve = axis.curve
     if not curve.tau_s:
@@ -191,21 +172,7 @@ def _draw_beside(panel: 'Axes', axis: AxisResult, tau: Array, other: tuple[Array
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:
-    """
-    Draw the two-sided power spectral density: measured where given, the model's, and the tones.
-
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        Where to draw.
-    axis : AxisResult
-        Whose density.
-    timeline : Timeline
-        Gives the sample rate and the lowest frequency.
-    colour : str
-        Colour of the axis.
-
-    """
+    """Draw the two-sided spectrum: measured where given, that of the model, and the tones."""
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
         return
@@ -248,17 +215,8 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
     """
     Draw how the means wandered over the recording, its gaps, and the motion that was left out.
 
-    The temperature beside the sensor, where it is known, has its scale on the right.
-
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        Where to draw; a strip without curves where no axis has the signal.
-    axes : mapping of name to AxisResult
-        Of one sensor.
-    result : Result
-        Whose axes they are.
-
+    The temperature beside the sensor, where it is known, has its scale on the right. A strip
+    without curves where no axis has the signal.
     """
     colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)

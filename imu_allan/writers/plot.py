@@ -68,16 +68,7 @@ def overview_figure(result: Result) -> 'Figure':
     """
     Draw the Allan deviation of every axis with intervals and fitted model, on one sheet.
 
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Gyroscope and accelerometer side by side, their coefficients above, the signal below.
-
+    Gyroscope and accelerometer side by side, their coefficients above, the signal below.
     """
     with plot_style():
         sensors = curves.sensors_of(result)
@@ -116,20 +107,8 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
 
     The Allan deviation stands with the fitted model and where 95 % of its points should fall, the
-    model's terms with their slopes, and a ring where each coefficient is read off.
-
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    sensor : 'gyro' or 'accel'
-        Which of the two.
-
-    Raises
-    ------
-    ImuAllanError
-        If the result has no axis of `sensor`.
-
+    model's terms with their slopes, and a ring where each coefficient is read off. ImuAllanError
+    if the result has no axis of `sensor`.
     """
     axes = curves.axes_of(result, sensor)
     if not axes:
@@ -162,24 +141,8 @@ def paper_figure(result: Result, width_cm: float) -> 'Figure':
     """
     Draw the Allan deviations for a column of a paper, which has its own caption.
 
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    width_cm : float
-        Width of the column; the sensors stand beside one another from 12 cm on, below one another
-        in less.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        No letter in it is smaller than 7 points in print.
-
-    Raises
-    ------
-    ImuAllanError
-        If no axis has an Allan deviation above zero.
-
+    The sensors stand beside one another from 12 cm on. No letter is smaller than 7 points in
+    print. ImuAllanError if no axis has an Allan deviation above zero.
     """
     drawn = {sensor: {name: axis for name, axis in curves.axes_of(result, sensor).items()
                       if any(axis.curve.adev)} for sensor in curves.sensors_of(result)}
@@ -207,19 +170,7 @@ def paper_figure(result: Result, width_cm: float) -> 'Figure':
 
 def render(figure: 'Figure', format: str = 'png',  # noqa: A002
            dpi: float = 150) -> bytes:
-    """
-    Return the file content of a figure.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        What to write.
-    format : 'png', 'svg' or 'pdf'
-        Kind of file.
-    dpi : float
-        Pixels per inch of a PNG.
-
-    """
+    """Return the file content of a figure."""
     content = io.BytesIO()
     # The same result gives the same bytes: no date inside, no random identifiers in the SVG.
     metadata = {'png': {'Software': None}, 'svg': {'Date': None},

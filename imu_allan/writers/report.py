@@ -53,20 +53,7 @@ _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
 
 
 def report_html(result: Result) -> str:
-    """
-    Return the report of one result.
-
-    Parameters
-    ----------
-    result : Result
-        What to report.
-
-    Returns
-    -------
-    str
-        An HTML document of a few hundred kilobytes, most of it pictures.
-
-    """
+    """Return the report of one result."""
     found = answers(result)
     remarks = [{'title': title_of(one), 'severity': one.severity,
                 'text': _typeset(message_of(one))} for one in presented(result.warnings)]
@@ -101,21 +88,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
     """
     Return the report that compares several results with the first of them.
 
-    Parameters
-    ----------
-    results : mapping of name to Result
-        At least two.
-
-    Returns
-    -------
-    str
-        An HTML document.
-
-    Raises
-    ------
-    ImuAllanError
-        If the results have nothing in common.
-
+    ImuAllanError if the results have nothing in common.
     """
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}

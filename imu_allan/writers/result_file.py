@@ -27,15 +27,7 @@ _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci9
 
 
 def save_result(result: schema.Result, path: str | os.PathLike[str]) -> None:
-    """
-    Write the result file (JSON).
-
-    Raises
-    ------
-    ImuAllanError
-        If `path` cannot be written.
-
-    """
+    """Write the result file (JSON)."""
     write_atomically(path, result.to_json().encode())
 
 
@@ -107,11 +99,7 @@ def curves_csv(result: schema.Result) -> str:
     """
     Allan deviation curves as CSV text, one row for each axis and averaging time.
 
-    Returns
-    -------
-    str
-        Header line, then rows in SI units and seconds; numbers read back exactly.
-
+    Header line, then rows in SI units and seconds; numbers read back exactly.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')

@@ -139,17 +139,8 @@ class Panel:
         """
         Draw grid, ticks and titles.
 
-        Parameters
-        ----------
-        x_title, y_title : str
-            Of the two axes; empty for none.
-        second : (float, str), optional
-            Factor from the values on the left to those on the right, and the title there.
-        x_labels : bool, optional
-            Whether the ticks below have their numbers.
-        most_y : int, optional
-            Most ticks on the left.
-
+        `second` holds the factor from the values on the left to those on the right, and the title
+        there.
         """
         left, right = sorted((self.x.start, self.x.end))
         top, bottom = sorted((self.y.start, self.y.end))
@@ -236,21 +227,7 @@ class Panel:
         """
         Return a text near a point, where it covers least, and a ring and a line to the point.
 
-        Parameters
-        ----------
-        x, y : float
-            Values of the point.
-        lines : sequence of str
-            What to write.
-        avoid : ndarray, shape (n, 2)
-            Pixels that should stay free.
-        kind : str
-            Class of the text.
-        taken : list of Box
-            Where labels stand; the new one is added.
-        ring : bool, optional
-            Whether a ring marks the point.
-
+        `avoid`, shape (n, 2), are pixels that should stay free; the new label is added to `taken`.
         """
         px, py = float(self.x(x)), float(self.y(y))
         if not self._inside(px, py):
@@ -324,13 +301,8 @@ class Drawing:
         """
         Return a panel whose scales fill a box.
 
-        Parameters
-        ----------
-        box : (float, float, float, float)
-            Left, top, right, bottom.
-        x, y : (float, float, bool)
-            Lowest and highest value, and whether the scale is logarithmic.
-
+        The box is left, top, right, bottom; x and y the lowest and highest value, and whether the
+        scale is logarithmic.
         """
         left, top, right, bottom = box
         return Panel(Scale(*x, left, right), Scale(*y, bottom, top))

@@ -48,19 +48,8 @@ def print_result(result: Result, console: 'Console | None' = None, *,
     """
     Print the verdict, the coefficients with their intervals, and the findings.
 
-    Parameters
-    ----------
-    result : Result
-        What to print.
-    console : rich.console.Console, optional
-        Where to; one for `to` by default.
-    to : file, optional
-        Standard output by default.
-    units : 'datasheet' or 'si', optional
-        Of the table; the numbers for a filter are SI in any case.
-    verbose : bool, optional
-        More than one screen: every finding in full, and terms that no axis shows.
-
+    The numbers for a filter are SI in any case. With `verbose` more than one screen: every finding
+    in full, and terms that no axis shows.
     """
     if console is None:
         console = console_of(to)
@@ -68,17 +57,7 @@ def print_result(result: Result, console: 'Console | None' = None, *,
 
 
 def result_text(result: Result, width: int = 80) -> str:
-    """
-    Return what `print_result` prints, without colours.
-
-    Parameters
-    ----------
-    result : Result
-        What is laid out.
-    width : int, optional
-        Columns.
-
-    """
+    """Return what `print_result` prints, without colours."""
     from rich.console import Console
 
     text = StringIO()
@@ -92,22 +71,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     """
     Lay the result out for a terminal: verdict, numbers for a filter, table, findings.
 
-    Parameters
-    ----------
-    result : Result
-        What is laid out.
-    width : int, optional
-        Columns of the terminal.
-    units : 'datasheet' or 'si', optional
-        Of the numbers in the rows.
-    verbose : bool, optional
-        More than one screen: every finding in full, and terms that no axis shows.
-
-    Returns
-    -------
-    rich renderable
-        For `rich.console.Console.print` or `rich.live.Live`.
-
+    With `verbose` more than one screen: every finding in full, and terms that no axis shows.
     """
     from rich.console import Group
     from rich.text import Text

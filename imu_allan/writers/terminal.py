@@ -22,11 +22,7 @@ def console_of(to: TextIO | None = None) -> 'Console':
     """
     Return the console for a terminal, a pipe or a file.
 
-    Parameters
-    ----------
-    to : file, optional
-        Standard output by default.
-
+    Standard output by default.
     """
     from rich.console import Console
 
@@ -51,16 +47,7 @@ def columns_of(to: TextIO | None = None) -> int | None:
     """
     Return where lines that are printed without a console have to end.
 
-    Parameters
-    ----------
-    to : file, optional
-        Standard output by default.
-
-    Returns
-    -------
-    int or None
-        None in a pipe, which gets its lines whole.
-
+    None in a pipe, which gets its lines whole.
     """
     stated = _stated()
     if stated is not None:

@@ -62,25 +62,8 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     """
     Return the ways to feed a filter, with what each is expected to reach.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        With a drift model.
-    aiding_s, coast_s : float
-        Time between two corrections, and the longest without.
-    bias : {'random_walk', 'gauss_markov'}, optional
-        What the filter takes its bias for.
-
-    Returns
-    -------
-    list of Choice
-        Tuned, conservative, as measured, ten times K, the full drift model.
-
-    Raises
-    ------
-    ImuAllanError
-        If the axis has no drift model or the times make no sense.
-
+    Tuned, conservative, as measured, ten times K, the full drift model. ImuAllanError if the axis
+    has no drift model or the times make no sense.
     """
     found = [_choice(TUNED, tune(axis, aiding_s, coast_s, bias)),
              _choice('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True))]
@@ -105,11 +88,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     """
     Return a table for each sensor, of its axes that have a drift model.
 
-    Raises
-    ------
-    ImuAllanError
-        If no axis has one.
-
+    ImuAllanError if no axis has one.
     """
     parts: list[RenderableType] = [Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
@@ -168,15 +147,7 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
     """
     Say what stands below the tables: what is left out, forecast, included, and how steady it is.
 
-    Parameters
-    ----------
-    result : Result
-        With a drift model.
-    coast_s : float
-        The longest unaided time.
-    calibration_s : float
-        How long the bias is averaged before a drift.
-
+    `calibration_s` is how long the bias is averaged before a drift.
     """
     said = [*_left_out(result), *_forecast(result, calibration_s), *(
         f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
@@ -274,19 +245,7 @@ def _forecast(result: Result, calibration_s: float) -> list[str]:
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
                      ) -> Group:
-    """
-    Return what filters with the numbers of one recording met in another.
-
-    Parameters
-    ----------
-    found : mapping of name to FieldTest
-        Not empty.
-    other : str
-        Name of the other recording.
-    units : mapping of name to str
-        Of a sample of each axis.
-
-    """
+    """Return what filters with the numbers of one recording met in another."""
     first = next(iter(found.values()))
     parts = ('in one part' if first.stops == 1
              else f'in {first.stops} parts, in each of which the filter begins anew')
@@ -317,17 +276,7 @@ def verification_table(found: Mapping[str, Verification], other: str,
     """
     Return how numbers from one recording hold in another.
 
-    Parameters
-    ----------
-    found : mapping of name to Verification
-        By axis.
-    other : str
-        Name of the other recording.
-    bias : {'random_walk', 'gauss_markov'}, optional
-        What the filter takes its bias for.
-    run : bool, optional
-        Whether filters were run over it, so that what its model expects needs no column.
-
+    Where filters were `run` over it, what its model expects needs no column.
     """
     spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
     second = 'K' if bias == 'random_walk' else 'sigma'

@@ -25,18 +25,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     Return the verdict on each sensor, the worst axis counting.
 
-    Parameters
-    ----------
-    result : Result
-        Of one recording or several.
-    units : 'datasheet' or 'si', optional
-        In which numbers are given.
-
-    Returns
-    -------
-    list of str
-        Such as ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
-
+    Such as ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
     """
     lines = []
     for sensor, verdict in verdicts_of(result).items():

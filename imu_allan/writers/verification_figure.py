@@ -27,24 +27,9 @@ def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
     """
     Draw how far the mean was off after an unaided time, beside what was predicted.
 
-    Parameters
-    ----------
-    found : mapping of name to FieldTest
-        By axis.
-    other : str
-        Name of the recording that it was run over.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each sensor: points are observed, dotted lines and bars predicted by the whole
-        drift model, and 95 % of the points should lie in the bands.
-
-    Raises
-    ------
-    ImuAllanError
-        If nothing was at rest for long enough to be left unaided.
-
+    A panel for each sensor: points are observed, dotted lines and bars predicted by the whole
+    drift model, and 95 % of the points should lie in the bands. ImuAllanError if nothing was at
+    rest for long enough to be left unaided.
     """
     sensors = [sensor for sensor in SENSORS
                if any(name.startswith(sensor) and one.full.coasts for name, one in found.items())]

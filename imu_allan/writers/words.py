@@ -116,17 +116,8 @@ def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """
     Return findings as every front end shows them.
 
-    Parameters
-    ----------
-    findings : sequence of Finding
-        As they were found, each axis by itself.
-
-    Returns
-    -------
-    tuple of Finding
-        Those of one kind about several axes are one, with a list of each value that differs.
-        Those to act upon come first. Each has its message.
-
+    Those of one kind about several axes are one, with a list of each value that differs. Those to
+    act upon come first. Each has its message.
     """
     ranked = sorted(_grouped(findings), key=lambda found: (
         found.severity != 'act', _RANK.get(found.code, len(_RANK))))

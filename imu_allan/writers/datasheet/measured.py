@@ -53,18 +53,8 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     """
     Say whether an axis measures nothing at all, or is cut off.
 
-    Parameters
-    ----------
-    axis : AxisResult or None
-        None where the result does not hold the axis.
-    density_limit : float or None
-        What the datasheet allows as noise density.
-
-    Returns
-    -------
-    str or None
-        A sentence with the word: missing, constant, dead, saturated, deadband or copy.
-
+    A sentence with the word: missing (`axis` is None), constant, dead, saturated, deadband or
+    copy.
     """
     if axis is None:
         return 'the axis is missing: the result does not hold it'
@@ -161,21 +151,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     """
     Return what was measured of one limited quantity.
 
-    Parameters
-    ----------
-    result : Result
-        Holds `axis`; for the accelerometer as a whole all three of its axes.
-    axis : str
-        Key of `AXES`.
-    key : str
-        Key of `TERMS` or of `imu_allan.sensor.noise_model.LIMITS`.
-    specification : NoiseModel
-        Says what the limit is, and what the mean should be.
-
-    Returns
-    -------
-    Measured
-
+    For the accelerometer as a whole the result holds all three of its axes.
     """
     if key in TERMS:
         hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
@@ -281,20 +257,8 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     """
     Say why a limit of a noise coefficient lies below what the steps of an output can show.
 
-    Parameters
-    ----------
-    axis : AxisResult
-        With the step of its output.
-    key : str
-        What is limited; None but a key of `TERMS` is hidden.
-    limit : float
-        In SI units.
-
-    Returns
-    -------
-    str or None
-        None where the output is fine enough, or noise breaks the limit whatever it hides.
-
+    `limit` is in SI units. None where the output is fine enough, or noise breaks the limit
+    whatever it hides.
     """
     ratio = _steps_of_noise(axis)
     # Steps from zero: within, the mean of an axis that is cut towards zero falls into its cell.

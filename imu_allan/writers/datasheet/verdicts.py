@@ -67,26 +67,9 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
     """
     Compare everything that the specification limits.
 
-    Parameters
-    ----------
-    result : Result
-        As measured.
-    specification : NoiseModel
-        From `load_model`. Its Gauss-Markov terms are no limits; its means
-        say what `zero_bias` is measured from.
-    shortest_s : float, optional
-        From a shorter record nothing passes.
-
-    Returns
-    -------
-    list of Verdict
-        By axis, then by quantity.
-
-    Raises
-    ------
-    ImuAllanError
-        If the specification limits nothing.
-
+    Gauss-Markov terms of the specification are no limits; its means say what `zero_bias` is
+    measured from. From a record shorter than `shortest_s` nothing passes. ImuAllanError if nothing
+    is limited.
     """
     verdicts = [_verdict(result, specification, axis, key, limit)
                 for axis, key, limit in _limits(specification)]
@@ -111,18 +94,8 @@ def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
     """
     Return the verdict on the whole sensor, and what speaks against it, in sentences with figures.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        From `check`.
-
-    Returns
-    -------
-    outcome : 'pass', 'fail' or 'cannot tell'
-    sentences : list of str
-        One for each quantity of that outcome, such as ``gyro_z N: the 95 % interval is above
-        0.03 deg/s/sqrt(Hz) (measured 0.041)``; none where everything passes.
-
+    One sentence for each quantity of that outcome, such as ``gyro_z N: the 95 % interval is above
+    0.03 deg/s/sqrt(Hz) (measured 0.041)``; none where everything passes.
     """
     outcome = overall(verdicts)
     return outcome, [_with_figures(verdict) for verdict in verdicts
@@ -133,17 +106,7 @@ def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
     """
     Say of every quantity that does not pass why, failures first; once what is the same of several.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        From `check`.
-
-    Returns
-    -------
-    sentences : list of str
-    numbers : list of int or None
-        Which of them each verdict has, from one on; None where it passes.
-
+    Beside the sentences the number of its own for each verdict, from one on; None where it passes.
     """
     keys = [None if verdict.verdict == 'pass' else (
         verdict.verdict, _with_figures(verdict).removeprefix(

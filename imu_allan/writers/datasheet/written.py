@@ -44,18 +44,6 @@ def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
 
     Every number stands in the unit that the specification uses, so that the two can be compared
     by eye. Behind what does not pass stands the number of its reason, as of `reasons`.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        What to show.
-    title : str, optional
-        Of the table.
-
-    Returns
-    -------
-    rich.table.Table
-
     """
     from rich.table import Table
     from rich.text import Text
@@ -91,13 +79,7 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
     """
     Return the verdicts as JSON text of the schema ``imu_allan.check/1``.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        From `check`.
-    result, specification
-        What was compared; source, inspection and name are quoted.
-
+    Source, inspection and name of the specification are quoted.
     """
     quoted = result.to_dict()
     document: dict[str, Any] = {
@@ -112,13 +94,7 @@ def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseMo
     """
     Return the verdicts as JUnit XML: a test case for each, skipped where one cannot tell.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        From `check`.
-    result, specification
-        What was compared; serial number, operator and station are properties of the suite.
-
+    Serial number, operator and station are properties of the suite.
     """
     counts = {outcome: str(sum(verdict.verdict == outcome for verdict in verdicts))
               for outcome in ('pass', 'fail', 'cannot tell')}
@@ -162,18 +138,7 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     """
     Return the certificate of a unit.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        From `check`.
-    result, specification
-        What was compared.
-
-    Returns
-    -------
-    str
-        An HTML document without script, which prints on one sheet of A4.
-
+    An HTML document without script, which prints on one sheet of A4.
     """
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
     numbered = list(zip(verdicts, numbers, strict=True))

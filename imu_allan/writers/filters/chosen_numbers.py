@@ -221,11 +221,7 @@ class Numbers:
         """
         Return the rate that the consumer works at, or that of the messages of a sensor.
 
-        Raises
-        ------
-        ImuAllanError
-            If nobody knows it.
-
+        ImuAllanError if nobody knows it.
         """
         of_messages = None if sensor is None or not self.consumer.per_message else next(
             (axis.sample_rate_hz for axis in self.axes(sensor).values()

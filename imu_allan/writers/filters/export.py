@@ -39,30 +39,9 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
     """
     Write the configuration of a filter.
 
-    Parameters
-    ----------
-    result : Result
-        Where the numbers come from.
-    consumer : str
-        One of `CONSUMERS`.
-    rate_hz : float, optional
-        Rate at which the consumer takes samples or predicts, for those whose numbers depend on
-        it: by default the sample rate of the result, for an autopilot the usual prediction rate.
-    wishes : Wishes, optional
-        Tuned for the consumer's usual corrections when left out.
-
-    Returns
-    -------
-    FilterConfig
-
-    Raises
-    ------
-    ImuAllanError
-        If `consumer` is not known, or needs a rate and the result has none, or the result has no
-        number for it.
-    TypeError
-        If `result` is no result or `wishes` are none.
-
+    `rate_hz` is for those whose numbers depend on it: by default the sample rate of the result,
+    for an autopilot the usual prediction rate. ImuAllanError if the consumer is not known, or the
+    result lacks the rate or every number.
     """
     if not isinstance(result, Result):
         raise TypeError('expected a result, such as imu_allan.load_result gives, not '
@@ -85,18 +64,7 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
     Say what is to be said of a file in the place of a configuration that cannot be made.
 
     It is left alone: who knows whose it is, or of which result. But beside a new result it looks
-    like one of that.
-
-    Parameters
-    ----------
-    path : path
-        Where the configuration was to go.
-
-    Returns
-    -------
-    str
-        The end of a message; empty where nothing stands there.
-
+    like one of that. Empty where nothing stands there.
     """
     if not Path(path).is_file():
         return ''
@@ -107,21 +75,9 @@ def left_from_earlier(folder: str | os.PathLike[str], exports: Sequence[str] = (
     """
     Say which configurations in a folder are not of the result that was saved there last.
 
-    They are left alone, but beside a new result they look like those of it.
-
-    Parameters
-    ----------
-    folder : path
-        Where a result was saved.
-    exports : sequence of str, optional
-        Consumers whose configurations belong to that.
-
-    Returns
-    -------
-    str
-        Empty where there are none; what stands under the name of a configuration and was not
-        written by this program is none.
-
+    They are left alone, but beside a new result they look like those of it. `exports` belong to
+    the result. Empty where there are none; what stands under the name of a configuration and was
+    not written by this program is none.
     """
     folder = Path(folder)
     old = {name: consumer.file for name, consumer in CONSUMERS.items()

@@ -16,24 +16,7 @@ def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None 
     """
     Return the coefficients of a datasheet as a result without curves, intervals or drift model.
 
-    Parameters
-    ----------
-    datasheet : NoiseModel
-        From `load_model`.
-    path : str
-        Its file, which the configurations name.
-    rate_hz : float, optional
-        Sample rate in Hz.
-
-    Returns
-    -------
-    Result
-
-    Raises
-    ------
-    ImuAllanError
-        If the datasheet has no noise density.
-
+    `path` is what the configurations name. ImuAllanError if the datasheet has no noise density.
     """
     axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
             if 'noise_density' in datasheet.axes.get(name, {})}

@@ -62,28 +62,6 @@ def basalt(numbers: Numbers) -> str:
     return text + '\n'
 
 
-def rovio(numbers: Numbers) -> str:
-    """
-    Write ROVIO's ``PredictionNoise``: N^2 and K^2 for each axis, continuous.
-
-    rovio.info names the units: velocity m^2/s^3, attitude rad^2/s, biases m^2/s^5 and rad^2/s^3,
-    which are squared densities. They are the diagonal of ``prenoiP_`` (Prediction.hpp of
-    lightweight_filtering), the covariance of a noise that ``ImuPrediction::evalPrediction``
-    (ImuPrediction.hpp) divides by ``sqrt(dt)`` for rates and multiplies by it for biases.
-    """
-    lines = [*heading(numbers, ';'),
-             '; Part of rovio.info: put these lines in place of those of the same names.',
-             'Prediction', '{', '    PredictionNoise', '    {']
-    names: _Named = {('accel', N): 'vel', ('gyro', N): 'att', ('accel', K): 'acb',
-                     ('gyro', K): 'gyb'}
-    for (sensor, key), name in names.items():
-        found, remarks = each(numbers, sensor, key, lambda value: value**2)
-        lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',
-                  *(f'        ; {name}: {remark}' for remark in remarks)]
-        lines += [f'        {name}_{i} {real(value)};' for i, value in enumerate(found or [])]
-    return joined([*lines, '    }', '}'])
-
-
 def glim(numbers: Numbers) -> str:
     """
     Write GLIM's ``config_sensors.json``: N for each sensor, one bias step for both per frame.
@@ -324,5 +302,5 @@ def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
 
 
 WRITERS = {write.__name__: write for write in (
-    basalt, rovio, glim, gazebo, airsim, matlab, plain, state_space, state_space_cpp)}
+    basalt, glim, gazebo, airsim, matlab, plain, state_space, state_space_cpp)}
 """By the name of the consumer; the others have a template."""

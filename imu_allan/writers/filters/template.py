@@ -49,7 +49,7 @@ _NUMBER = re.compile(
     r'(?: in (?P<unit>\S+?))?(?: (?P<layout>of x, y, z|on the diagonal|times identity))?'
     r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
 _WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
-_COMMENTS = {'m': ('% ', ''), 'json': ('// ', ''), 'xml': ('<!-- ', ' -->')}
+_COMMENTS = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''), 'xml': ('<!-- ', ' -->')}
 _TERMS: dict[tuple[Sensor, Key], str] = {
     ('gyro', N): 'angle random walk', ('gyro', K): 'gyro bias random walk',
     ('accel', N): 'velocity random walk', ('accel', K): 'accelerometer bias random walk',

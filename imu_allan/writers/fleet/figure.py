@@ -38,19 +38,7 @@ _WIDTH = 11.0
 
 
 def curves_figure(fleet: Fleet) -> 'Figure':
-    """
-    Draw the Allan deviations of a fleet, a panel for each axis.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        What to draw.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    """
+    """Draw the Allan deviations of a fleet, a panel for each axis."""
     colours = _odd_colours(fleet)
     if len(fleet.population.units) <= len(_PALETTE):
         others = [unit for unit in fleet.population.units if unit not in colours]
@@ -127,19 +115,7 @@ def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
 
 
 def units_figure(fleet: Fleet) -> 'Figure':
-    """
-    Draw the coefficients of every unit side by side: value, 95 % interval or upper bound.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        What to draw.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    """
+    """Draw the coefficients of every unit side by side: value, 95 % interval or upper bound."""
     colours = _odd_colours(fleet)
     names = [axis for axis in AXES if _axes(fleet, axis)]
     known = {trait.key for trait in fleet.population.traits}

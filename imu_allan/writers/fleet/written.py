@@ -89,18 +89,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     """
     Return the page of a fleet.
 
-    Parameters
-    ----------
-    fleet : Fleet
-        What to report.
-    title : str, optional
-        Of the page.
-
-    Returns
-    -------
-    str
-        An HTML document that loads nothing, pictures included.
-
+    It loads nothing, pictures included.
     """
     from markupsafe import Markup
 
@@ -174,27 +163,7 @@ def _link(fleet: Fleet, unit: str) -> str | None:
 
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
-    """
-    Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        What to write.
-    folder : path
-        Made where it is missing.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-
-    """
+    """Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``."""
     with turn_in(folder):
         return [write_in(folder, name, writer(fleet).encode()) for name, writer in (
             ('fleet.json', fleet_json), ('fleet.csv', fleet_csv), ('fleet.html', fleet_html))]
