@@ -13,6 +13,7 @@ from imu_allan.writers.result_file import (
     load_result,
     save_result,
 )
+from imu_allan.writers.words import with_words
 import pytest
 from whole_lines import refused
 
@@ -91,10 +92,16 @@ def changed(document, path, value):
      'coefficients, goodness_of_fit, curve'),
     ('source.kind', 'dream', "source.kind: 'dream' is not one of recording, topic, datasheet"),
     ('timeline.sample_rate_hz', 0.0, 'timeline.sample_rate_hz: expected a number above zero'),
+    ('sensors', {'wheel': {'verdict': 'good', 'because': []}},
+     'sensors.wheel: the file has no axis of it'),
+    (DENSITY, {'symbol': 'N', 'unit': 'rad/s/sqrt(Hz)', 'observable': False, 'value': None,
+               'ci95': None, 'upper95': 1.0},
+     'sensors.gyro: good, but an axis has no noise density'),
     ('timeline.duration_s', -1.0, 'timeline.duration_s: expected zero or more seconds')])
 def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, value, complaint):
     keys = [int(key) if key.isdigit() else key for key in path.split('.')]
-    (tmp_path / 'r.json').write_text(json.dumps(changed(result.to_dict(), keys, value)))
+    judged = with_words(result).to_dict()
+    (tmp_path / 'r.json').write_text(json.dumps(changed(judged, keys, value)))
     with refused(f'{tmp_path / "r.json"}.{complaint}'):
         load_result(tmp_path / 'r.json')
 
