@@ -7,7 +7,7 @@ Terminal, report, figures, topics and messages of one result use the same words 
 Nothing here knows a unit or a colour.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import floor, isfinite, log10
 
 from imu_allan.errors import printable
@@ -214,6 +214,20 @@ def listed(words: Sequence[str]) -> str:
     if len(words) < 2:
         return ''.join(words)
     return f'{", ".join(words[:-1])} and {words[-1]}'
+
+
+def ranged(values: Iterable[float], say: Callable[[float], str]) -> str:
+    """
+    Say the lowest and the highest of some numbers, or one where both read the same.
+
+    Examples
+    --------
+    >>> ranged([3.0, 1.0, 2.0], '{:g}'.format), ranged([0.11, 0.12], '{:.1f}'.format)
+    ('1 to 3', '0.1')
+
+    """
+    known = list(values)
+    return ' to '.join(dict.fromkeys(say(end) for end in (min(known), max(known))))
 
 
 def spoken(axis: str) -> str:

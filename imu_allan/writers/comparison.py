@@ -19,7 +19,7 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import counted, duration, listed, SENSORS
+from imu_allan.wording import counted, duration, listed, ranged, SENSORS
 from imu_allan.writers import figure_style
 from imu_allan.writers.curves import reported
 from imu_allan.writers.panels import draw_curve
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _LONGEST_NAME = 14
 """Characters of a name in the table: no row is wrapped at 80 columns."""
 MARKERS = 'os^Dv*Ph'
+_TWO_DIGITS = '{:.2g}'.format
 _DASHES = tuple(figure_style.DASHES.values())
 
 
@@ -135,18 +136,14 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
     first = beyond[0]
     axes = (f'all {sensor} axes' if len(beyond) == of_sensor > 1 else
             f'{first.axis.partition("_")[0]} ' + listed([one.axis[-1] for one in beyond]))
-    intervals = _span([abs(one.in_intervals or 0.0) for one in beyond])
+    intervals = ranged([abs(one.in_intervals or 0.0) for one in beyond], _TWO_DIGITS)
     ratios = [one.ratio for one in beyond if one.ratio is not None and one.ratio > 0]
     by = 'is' if len(ratios) < len(beyond) else (
-        f'is {_span([100 * abs(ratio - 1) for ratio in ratios])} %'
-        if max(ratios) < 2 and min(ratios) > 0.5 else f'is {_span(ratios)} times that, so')
+        f'is {ranged([100 * abs(ratio - 1) for ratio in ratios], _TWO_DIGITS)} %'
+        if max(ratios) < 2 and min(ratios) > 0.5 else
+        f'is {ranged(ratios, _TWO_DIGITS)} times that, so')
     return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} {by} {word} than '
             f'that of {printable(first.reference)}, {intervals} intervals')
-
-
-def _span(values: Sequence[float]) -> str:
-    low, high = f'{min(values):.2g}', f'{max(values):.2g}'
-    return low if low == high else f'{low} to {high}'
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':

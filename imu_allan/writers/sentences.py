@@ -13,7 +13,7 @@ from typing import Any
 
 from imu_allan.noise.terms import TERMS
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import about, counted, duration, listed, number, SENSORS
+from imu_allan.wording import about, counted, duration, listed, number, ranged, SENSORS
 
 Text = str | Callable[[Any], str]
 """A sentence, or what makes it of the figures of a finding."""
@@ -55,9 +55,7 @@ class Words:
 
 def _each(value: Any, say: Callable[[Any], str], unit: str = '') -> str:
     """Say a number, or numbers of several axes from the lowest to the highest."""
-    ends = [say(end) for end in (min(value), max(value))] if isinstance(value, Span) else [
-        say(value)]
-    return ' to '.join(dict.fromkeys(ends)) + unit
+    return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
 
 
 def _most(value: Any) -> Any:

@@ -6,7 +6,7 @@ from imu_allan.errors import printable
 from imu_allan.result import AxisResult
 from imu_allan.tuning.tune import assess, FilterTuning
 from imu_allan.tuning.uncertainty import known_less_than
-from imu_allan.wording import duration
+from imu_allan.wording import duration, ranged
 from imu_allan.writers.filters.chosen_numbers import (
     K,
     N,
@@ -123,15 +123,10 @@ def _met(numbers: Numbers, sensor: Sensor, name: str, axis: AxisResult) -> Filte
 
 
 def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
-    nis = sorted(tuning.nis for tuning in found)
-    coast = sorted(tuning.coast_ratio for tuning in found)
-
-    def span(values: list[float]) -> str:
-        low, high = f'{values[0]:.2g}', f'{values[-1]:.2g}'
-        return low if low == high else f'{low} to {high}'
-
-    return (f'{sensor}: expected NIS {span(nis)}; squared error after '
-            f'{duration(found[0].coast_s)} unaided {span(coast)} times what the filter predicts '
+    nis = ranged([tuning.nis for tuning in found], '{:.2g}'.format)
+    coast = ranged([tuning.coast_ratio for tuning in found], '{:.2g}'.format)
+    return (f'{sensor}: expected NIS {nis}; squared error after '
+            f'{duration(found[0].coast_s)} unaided {coast} times what the filter predicts '
             '(1 is right, above 1 overconfident).')
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet with everything that is reported about it, and its findings in sentences."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,7 +10,9 @@ from imu_allan.fleet.population import FEWEST_UNITS, MEAN, Oddity, Population, p
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import listed, named, number, rounded
+from imu_allan.wording import listed, named, number, ranged, rounded
+
+_ONE_DIGIT = '{:.1f}'.format
 
 
 @dataclass(frozen=True)
@@ -94,19 +96,15 @@ def sentence(*same: Oddity) -> str:
     unit = _unit_of(first)
     shown_unit = engineering(1.0, unit)[1]
 
-    def said(figures: Sequence[float], text: Callable[[float], str] = number) -> str:
-        low, high = text(min(figures)), text(max(figures))
-        return low if low == high else f'{low} to {high}'
-
     values, medians = ([engineering(value or 0.0, unit)[0] for value in each] for each in zip(
         *((oddity.value, oddity.median) for oddity in same), strict=True))
     spreads = [abs(oddity.spreads) for oddity in same if oddity.spreads is not None]
-    away = f', {said(spreads, lambda x: f"{x:.1f}")} spreads away' if spreads else ''
-    what = f'{axes} {quantity_name(first.axis, first.key)} {said(values)} {shown_unit}'
+    away = f', {ranged(spreads, _ONE_DIGIT)} spreads away' if spreads else ''
+    what = f'{axes} {quantity_name(first.axis, first.key)} {ranged(values, number)} {shown_unit}'
     if first.key in (MEAN, 'rate_ramp') or first.median == 0:
-        return f'{what}: the mean of the others is {said(medians)}{away}'
+        return f'{what}: the mean of the others is {ranged(medians, number)}{away}'
     ratios = [value / median for value, median in zip(values, medians, strict=True)]
-    return f'{what}: {said(ratios, rounded)} times the median of the others{away}'
+    return f'{what}: {ranged(ratios, rounded)} times the median of the others{away}'
 
 
 def _unit_of(oddity: Oddity) -> str:
