@@ -117,20 +117,6 @@ def open_folder(path: Path) -> int:
     return handle
 
 
-def open_to_lock(folder: str | os.PathLike[str]) -> int:
-    """
-    Open a folder to be locked, made where it is missing, through no link of another user.
-
-    The descriptor can be locked and listed. OSError as `followed` and `open_folder`, or if it may
-    not be read.
-    """
-    passed = open_folder(followed(folder))
-    try:
-        return os.open('.', os.O_RDONLY, dir_fd=passed)
-    finally:
-        os.close(passed)
-
-
 @contextlib.contextmanager
 def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
     """
@@ -149,8 +135,10 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         handle = None
         # What is wrong with the folder is reported by whoever writes to it.
-        with contextlib.suppress(OSError, ImuAllanError):
-            handle = open_to_lock(folder)
+        with contextlib.suppress(OSError):
+            passed = open_folder(followed(folder))
+            stack.callback(os.close, passed)
+            handle = os.open('.', os.O_RDONLY, dir_fd=passed)
             stack.callback(os.close, handle)
         end = time.monotonic() + PATIENCE_S
         while handle is not None:
