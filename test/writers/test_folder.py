@@ -71,20 +71,3 @@ def test_a_node_writes_all_but_the_page(result, tmp_path):
     paths = save_folder(result, tmp_path, report=False)
     assert [path.name for path in paths] == ['result.json', 'curve.csv', 'allan_deviation.png']
     assert all(path.stat().st_size for path in paths)
-
-
-def test_the_picture_may_be_drawn_elsewhere_while_the_page_is_written(result, tmp_path):
-    asked = []
-
-    def drawing(about):
-        asked.append(about)
-        assert not (tmp_path / 'report.html').exists()
-
-        def picture():
-            assert (tmp_path / 'report.html').exists()
-            return b'drawn elsewhere'
-        return picture
-
-    paths = save_folder(result, tmp_path, drawing=drawing)
-    assert asked == [result]
-    assert paths[-1].read_bytes() == b'drawn elsewhere'
