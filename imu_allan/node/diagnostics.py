@@ -169,7 +169,8 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
 
 
 def _worst(conditions: Sequence[Condition], otherwise: str) -> Verdict:
-    return next(((one.level, one.message) for one in conditions if one.present), (OK, otherwise))
+    return next(((condition.level, condition.message) for condition in conditions
+                 if condition.present), (OK, otherwise))
 
 
 def reception_conditions(facts: Facts) -> list[Condition]:
