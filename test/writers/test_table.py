@@ -15,6 +15,9 @@ import pytest
 from rich.console import Console
 from whole_lines import Varying
 
+FLAT = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
+             (0.0, 0.0))
+
 
 def printed(result, width=120, units='datasheet', verbose=False, **options):
     out = io.StringIO()
@@ -115,9 +118,7 @@ def test_each_bound_of_a_forecast_has_two_digits(filtered, with_edf, edf):
 
 
 def test_a_constant_sensor_says_so_and_has_no_empty_rows(make_axis, make_result):
-    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
-                 (0.0, 0.0))
-    axis = make_axis('gyro_x', {}, curve=flat)
+    axis = make_axis('gyro_x', {}, curve=FLAT)
     axis = replace(axis, coefficients={key: replace(value, upper95=None)
                                        for key, value in axis.coefficients.items()})
     text = printed(make_result(axes={'gyro_x': axis}, warnings=()))
@@ -126,32 +127,36 @@ def test_a_constant_sensor_says_so_and_has_no_empty_rows(make_axis, make_result)
     assert [line for line in lines if line][3:] == ['Gyroscope       x', 'mean deg/s  0.573']
 
 
-def test_an_axis_that_does_not_measure_is_named_in_the_answer(filtered):
-    axes = dict(filtered.axes)
-    flat = replace(axes['gyro_z'].curve, adev=(0.0,) * len(axes['gyro_z'].curve.adev))
-    axes['gyro_z'] = replace(axes['gyro_z'], curve=flat)
-    axes['accel_x'] = replace(axes['accel_x'], stood_still=Span(100.0, 50.0))
-    text = printed(replace(filtered, axes=axes))
-    assert text.splitlines()[:2] == ['Gyroscope: not usable: constant (z).',
-                                     'Accelerometer: not usable: stood still (x).']
+GOOD = {sensor: f'{sensor}: N is good (+-0.' for sensor in ('Gyroscope', 'Accelerometer')}
+STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34.9, 0.2)}
 
 
-def test_an_axis_that_is_not_there_does_not_make_the_others_useless(filtered):
-    axes = {name: axis for name, axis in filtered.axes.items() if name != 'gyro_x'}
-    lines = printed(replace(filtered, axes=axes, sensors={}, warnings=(
-        finding('axis_not_finite', ('gyro_x',)),))).splitlines()
-    assert lines[0] == 'Gyroscope: use with care: not finite (x).'
-    assert lines[1].startswith('Accelerometer: N is good')
-
-
-def test_every_kind_of_fault_is_named_in_the_answer(filtered):
-    axes = dict(filtered.axes)
-    axes['gyro_x'] = replace(axes['gyro_x'], stood_still=Span(100.0, 50.0))
-    for name in ('gyro_y', 'gyro_z'):
-        axes[name] = replace(axes[name], saturated=Saturation(34.9, 0.2))
-    text = printed(replace(filtered, axes=axes))
-    assert text.splitlines()[0] == (
-        'Gyroscope: not usable: stood still (x), saturated (y and z).')
+@pytest.mark.parametrize(('changed', 'warnings', 'seconds', 'said'), [
+    ({}, (), 10_800.0, {}),
+    ({'gyro_z': {'curve': FLAT}, 'accel_x': STILL}, (), 10_800.0, {
+        'Gyroscope': 'not usable: constant (z).',
+        'Accelerometer': 'not usable: stood still (x).'}),
+    ({'gyro_x': STILL, 'gyro_y': CUT_OFF, 'gyro_z': CUT_OFF}, (), 10_800.0, {
+        'Gyroscope': 'not usable: stood still (x), saturated (y and z).'}),
+    # An axis that is not there does not make the others useless.
+    ({'gyro_x': None}, (finding('axis_not_finite', ('gyro_x',)),), 10_800.0, {
+        'Gyroscope': 'use with care: not finite (x).'}),
+    ({}, (finding('gravity', mean=1.0),), 10_800.0, {'Accelerometer': 'use with care: gravity.'}),
+    ({}, (), 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
+                   'Accelerometer': 'not usable: 5.6 s at rest.'})])
+def test_the_first_lines_are_the_verdict_on_each_sensor(
+        filtered, changed, warnings, seconds, said):
+    axes = {name: replace(axis, **(changed.get(name) or {}))
+            for name, axis in filtered.axes.items() if changed.get(name, {}) is not None}
+    lines = printed(replace(
+        filtered, axes=axes, warnings=warnings, sensors={}, timeline=replace(
+            filtered.timeline, samples=round(200 * seconds), duration_s=seconds, gaps=(),
+            motion=())), 200).splitlines()
+    for line, (sensor, good) in zip(lines, GOOD.items(), strict=False):
+        if sensor in said:
+            assert line == f'{sensor}: {said[sensor]}'
+        else:
+            assert line.startswith(good)
 
 
 def test_the_mean_has_the_digits_that_its_error_leaves(result):
@@ -181,18 +186,6 @@ def test_what_to_act_upon_is_in_full_and_the_rest_is_named(result):
         '--verbose).')
     assert 'with a correlation time of 9 s' in ' '.join(
         printed(told, 80, verbose=True).split())
-
-
-def test_the_first_lines_are_the_verdict_on_each_sensor(result):
-    good, careful = (printed(replace(result, warnings=found, sensors={}), 80).splitlines()
-                     for found in ((), (finding('gravity', mean=1.0),)))
-    assert good[0].startswith('Gyroscope: N is good (+-0.')
-    assert careful[0] == good[0]
-    assert 'Accelerometer: use with care: gravity.' in careful[1:3]
-    short = replace(result, sensors={}, timeline=replace(
-        result.timeline, samples=1120, duration_s=5.6, gaps=(), motion=()))
-    assert printed(short, 80).splitlines()[:2] == [
-        'Gyroscope: not usable: 5.6 s at rest.', 'Accelerometer: not usable: 5.6 s at rest.']
 
 
 def test_findings_of_one_kind_are_one_sentence(result):
