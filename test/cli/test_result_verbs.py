@@ -44,7 +44,7 @@ def test_export_writes_into_a_folder_or_a_file(result_file, tmp_path, capsys):
 
 def test_export_names_the_older_file_that_it_does_not_replace(result_file, tmp_path, fails_with):
     dead = imu_allan.load_result(result_file)
-    dead = replace(dead, axes={name: replace(axis, drift_model=None, coefficients={
+    dead = replace(dead, sensors={}, axes={name: replace(axis, drift_model=None, coefficients={
         key: replace(one, observable=False, value=None, ci95=None)
         for key, one in axis.coefficients.items()}) for name, axis in dead.axes.items()})
     save_result(dead, tmp_path / 'dead.json')

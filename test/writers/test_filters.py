@@ -252,7 +252,10 @@ def test_px4_takes_standard_deviations_per_prediction_step(easy):
 
 def test_ardupilot_takes_standard_deviations_per_prediction_step(easy, tmp_path):
     mavparm = pytest.importorskip('pymavlink.mavparm', reason='pymavlink is not installed')
-    (tmp_path / 'imu.params').write_text(export(easy, 'ardupilot').text)
+    text = export(easy, 'ardupilot').text
+    (tmp_path / 'imu.params').write_text(text)
+    for k in (ACCEL_K, GYRO_K):
+        assert f'at rest {k * 83**0.5:.6g}; ' in text
     parameters = mavparm.MAVParmDict()
     parameters.load(str(tmp_path / 'imu.params'))
     assert dict(parameters) == {
@@ -938,6 +941,7 @@ def test_pegasus_has_one_correlation_time_and_gets_the_driving_density(build):
     config = found['imu_config']
     assert config['update_rate'] == RATE
     assert config['gyroscope']['noise_density'] == near(GYRO_N)
+    assert config['gyroscope']['random_walk'] < config['accelerometer']['random_walk'] / 5
     assert config['gyroscope'].keys() == {'noise_density', 'random_walk', 'bias_correlation_time'}
     assert (config['gyroscope']['bias_correlation_time']
             == config['accelerometer']['bias_correlation_time'])
