@@ -212,13 +212,17 @@ def blocks_from_messages(
         If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
 
     """
-    blocks: list[ImuBlock] = []
+    return [block for rows, stamps in rows_of(messages, receive_ns)
+            for block in decode_imu_rows(rows, stamps, serialization, on_malformed)]
+
+
+def rows_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
+            ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
+    """Join messages of equal size that follow each other, one a row; with their stamps."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
     for start, stop in _runs(sizes[1:] != sizes[:-1], len(sizes)):
         rows = np.frombuffer(b''.join(messages[start:stop]), np.uint8)
-        rows = rows.reshape(stop - start, int(sizes[start]))
-        blocks += decode_imu_rows(rows, receive_ns[start:stop], serialization, on_malformed)
-    return blocks
+        yield rows.reshape(stop - start, int(sizes[start])), receive_ns[start:stop]
 
 
 def encode_imu(

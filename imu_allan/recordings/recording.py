@@ -15,7 +15,6 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding import Finding, finding
-from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
@@ -31,6 +30,12 @@ BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
 _MOST_REMARKS = 10
 """Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
+_KEPT_BYTES = 1 << 26
+"""Names and definitions that are kept; the largest definition of ROS itself has 40,000 bytes. A
+few kilobytes of zstd hold hundreds of megabytes of them."""
+_MOST_SEARCHED, _SEARCHED_CHARACTERS = 1000, 1 << 21
+"""Definitions that are searched for an IMU or a thermometer, and characters in all of them, which
+take seconds: fifty times the largest of ROS itself. A robot has a dozen."""
 _MOST_THERMOMETERS = 64
 """Topics that may hold the temperature; a robot has a few."""
 
@@ -84,15 +89,14 @@ class Recording(ABC):
         self.size_bytes = 0
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
-        self._descriptions = Descriptions()
+        self._kept_bytes = self._searched = self._searched_characters = 0
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks as the file has them, each with the bytes consumed so far."""
 
-    @abstractmethod
-    def close(self) -> None:
-        """Release files."""
+    def close(self) -> None:  # noqa: B027
+        """Release files; those that each reading opens and closes itself need nothing."""
 
     def again(self) -> 'AbstractContextManager[Recording]':
         """Lend it, open, for one topic of several, with remarks of its own; nothing is closed."""
@@ -118,11 +122,14 @@ class Recording(ABC):
     ) -> bool:
         """Enter a topic among `topics` and return True where it holds an IMU, else the others."""
         found: dict[str, ImuMessages] = {}
-        if (definition is not None and is_parsed(topic, type_name, definition, self.options)
-                and not self._descriptions.search(definition)):
-            self.reasons[topic] = f'not looked into, after {self._descriptions.searched} others'
-            self.other_topics[topic] = type_name
-            return False
+        if definition is not None and is_parsed(topic, type_name, definition, self.options):
+            self._searched_characters += len(definition.text)
+            if (self._searched >= _MOST_SEARCHED
+                    or self._searched_characters > _SEARCHED_CHARACTERS):
+                self.reasons[topic] = f'not looked into, after {self._searched} others'
+                self.other_topics[topic] = type_name
+                return False
+            self._searched += 1
         try:
             found = imus_in(topic, type_name, serialization, definition, self.options)
         except ImuAllanError as error:
@@ -142,10 +149,10 @@ class Recording(ABC):
 
     def keeps(self, size: int) -> bool:
         """Whether a description of so many bytes is kept; where not, that is reported."""
-        kept = self._descriptions.keep(size)
-        if not kept:
+        self._kept_bytes += size
+        if self._kept_bytes > _KEPT_BYTES:
             self.remark('many_definitions')
-        return kept
+        return self._kept_bytes <= _KEPT_BYTES
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Enter the temperature that the messages of an Imu topic hold, if they do."""
@@ -194,6 +201,3 @@ class FileRecording(Recording):
         super().__init__(path, options)
         self._stored = stored
         self.size_bytes = stored.stat().st_size
-
-    def close(self) -> None:
-        """Release nothing: no file stays open."""

@@ -172,9 +172,6 @@ class FailingRecording(Recording):
         yield self._messages, 1
         raise self._error
 
-    def close(self) -> None:
-        """Release nothing."""
-
 
 def no_axes(header: str) -> str:
     """Return what is told of a first line without an axis."""

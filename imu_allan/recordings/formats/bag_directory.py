@@ -15,7 +15,6 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.finding import Finding, finding
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
@@ -63,9 +62,6 @@ class BagDirectory(Recording):
                 self._list_from_files()
         self.size_bytes = sum(file.stat().st_size for file in self._files)
 
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the files itself."""
-
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read the files one after the other."""
         before = messages = 0
@@ -80,16 +76,10 @@ class BagDirectory(Recording):
                             yield block, before + position
                     self._adopt(part)
             before += file.stat().st_size
-        if remark := self._loss(self.imu(topic), messages, self.remarks):
-            self.keep_remark(remark)
-
-    def _loss(self, imu: ImuTopic, messages: int, reported: list[Finding]) -> Finding | None:
-        """Say of how many messages nothing is known; None where it was reported, or of none."""
-        if messages >= (imu.count or 0) or not _TOLD_LOSSES.isdisjoint(
-                remark.code for remark in reported):
-            return None
-        return finding('lost_messages', recording=printable(self.path), found=messages,
-                       counted=imu.count, topic=printable(imu.name))
+        counted = self.imu(topic).count or 0
+        if messages < counted and _TOLD_LOSSES.isdisjoint(
+                remark.code for remark in self.remarks):
+            self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic))
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""

@@ -3,15 +3,16 @@
 """Messages that rosbag2 compressed one by one, recognized by their first bytes."""
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
+from itertools import groupby, islice, starmap
 
+from imu_allan.cdr import rows_of
 from imu_allan.recordings.formats.decompress import (
     DamagedData,
     declared_size,
     decompress_frame,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.piece import Piece, pieces_of
+from imu_allan.recordings.messages.piece import Piece
 import numpy as np
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
@@ -46,8 +47,9 @@ def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
                 for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
         while some := list(islice(rows, _TOGETHER)):
             messages, stamps = zip(*some, strict=True)
-            yield from pieces_of([unpacked_message(message, effort) for message in messages],
-                                 np.array(stamps, np.int64))
+            yield from starmap(Piece, rows_of(
+                [unpacked_message(message, effort) for message in messages],
+                np.array(stamps, np.int64)))
 
 
 def _holds_compressed(piece: Piece) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import pairwise
+from itertools import pairwise, starmap
 import os
 from pathlib import Path
 import shutil
@@ -22,9 +22,8 @@ from struct import unpack_from
 import tempfile
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu
+from imu_allan.cdr import MalformedImu, rows_of
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
@@ -36,7 +35,7 @@ from imu_allan.recordings.formats.untrusted_database import (
 )
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
-from imu_allan.recordings.messages.piece import pieces_of
+from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
@@ -91,7 +90,8 @@ class SqliteRecording(FileRecording):
             for stamps, messages, position in self._batches(database, budget, imu, malformed):
                 if is_compressed(messages[0]):
                     messages = [unpacked_message(message, effort) for message in messages]
-                for block in decode(pieces_of(messages, np.array(stamps)), malformed):
+                pieces = starmap(Piece, rows_of(messages, np.array(stamps)))
+                for block in decode(pieces, malformed):
                     yield block, position
         malformed.report(imu, self.remark)
 
@@ -181,7 +181,8 @@ class SqliteRecording(FileRecording):
     def _list_topics(self) -> None:
         with self._database() as (database, _):
             self._numbers, self.topics, self.other_topics = {}, [], {}
-            self.reasons, self.thermometers, self._descriptions = {}, [], Descriptions()
+            self.reasons, self.thermometers = {}, []
+            self._searched = self._searched_characters = 0
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
             room = self._room

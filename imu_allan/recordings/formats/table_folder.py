@@ -60,9 +60,6 @@ class TableFolder(Recording):
         if gyro is not None and accel is not None:
             self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the files itself."""
-
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table, each block with its share of the bytes of all."""
         file = self._files[topic]
