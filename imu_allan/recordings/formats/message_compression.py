@@ -23,23 +23,9 @@ _TOGETHER = 1 << 8
 """Messages that are decompressed into one piece, however large they are."""
 
 
-def is_compressed(message: bytes) -> bool:
-    """Whether a stored message is a zstd frame."""
-    return message.startswith(_ZSTD)
-
-
-def unpacked_message(message: bytes, effort: Effort) -> bytes:
-    """Decompress one message; nothing, which is no message, where that is not possible."""
-    try:
-        effort.expand(declared_size(message) or _LARGEST_MESSAGE)
-        return decompress_frame(message, _LARGEST_MESSAGE)
-    except DamagedData:
-        return b''
-
-
 def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
     """Decompress the messages of `pieces`, where they are compressed."""
-    for compressed, group in groupby(pieces, _holds_compressed):
+    for compressed, group in groupby(pieces, _is_compressed):
         if not compressed:
             yield from group
             continue
@@ -48,9 +34,18 @@ def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
         while some := list(islice(rows, _TOGETHER)):
             messages, stamps = zip(*some, strict=True)
             yield from starmap(Piece, rows_of(
-                [unpacked_message(message, effort) for message in messages],
+                [_unpacked_message(message, effort) for message in messages],
                 np.array(stamps, np.int64)))
 
 
-def _holds_compressed(piece: Piece) -> bool:
-    return is_compressed(piece.rows[0, :len(_ZSTD)].tobytes())
+def _is_compressed(piece: Piece) -> bool:
+    return piece.rows[0, :len(_ZSTD)].tobytes() == _ZSTD
+
+
+def _unpacked_message(message: bytes, effort: Effort) -> bytes:
+    """Decompress one message; nothing, which is no message, where that is not possible."""
+    try:
+        effort.expand(declared_size(message) or _LARGEST_MESSAGE)
+        return decompress_frame(message, _LARGEST_MESSAGE)
+    except DamagedData:
+        return b''

@@ -25,7 +25,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu, rows_of
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
+from imu_allan.recordings.formats.message_compression import unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
@@ -88,10 +88,8 @@ class SqliteRecording(FileRecording):
         effort = Effort(self.path, 0)
         with self._database() as (database, budget):
             for stamps, messages, position in self._batches(database, budget, imu, malformed):
-                if is_compressed(messages[0]):
-                    messages = [unpacked_message(message, effort) for message in messages]
                 pieces = starmap(Piece, rows_of(messages, np.array(stamps)))
-                for block in decode(pieces, malformed):
+                for block in decode(unpacked(pieces, effort), malformed):
                     yield block, position
         malformed.report(imu, self.remark)
 
@@ -212,7 +210,7 @@ class SqliteRecording(FileRecording):
         left = self._room
         stamps: array[int] = array('q')
         messages: list[bytes] = []
-        held = position = 0
+        held = position = total = 0
         for rows, position in self._fetched(database, budget, imu):
             if len(messages) >= _DECODE or held >= _HELD_BYTES:
                 yield stamps, messages, position
@@ -230,13 +228,14 @@ class SqliteRecording(FileRecording):
                 size, received = len(b''.join(data)), array('q', [stamp for stamp, _ in kept])
             left -= size
             if left < 0:
-                self.remark('damaged_recording', fault='database', places=1, read=len(messages),
+                self.remark('damaged_recording', fault='database', places=1, read=total,
                             reason='its messages have more bytes than the file',
                             topic=printable(imu.name))
                 break
             stamps += received
             messages += data
             held += size
+            total += len(data)
         if messages:
             yield stamps, messages, position
 

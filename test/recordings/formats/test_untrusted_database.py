@@ -75,6 +75,15 @@ def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
     assert (remark.code, remark.values['count']) == ('malformed_messages', 64)
 
 
+def test_messages_of_more_bytes_than_the_file_are_read_no_further(tmp_path):
+    path = HOSTILE['default values'](tmp_path)
+    with open_recording(path) as recording:
+        assert not list(recording.decoded('/imu'))
+        assert recording.remarks == [told(
+            path, 'damaged_recording', fault='database', places=1, read=0, topic='/imu',
+            reason='its messages have more bytes than the file')]
+
+
 def test_a_topic_entered_many_times_is_read(tmp_path):
     path = HOSTILE['one topic of many numbers'](tmp_path)
     after, [_, remark] = read(path)
