@@ -251,7 +251,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
                          lambda n: (TIMES_US[n] / 1e6, *SAMPLES[n])),
     'named columns': table('t,a,b,c,d,e,f',
                            lambda n: (TIMES_US[n] / 1e6, *np.degrees(GYRO[n]), *ACCEL[n]),
-                           gyro_unit='deg/s',
+                           gyro=':deg/s',
                            columns='time=t,gyro_x=a,gyro_y=b,gyro_z=c,accel_x=d,accel_y=e,'
                                    'accel_z=f'),
 }

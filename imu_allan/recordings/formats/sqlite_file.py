@@ -199,8 +199,13 @@ class SqliteRecording(FileRecording):
                 elif kinds.setdefault(name, kind) == kind:
                     self._numbers.setdefault(name, []).append(number)
             definitions = _definitions(database, set(kinds.values()), self._room)
+            count = None
+            with suppress(sqlite3.Error):
+                if not database.execute(
+                        'SELECT rowid FROM messages NOT INDEXED LIMIT 1').fetchall():
+                    count = 0
             for name, kind in kinds.items():
-                self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
+                self.list_topic(name, kind, 'cdr', count, definitions.get(kind))
 
     # ------------------------------------------------------------------------------ going through
 
