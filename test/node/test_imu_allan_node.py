@@ -13,6 +13,7 @@ import subprocess
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from imu_allan.node.interface import SETTINGS
+from imu_allan.node.result_messages import Filter, result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.tuning.forecast import predicted_drift
@@ -31,7 +32,7 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter
 from ros_harness import Health, Ros, told_in
 from sensor_msgs.msg import CompressedImage
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
 
@@ -138,31 +139,19 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         assert 'noise_density' in kept
         assert all(axis.coefficients[key] == found for key, found in kept.items())
         assert replace(axis, coefficients={}) == replace(published.axes[name], coefficients={})
-    result = published
-    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
-    for name, axis in result.axes.items():
-        entries = values(array, name)
+    stamp = latest(live, DiagnosticArray, 'imu_allan/coefficients').header.stamp
+    messages = result_messages(published, live.name('imu_allan'), stamp, Filter(0.2, 30.0))
+    assert len(messages) == 24
+    for topic, message in messages.items():
+        # As text: NaN is none of the numbers.
+        assert str(latest(live, type(message), f'imu_allan/{topic}')) == str(message), topic
+    for name, axis in published.axes.items():
+        entries, (sensor, letter) = values(messages['coefficients'], name), name.split('_')
         for key in TERMS:
             value = axis.coefficients[key].value
             assert entries.get(f'{key}/value') == (None if value is None else repr(value))
-    for sensor in ('gyro', 'accel'):
-        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
-            vector = latest(live, Vector3Stamped, f'imu_allan/{sensor}/{key}')
-            assert vector.header.frame_id == 'imu_link'
-            for letter in 'xyz':
-                expected = result.axes[f'{sensor}_{letter}'].coefficients[key].value
-                found = getattr(vector.vector, letter)
-                assert math.isnan(found) if expected is None else found == expected
-        for place, end in enumerate(('low', 'high')):
-            vector = latest(live, Vector3Stamped,
-                            f'imu_allan/{sensor}/noise_density/interval/{end}')
-            for letter in 'xyz':
-                interval = result.axes[f'{sensor}_{letter}'].coefficients['noise_density'].ci95
-                assert getattr(vector.vector, letter) == interval[place]
-        tuned = latest(live, Vector3Stamped, f'imu_allan/{sensor}/filter_random_walk')
-        for letter in 'xyz':
-            assert getattr(tuned.vector, letter) == tune(
-                result.axes[f'{sensor}_{letter}'], 0.2, 30.0).random_walk
+        tuned = messages[f'{sensor}/filter_random_walk'].vector
+        assert getattr(tuned, letter) == tune(axis, 0.2, 30.0).random_walk
 
 
 def test_the_forecast_of_every_axis_is_among_the_values(live: Ros, result: Result) -> None:
@@ -200,22 +189,6 @@ def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
         health.news()
     assert len(late) == 1
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
-
-
-def test_the_allan_deviation_array_has_four_labelled_rows_of_25(
-        live: Ros, result: Result) -> None:
-    for sensor in ('gyro', 'accel'):
-        array = latest(live, Float64MultiArray, f'imu_allan/{sensor}/allan_deviation')
-        assert [(d.label, d.size, d.stride) for d in array.layout.dim] == [
-            ('tau,x,y,z', 4, 100), ('octave', 25, 25)]
-        rows = np.array(array.data).reshape(4, 25)
-        curve = result.axes[f'{sensor}_x'].curve
-        n = len(curve.tau_s)
-        np.testing.assert_array_equal(rows[0, :n], curve.tau_s)
-        np.testing.assert_array_equal(rows[1, :n], curve.adev)
-        assert n < 25
-        assert np.isnan(rows[:, n:]).all()
-        assert np.isfinite(rows[:, :n]).all()
 
 
 def test_stamps_are_those_of_the_last_sample(

@@ -116,8 +116,11 @@ def test_an_axis_that_is_absent_is_nan_beside_the_others() -> None:
     assert vector.vector.x == 1e-3
     assert math.isnan(vector.vector.y)
     assert math.isnan(messages['accel/noise_density'].vector.z)
-    assert vector.header.stamp == STAMP
-    rows = np.array(messages['gyro/allan_deviation'].data).reshape(4, 25)
+    assert (vector.header.stamp, vector.header.frame_id) == (STAMP, 'imu')
+    curve = messages['gyro/allan_deviation']
+    assert [(dim.label, dim.size, dim.stride) for dim in curve.layout.dim] == [
+        ('tau,x,y,z', 4, 100), ('octave', 25, 25)]
+    rows = np.array(curve.data).reshape(4, 25)
     assert np.isfinite(rows[:2, :10]).all()
     assert np.isnan(rows[2:]).all()
     assert np.isnan(messages['accel/allan_deviation'].data).all()
