@@ -102,6 +102,8 @@ class Lane:
 
     def power_on(self) -> None:
         """Keep the mean of what comes apart from that of what has come."""
+        # Whoever publishes now may have something else to say.
+        self.seen.looping = False
         try:
             self.characterization.power_on()
         except ImuAllanError as error:

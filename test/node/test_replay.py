@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that are played in a loop, message by message."""
 
+from dataclasses import replace
+
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import new_run, pack, Setup, unpack
@@ -64,6 +66,22 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     resumed.lanes[0].update([played(samples)])
     assert resumed.snapshot().result().timeline.samples == 1000
     assert resumed.lanes[0].seen.looping == (gravity > 0)
+
+
+def test_an_older_recording_after_one_in_a_loop_is_no_repetition() -> None:
+    [lane] = new_run(Setup('/imu', TimelineOptions())).lanes
+    first, other = (played(np.random.default_rng(seed).normal([0, 0, 0, 0, 0, 9.81], 1, (1000, 6)))
+                    for seed in (6, 7))
+    for _ in range(3):
+        lane.update([first])
+    assert (lane.fed, lane.seen.looping) == (1000, True)
+    # As when another driver is heard.
+    lane.power_on()
+    lane.update([replace(other, header_ns=STAMPS - 10**12, receive_ns=STAMPS + 10**11)])
+    assert (lane.fed, lane.seen.looping) == (2000, False)
+    lane.power_on()
+    lane.update([first])
+    assert (lane.fed, lane.seen.looping) == (2000, True)
 
 
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
