@@ -99,11 +99,10 @@ class CharacterizationNode(AnyExecutorNode):
         if len(set(subscribed)) < len(subscribed):
             raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
         self._facts, name = self._receptions[0].facts, self.get_fully_qualified_name()
-        self._announcements = [Announcements(self._log, topic) for topic in subscribed]
         self._publications = Publications(self)
         self._worker = Worker(self._log)
         self._results = Results(name, self._publications, self._worker, self._facts,
-                                self._announcements[0], values)
+                                self._receptions[0].announcements, values)
         self.add_on_set_parameters_callback(self._check)
         self._setup = Setup(
             subscribed[0], TimelineOptions(clock=values['clock'],
@@ -117,8 +116,7 @@ class CharacterizationNode(AnyExecutorNode):
         thermometer = values['temperature_topic']
         self._temperature = self._thermometer(thermometer) if thermometer else None
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(self, self._receptions, self._publications, self._announcements,
-                                self._log)
+        self._reports = Reports(self, self._receptions, self._publications, self._log)
         run = self._storage.first_run()
         # Held back means lost in a crash: no more than half of what may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
@@ -190,7 +188,7 @@ class CharacterizationNode(AnyExecutorNode):
         except (InvalidQosOverridesError, RuntimeError) as error:
             raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
         facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)
-        return Reception(subscription, facts, decode)
+        return Reception(subscription, facts, decode, Announcements(self._log, facts.topic))
 
     def _thermometer(self, topic: str) -> TemperatureTopic:
         return TemperatureTopic(self, topic, self._facts, len(self._receptions))
@@ -295,8 +293,8 @@ class CharacterizationNode(AnyExecutorNode):
 
     def _forget_run(self) -> None:
         self._results.begin_run()
-        for announcements in self._announcements:
-            announcements.begin_run()
+        for reception in self._receptions:
+            reception.announcements.begin_run()
 
     # -- services -------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ import time
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
+from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.imu_type import Decode
@@ -23,9 +24,13 @@ MIXED_FOR_S = 5.0
 class Reception:
     """Empties the subscription at leisure."""
 
-    def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode) -> None:
+    def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode,
+                 announcements: Announcements) -> None:
         self.subscription = subscription
         self.facts = facts
+        self.announcements = announcements
+        # Of the last report: how many had come, and why nothing came.
+        self.reported, self.complaint = 0, ''
         self._decode = decode
         self._waiting: list[Batch] = []
         self._publishers = Publishers(subscription.publisher_gids)

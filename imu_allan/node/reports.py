@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import time
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.announcements import Announcements, SILENCE_S
+from imu_allan.node.announcements import SILENCE_S
 from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
 from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
@@ -28,16 +28,13 @@ class Reports:
     """Gathers what is reported."""
 
     def __init__(self, node: Node, receptions: Sequence[Reception], publications: Publications,
-                 announcements: Sequence[Announcements], log: Log) -> None:
+                 log: Log) -> None:
         self._node = node
         self._receptions = receptions
         self._publications = publications
-        self._announcements = announcements
         self._log = log
         self._last = self._last_look = time.monotonic()
-        self._complaints = [''] * len(receptions)
         self._last_cpu = time.process_time()
-        self._last_received = [0] * len(receptions)
 
     def due(self, now: float) -> bool:
         """Whether it is time for the next report."""
@@ -47,26 +44,25 @@ class Reports:
                checkpoint_age_s: float | None) -> None:
         """Bring the facts up to date, tell the log, and whoever listens."""
         cpu = time.process_time()
-        counts = [reception.facts.received for reception in self._receptions]
-        received = sum(counts) - sum(self._last_received)
-        for number, reception in enumerate(self._receptions):
-            self._see_reception(now, number, reception)
+        received = sum(reception.facts.received - reception.reported
+                       for reception in self._receptions)
+        for reception in self._receptions:
+            self._see_reception(now, reception)
             if received:
                 reception.facts.cpu_s = (cpu - self._last_cpu) / received
-        self._last, self._last_cpu, self._last_received = now, cpu, counts
+        self._last, self._last_cpu = now, cpu
         facts = self._receptions[0].facts
         facts.checkpoint_age_s = checkpoint_age_s
-        self._announcements[0].see_progress(now, facts, result)
+        self._receptions[0].announcements.see_progress(now, facts, result)
         watched = bool(self._publications.diagnostics.get_subscription_count())
-        waited_for = any(count > 0 and not announcements.has_begun for count, announcements
-                         in zip(counts, self._announcements, strict=True))
+        waited_for = any(reception.facts.received > 0 and not reception.announcements.has_begun
+                         for reception in self._receptions)
         if watched or waited_for or now - self._last_look >= LOOK_S:
             self._last_look = now
             own = self._node.get_name(), self._node.get_namespace()
             facts.namesakes = self._node.get_node_names_and_namespaces().count(own) - 1
-            topics = [(reception.facts, self._look(now, lane, reception.facts, announcements))
-                      for reception, lane, announcements in zip(
-                          self._receptions, run.lanes, self._announcements, strict=True)]
+            topics = [(reception.facts, self._look(now, lane, reception))
+                      for reception, lane in zip(self._receptions, run.lanes, strict=True)]
             if watched:
                 self._publications.diagnostics.publish(diagnostics_message(
                     self._node.get_fully_qualified_name(), self._node.get_clock().now().to_msg(),
@@ -74,30 +70,31 @@ class Reports:
                 for reception in self._receptions:
                     reception.facts.longest_hold_s = 0.0
 
-    def _see_reception(self, now: float, number: int, reception: Reception) -> None:
+    def _see_reception(self, now: float, reception: Reception) -> None:
         facts, subscription = reception.facts, reception.subscription
         facts.publishers = reception.publishers()
         facts.silent_s = now - reception.last_message
-        facts.received_hz = (facts.received - self._last_received[number]) / (now - self._last)
+        facts.received_hz = (facts.received - reception.reported) / (now - self._last)
+        reception.reported = facts.received
         if not facts.publishers:
             facts.refused = subscription.refused_publishers()
         facts.publisher_names = subscription.publisher_names() if facts.publishers > 1 else []
         facts.recent.see(now, {'lost': facts.lost, 'malformed': facts.malformed,
                                'overrun': facts.overrun})
-        self._announcements[number].see_reception(facts)
+        reception.announcements.see_reception(facts)
         facts.pause_s = 0.0
         if facts.silent_s <= SILENCE_S:
-            self._complaints[number] = ''
+            reception.complaint = ''
         else:
             cause = self._cause_of_silence(facts, subscription.type_name)
-            if cause != self._complaints[number] and self._log.warning(
+            if cause != reception.complaint and self._log.warning(
                     f'no message on {facts.topic} for {facts.silent_s:.0f} s{cause}',
                     f'silence {facts.topic}'):
-                self._complaints[number] = cause
+                reception.complaint = cause
 
-    def _look(self, now: float, lane: Lane, facts: Facts, announcements: Announcements
-              ) -> TimelineSummary:
+    def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
         """Look at the timeline, and tell the log of it."""
+        facts = reception.facts
         snapshot = lane.snapshot().characterization
         try:
             snapshot.finish()
@@ -110,7 +107,7 @@ class Reports:
         summary = snapshot.summary()
         facts.moved_s = summary.excluded_s
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
-        announcements.see_timeline(now, facts, summary)
+        reception.announcements.see_timeline(now, facts, summary)
         return summary
 
     def _cause_of_silence(self, facts: Facts, type_name: str) -> str:

@@ -7,9 +7,11 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import decode_imu, encode_imu
 from imu_allan.node import drained_subscription
+from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.imu_type import decoder, IMU
+from imu_allan.node.log import Log
 from imu_allan.node.reception import Reception
 import numpy as np
 import pytest
@@ -73,7 +75,8 @@ def test_each_sample_has_the_number_of_its_message_unless_some_cannot_be_decoded
         ros: Ros, subscription: DrainedSubscription) -> None:
     talker = publisher(ros, subscription)
     reception = Reception(
-        subscription, Facts(subscription.topic, 100, 0.0, '', None), decoder(IMU))
+        subscription, Facts(subscription.topic, 100, 0.0, '', None), decoder(IMU),
+        Announcements(Log(ros.node.get_logger()), subscription.topic))
 
     def blocks(count: int) -> list[ImuBlock]:
         received = reception.facts.received + count
