@@ -109,11 +109,14 @@ def test_damaged_states_are_gone_on_with_or_refused():
     each(35, 1, judge_state)
 
 
-def test_stamps_that_are_no_integers_are_refused():
-    # Found by mutation: NaN as an integer is a warning and an absurd stamp.
+@pytest.mark.parametrize(('key', 'value'), [
+    ('lane0/timeline/blocks/0/receive_ns', np.nan),
+    ('lane0/memory/groups/0/estimator/pyramid/counts', np.int64(-2**63))])
+def test_numbers_that_no_record_has_are_refused(key, value):
+    # Found by mutation: NaN as an integer is a warning and an absurd stamp, and fewer differences
+    # than none were too many to be counted.
     state = dict(STATE)
-    key = 'lane0/timeline/blocks/0/receive_ns'
-    state[key] = np.full(state[key].shape, np.nan)
+    state[key] = np.full(state[key].shape, value)
     assert not resumed(checkpoint.encode_state(state))
 
 

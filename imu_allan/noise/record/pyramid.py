@@ -149,7 +149,7 @@ class Pyramid(SideBySide):
         stages = len(self.tails)
         if (stages >= _MAX_STAGES or self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, self.axes)
                 or self.counts.shape != self.sums.shape[:1] or len(self.odd) != stages + 1
-                or not {0, 1}.issuperset(self.odd)
+                or (self.counts < 0).any() or not {0, 1}.issuperset(self.odd)
                 or any(part.shape != (self.axes, min(part.shape[-1], most)) for part, most in (
                     (self.newest, _TAIL), *((tail, OVERLAP) for tail in self.tails)))):
             raise ValueError('arrays of the pyramid do not fit together')
