@@ -28,7 +28,7 @@ _NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
 _SEQUENCE = re.compile(r'sequence<(?P<kind>[^,]+)(?:, (?P<most>\d+))?>')
 _BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool', 'octet': 'byte'}
 """Names that Python has for types whose name in a ``.msg`` file is another."""
-_OPTIONS = {'--gyro-unit': 'gyro_unit', '--accel-unit': 'accel_unit', '--gyro': 'gyro_field',
+_OPTIONS = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
             '--accel': 'accel_field', '--stamp': 'stamp_field'}
 _SEPARATOR = '=' * 80
 """As rosbag2 puts it between the definitions of the parts of a message."""

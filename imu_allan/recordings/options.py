@@ -63,8 +63,8 @@ class RecordingOptions:
     @property
     def factors(self) -> tuple[float, float]:
         """Return what samples of gyroscope and accelerometer are multiplied by."""
-        return (factor('--gyro-unit', self.gyro_unit, RAD_PER_S),
-                factor('--accel-unit', self.accel_unit, M_PER_S2))
+        return (factor('--gyro unit', self.gyro_unit, RAD_PER_S),
+                factor('--accel unit', self.accel_unit, M_PER_S2))
 
 
 def factor(option: str, unit: str | None, si_unit: str) -> float:

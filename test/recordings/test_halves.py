@@ -274,5 +274,5 @@ def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
 
 
 def test_a_unit_of_something_else_is_refused():
-    with refused('--accel-unit deg/s: deg/s cannot be turned into m/s^2'):
+    with refused('--accel unit deg/s: deg/s cannot be turned into m/s^2'):
         RecordingOptions(accel_unit='deg/s')
