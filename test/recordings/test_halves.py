@@ -77,7 +77,11 @@ def test_several_recordings_of_two_topics_keep_the_means_of_both(tmp_path):
     paths = [write(tmp_path / name, {'/accel': block(100, 1_000, False, True),
                                      '/gyro': block(200, 2_000, True, False)})
              for name in ('a.mcap', 'b.mcap')]
-    result = analyze(paths, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'))
+    seen = []
+    result = analyze(paths, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'),
+                     progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == sum(path.stat().st_size for path in paths)
     assert [part.path for part in result.recordings] == [str(path) for path in paths]
     for part in result.recordings:
         assert part.means.keys() == result.axes.keys()
