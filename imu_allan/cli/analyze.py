@@ -199,7 +199,7 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllan
         return [Task(' + '.join(args.recordings), choice, sum(size for _, _, size in found),
                      output, 'together', inspection, tuple(args.consumers),
                      tuple(args.recordings))]
-    names = folder_names([(path, topic) for path, topic, _ in found], units)
+    names = folder_names([(units[path], topic) for path, topic, _ in found])
     alone = len(found) == 1 == len(units)
     return [Task(path, replace(choice, topic=topic), size,
                  output if output is None or alone else output / name, name, inspection,

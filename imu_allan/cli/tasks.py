@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One result to be made: of which recording, in which way, into which folder."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count as naturals
 from pathlib import Path
@@ -77,23 +77,18 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
     return result, None
 
 
-def folder_names(recordings: Sequence[tuple[str, str | None]],
-                 units: Mapping[str, str] | None = None) -> list[str]:
+def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:
     """
-    Name a folder after each recording and topic, every name once.
+    Name a folder after each unit and topic, every name once.
 
     Nothing in a topic's name leads out of the folder above, and no name is longer than a file
-    system takes. `units` says what the unit of each path is called; by default it is the
-    recording's own name.
+    system takes.
     """
-    from imu_allan.fleet.names import unit_name
-
     taken: set[str] = set()
     numbers: dict[str, Iterator[int]] = {}
-    stems = units or {path: unit_name(path) for path in {path for path, _ in recordings}}
     names = []
-    for path, topic in recordings:
-        first = name = _folder_name(stems[path], topic)
+    for unit, topic in units:
+        first = name = _folder_name(unit, topic)
         # Where capitals count for nothing, two names that differ in them are one folder.
         while name.casefold() in taken:
             name = f'{first}-{next(numbers.setdefault(first.casefold(), naturals(2)))}'
@@ -102,8 +97,8 @@ def folder_names(recordings: Sequence[tuple[str, str | None]],
     return names
 
 
-def _folder_name(stem: str, topic: str | None) -> str:
-    name = stem if topic is None else f'{stem}_{topic.strip("/")}'
+def _folder_name(unit: str, topic: str | None) -> str:
+    name = unit if topic is None else f'{unit}_{topic.strip("/")}'
     name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
     # Bytes of a folder's name; file systems take 255, and a number may have to be added.
     return name.encode()[:200].decode(errors='ignore') or 'recording'
