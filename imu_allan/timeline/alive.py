@@ -19,12 +19,12 @@ changes all the time from its first change on.
 from dataclasses import dataclass, field
 
 from imu_allan.state import Record
+from imu_allan.timeline.clock import runs
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 FROZEN_RUN = 24
@@ -190,8 +190,8 @@ class Content(Record):
         fresh[0] &= not first
         if not self.changes:
             self.head += int(np.argmax(fresh)) if fresh.any() else consumed
-        run = _runs(same, self.run)
-        long = same & (_run_lengths(same, run) >= FROZEN_RUN)
+        run, whole = runs(same, self.run)
+        long = same & (whole >= FROZEN_RUN)
         self.changes += int(np.count_nonzero(fresh))
         self.changed = [a + int(b) for a, b in
                         zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
@@ -204,24 +204,6 @@ class Content(Record):
         self.held |= self.repeats > _HELD_SHARE * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
         return Repeats(same & ~long if self.held else none, long, wild, woke)
-
-
-def _runs(same: Bools, before: int) -> Ints:
-    """Repeats up to each message; `before` are those up to the message before."""
-    place = np.arange(len(same))
-    begins = np.where(same, -1, place)
-    newest = np.maximum.accumulate(begins)
-    run: Ints = np.where(newest >= 0, place - newest, place + 1 + before)
-    return run
-
-
-def _run_lengths(same: Bools, run: Ints) -> Ints:
-    """Repeats in the whole run that each message belongs to, as far as it is seen."""
-    ends = np.append(~same[1:], True)
-    place = np.arange(len(same))
-    end = np.where(ends, place, len(same))
-    nearest = np.minimum.accumulate(end[::-1])[::-1]
-    return np.asarray(run[nearest])
 
 
 @dataclass

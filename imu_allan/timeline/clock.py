@@ -177,33 +177,25 @@ def bounded(stamps: Stamps) -> Stamps:
 
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.int64] | None:
     """
-    How many messages before each one share its stamp.
+    Count the messages before each one that share its stamp; None where no neighbours do.
 
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        As they came.
-    last : int or None
-        Stamp of the message before.
-    ties : int
-        How many messages before that one shared its stamp.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,), or None
-        None where no two neighbours share a stamp.
-
+    `last` is the stamp of the message before, and `ties` how many before that one shared it.
     """
-    joins = last is not None and len(stamps) > 0 and int(stamps[0]) == last
-    tied = stamps[1:] == stamps[:-1]
-    if not joins and not tied.any():
-        return None
-    position = np.arange(len(stamps))
-    begins = np.concatenate([[0], np.where(tied, 0, position[1:])])
-    since: NDArray[np.int64] = position - np.maximum.accumulate(begins)
-    if joins:
-        since[:len(stamps) if tied.all() else int(np.argmin(tied)) + 1] += ties + 1
-    return since
+    tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
+                     stamps[1:] == stamps[:-1])
+    return runs(tied, ties)[0] if tied.any() else None
+
+
+def runs(same: NDArray[np.bool_], before: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Count how often up to each element, and in the whole run as far as it is seen, `same` holds.
+
+    `before` says it of the run that the first element may go on with.
+    """
+    run = np.cumsum(~same)
+    begins = np.append(-1 - before, np.flatnonzero(~same))
+    lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
+    return np.arange(len(same)) - begins[run], lengths[run]
 
 
 def lost_before(numbers: NDArray[np.int64], before: int) -> NDArray[np.int64]:
