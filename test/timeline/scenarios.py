@@ -109,7 +109,6 @@ def burst_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def outages(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Lose everything for 0.1 to 15 s, again and again."""
-    truth.exact = False
     on, off = rng.uniform(0.5, 10), rng.uniform(0.1, 15)
     irregular = rng.random() < 0.5
     keep = np.zeros(len(m.place), bool)
@@ -130,7 +129,6 @@ def long_gaps(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def every_kth_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Drop one of k messages, as topic_tools does."""
-    truth.exact = False
     k = int(rng.integers(4, 20))
     return _lose(m, truth, np.arange(len(m.place)) % k != 0)
 
@@ -152,7 +150,6 @@ def repeated_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let a few messages overtake the one before."""
-    truth.exact = False
     rows = np.arange(len(m.place))
     for at in rng.integers(1, len(rows), max(len(rows) // 3000, 1)):
         rows[[at - 1, at]] = rows[[at, at - 1]]
@@ -163,14 +160,12 @@ def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_zero(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Leave header stamps at zero, as some drivers do."""
-    truth.exact = False
     m.header = np.full(len(m.header), -START_NS / 1e9)
     return m
 
 
 def header_tick(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Quantize header stamps to a tick of about the interval."""
-    truth.exact = False
     tick = min((0.0001, 0.001, 0.004, 0.005, 0.01, 0.02),
                key=lambda tick: abs(np.log(tick * truth.rate_hz) + rng.uniform(0, 0.4)))
     # Ticks coarser than twice the interval lose too much to be a clock, and are seen as coarse.
@@ -180,7 +175,6 @@ def header_tick(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let header stamps be late at random, in order."""
-    truth.exact = False
     late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz,
                                       len(m.header))
     m.header = np.maximum.accumulate(late + 2e-9 * np.arange(len(late)))
@@ -189,7 +183,6 @@ def header_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Stamp a FIFO's samples when it is read, a few microseconds apart."""
-    truth.exact = False
     size = int(rng.choice([4, 10, 20]))
     batch = m.place // size
     m.header = (batch + 1) * size / truth.rate_hz + (m.place % size) * 3e-5 / size
@@ -198,7 +191,6 @@ def header_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_nominal_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Stamp a FIFO's samples back from its reading by an interval that is not the true one."""
-    truth.exact = False
     size = int(rng.choice([4, 8, 16]))
     off = float(rng.choice([-0.08, -0.04, 0.04, 0.08]))
     batch = m.place // size
@@ -215,7 +207,6 @@ def header_drift(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def clock_step(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Set both clocks once."""
-    truth.exact = False
     at = int(rng.integers(len(m.header) // 10, len(m.header) * 9 // 10))
     step = rng.choice([-3600.0, -5.0, 5.0, 3600.0])
     m.header[at:] += step
@@ -258,7 +249,6 @@ def not_a_number(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Spoil single values."""
     hit = rng.integers(0, len(m.place), max(len(m.place) // 500, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = np.nan
-    truth.exact = False
     return m
 
 
@@ -291,14 +281,12 @@ def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Me
     """Declare the accelerometer as not provided from some time on."""
     truth.told.add('field_vanished')
     m.absent[int(len(m.place) * rng.uniform(0.2, 0.8)):, 1] = True
-    truth.exact = False
     return m
 
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Mix in a second sensor of the same frame_id."""
     truth.told |= {'several_publishers', 'alternating'}
-    truth.exact = False
     offset = rng.uniform(0.3, 0.5) / truth.rate_hz
     other = Messages(m.place, m.header + offset, m.receive + offset,
                      m.samples + rng.normal(size=6) * 3 * SIGMA
@@ -316,7 +304,6 @@ def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
 def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Go on at half the rate from some time on."""
     truth.told.add('rate_changed')
-    truth.exact = False
     at = int(len(m.place) * rng.uniform(0.05, 0.95))
     rows = np.concatenate([np.arange(at), np.arange(at, len(m.place), 2)])
     return m.pick(rows)
@@ -325,7 +312,6 @@ def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
 def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Publish every sample twice, half an interval apart."""
     truth.told |= {'held_values', 'band_limited'}
-    truth.exact = False
     rows = np.repeat(np.arange(len(m.place)), 2)
     twice = m.pick(rows)
     half = np.tile([0, 0.5 / truth.rate_hz], len(m.place))
@@ -336,7 +322,6 @@ def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
 def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Spoil one sample in a hundred by a large value."""
     truth.told |= {'spikes'}
-    truth.exact = False
     hit = rng.random(len(m.place)) < 0.01
     m.samples[hit] += rng.choice([-1, 1], (np.count_nonzero(hit), 6)) * 30 * SIGMA
     return m
@@ -344,28 +329,24 @@ def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_whole_seconds(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Leave the nanoseconds of header stamps at zero."""
-    truth.exact = False
     m.header = np.floor(m.header) - START_NS % 10**9 / 1e9
     return m
 
 
 def header_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Stamp every message with the time at which the driver started."""
-    truth.exact = False
     m.header = np.zeros(len(m.header))
     return m
 
 
 def header_stray(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Stamp single messages an hour ahead."""
-    truth.exact = False
     m.header[rng.integers(0, len(m.header), 3)] += 3600
     return m
 
 
 def header_resets(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let the header clock begin anew, as that of a sensor which was switched off and on."""
-    truth.exact = False
     at = int(len(m.header) * rng.uniform(0.1, 0.9))
     m.header[at:] -= m.header[at]
     return m
@@ -379,13 +360,11 @@ def receive_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def heavy_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Lose a fifth to six tenths of the messages at random."""
-    truth.exact = False
     return _lose(m, truth, rng.random(len(m.place)) >= rng.uniform(0.2, 0.6))
 
 
 def dropped_in_turn(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Drop several of a few messages in turn."""
-    truth.exact = False
     patterns = ((1, 1, 0), (1, 1, 0, 0), (1, 1, 1, 0, 0), (1, 1, 1, 1, 0, 0))
     return _lose(m, truth, np.resize(
         np.array(patterns[int(rng.integers(len(patterns)))], bool), len(m.place)))
@@ -416,7 +395,6 @@ def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
     if rng.random() < 0.3:
         at = int(n * rng.uniform(0.75, 0.8))
         m.samples[at:at + n // 10, axes] = m.samples[at, axes]
-    truth.exact = False
     return m
 
 
@@ -424,7 +402,6 @@ def infinite(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let single values be infinite or absurd."""
     hit = rng.integers(0, len(m.place), max(len(m.place) // 1000, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = rng.choice([np.inf, -np.inf, 1e30], len(hit))
-    truth.exact = False
     return m
 
 
@@ -432,14 +409,12 @@ def axes_nan_for_a_while(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Leave some axes without values for a third of the recording."""
     first = int(len(m.place) * rng.choice([0.0, 0.3, 0.67]))
     m.samples[first:first + len(m.place) // 3, int(rng.integers(0, 6)):] = np.nan
-    truth.exact = False
     return m
 
 
 def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Declare the gyroscope as not provided until some time."""
     m.absent[:int(len(m.place) * rng.uniform(0.1, 0.6)), 0] = True
-    truth.exact = False
     return m
 
 
@@ -454,7 +429,6 @@ def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let header stamps be late with a heavy tail, as those of a loaded machine, in order."""
-    truth.exact = False
     tail = float(rng.choice([1.5, 2.0, 3.0]))
     scale = rng.choice([0.05, 0.15, 0.3]) / truth.rate_hz
     # One that comes twice has one stamp; what waits for a late one is stamped right behind it.
@@ -467,14 +441,12 @@ def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def one_of_few_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Drop every third or fourth message."""
-    truth.exact = False
     k = int(rng.integers(3, 5))
     return _lose(m, truth, np.arange(len(m.place)) % k != 0)
 
 
 def zero_rows(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Send zeros now and then, as a driver whose bus read failed."""
-    truth.exact = False
     m.samples[rng.random(len(m.place)) < rng.choice([3e-4, 1e-3, 3e-3])] = 0.0
     return m
 
@@ -510,6 +482,11 @@ FAULTS = (LOSSES, STAMPS, SAMPLES)
 MORE_FAULTS = ((*LOSSES, *3 * (one_of_few_dropped,)), (*STAMPS, *4 * (header_late,)),
                (*SAMPLES, *2 * (zero_rows, half_rate_vibration)))
 """With what was found later, more often than the others."""
+EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_messages',
+         'header_drift', 'receive_jitter', 'receive_bursts', 'header_speed', 'frozen', 'knock',
+         'coarse_output', 'constant_axis', 'receive_constant', 'driver_restart',
+         'noise_changes', 'tilt', 'half_rate_vibration'}
+"""Faults beside which missing samples can be counted to the last one."""
 _SHORT_S = 4.0
 _LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
@@ -542,6 +519,7 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
         fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
         truth.faults.append(fault.__name__)
         messages = fault(messages, truth, rng)
+    truth.exact = EXACT.issuperset(truth.faults)
     if 'tilt' in truth.faults and np.ptp(messages.header) < _SHORT_S:
         # By its stamps the record is so short that a turn of some seconds is the larger part.
         truth.told.add('refused')
