@@ -302,8 +302,6 @@ class Memory(Record):
         The last samples placed in this run.
     motion : MotionDetector or None
         None before the first sample.
-    waiting : list of MotionDetector
-        Those that wait for their axes to come back.
     blocks : list of ImuBlock
         Messages that wait, where they are saved.
 
@@ -318,7 +316,6 @@ class Memory(Record):
     cursor: Cursor = field(default_factory=Cursor)
     tail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
     motion: MotionDetector | None = None
-    waiting: list[MotionDetector] = field(default_factory=list)
     blocks: list[ImuBlock] = field(default_factory=list)
 
     @property

@@ -161,16 +161,13 @@ class MotionDetector(Record):
         """Whether there are rows not yet decided on."""
         return bool(self._held)
 
-    @property
-    def knows_rest(self) -> bool:
-        """Whether the baseline rests on enough windows to be gone on with another time."""
-        return self._level.is_known
-
-    def follow(self, before: 'MotionDetector') -> None:
-        """Go on with what another detector, of other axes, has told; it is flushed."""
-        self.summary = before.summary.copy()
-        self._excursions.found = before._excursions.found
-        self._run_pending, self._void = before._run_pending, before._void
+    def of_axes(self, axes: tuple[bool, ...]) -> 'MotionDetector':
+        """Give a detector of other axes that goes on with what this one, flushed, has told."""
+        other = MotionDetector(self.interval_s, axes)
+        other.summary = self.summary
+        other._excursions.found = self._excursions.found
+        other._run_pending, other._void = self._run_pending, self._void
+        return other
 
     def push(self, piece: EvenPiece) -> list[EvenBlock]:
         """Take even rows, give those decided to be at rest."""

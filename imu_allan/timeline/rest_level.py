@@ -42,8 +42,6 @@ _FEW_WINDOWS = 32
 """Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
 _FEW_SPREAD = 0.1
 """Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
-_FIFTH_SPREAD = 0.2
-"""The same where fifths of windows tell it: their variance has about three degrees of freedom."""
 _TOLD_RATIO = 3.0
 """Noise that has become so many times louder or quieter is told. A judgment."""
 _REST_WINDOWS = 6
@@ -141,12 +139,6 @@ class RestLevel(Record):
     lately: Floats = field(default_factory=lambda: np.empty((0, 19)))
     quieter: int = 0
 
-    @property
-    def is_known(self) -> bool:
-        """Whether the baseline is one of enough windows, and all axes, to be gone on with."""
-        return (len(self.past) >= _FEW_WINDOWS and self.baseline is not None
-                and not self.baseline.any_constant)
-
     def check(self) -> None:
         """Refuse tables of another width."""
         if any(rows.ndim != 2 or rows.shape[1] != 18 for rows in self.news) or (
@@ -177,11 +169,6 @@ class RestLevel(Record):
         loudness, wander = loudness[still], wander[still]
         if len(loudness) >= _FEW_WINDOWS:
             self.baseline, rest = settle(loudness, wander, resolution)
-        elif len(loudness) < _FEWEST_WINDOWS and full[0].held >= windows.size:
-            centre = np.median(windows.fifths(full), axis=0)
-            self.baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
-                                     resolution)
-            return
         else:
             # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
             # of the quieter half, as surely as their samples tell it.

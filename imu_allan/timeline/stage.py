@@ -29,8 +29,6 @@ from numpy.typing import NDArray
 
 Axes = tuple[bool, ...]
 
-_MOST_WAITING = 4
-"""Detectors of other axes that are kept: with each of two sensors away in turn there are two."""
 WINDOW = 4096
 """Messages seen together; the last `LOOK_AHEAD` of them are worked off with the next window."""
 
@@ -196,7 +194,7 @@ class TimelineStage(Record):
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:
             self._memory.counts.forget()
-            self._memory.motion, self._memory.waiting = None, []
+            self._memory.motion = None
             intake.decision.restart = placing.cursor.fresh_run = True
         return self._at_rest(placing.place(messages))
 
@@ -215,8 +213,10 @@ class TimelineStage(Record):
             at_rest: list[EvenBlock] = []
             if self._memory.motion is None:
                 self._memory.motion = MotionDetector(first_interval_ns / SECOND, _axes_of(piece))
-            elif self._intake.presence.changed:
-                at_rest += self._judge_by(_axes_of(piece))
+            elif self._memory.motion.axes != _axes_of(piece):
+                # What is known of the rest of some axes is not that of others.
+                at_rest += self._memory.motion.flush()
+                self._memory.motion = self._memory.motion.of_axes(_axes_of(piece))
             at_rest += self._memory.motion.push(piece)
             blocks += [] if self._keeps_motion else at_rest
         return self._marked(blocks)
@@ -224,22 +224,6 @@ class TimelineStage(Record):
     @property
     def _keeps_motion(self) -> bool:
         return self._memory.options.motion == 'keep'
-
-    def _judge_by(self, axes: Axes) -> list[EvenBlock]:
-        """Go on with the detector of some axes: what it knows of rest is not that of others."""
-        memory, before = self._memory, self._memory.motion
-        assert before is not None
-        if axes == before.axes:
-            return []
-        blocks = before.flush()
-        if before.knows_rest:
-            memory.waiting = [*memory.waiting, before][-_MOST_WAITING:]
-        found = next((motion for motion in memory.waiting if motion.axes == axes),
-                     MotionDetector(before.interval_s, axes))
-        memory.waiting = [motion for motion in memory.waiting if motion is not found]
-        found.follow(before)
-        memory.motion = found
-        return blocks
 
     def _marked(self, blocks: list[EvenBlock]) -> list[EvenBlock]:
         """Let the first block after a restart say so."""

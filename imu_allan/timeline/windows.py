@@ -135,13 +135,6 @@ class Windows(Record):
         if stretch.closed and left:
             stretch.describe(stretch.joined()[None, -size:], self.part)
 
-    def fifths(self, stretches: list[Stretch]) -> Floats:
-        """Give the loudness of fifths of windows: of few windows one knock spoils the half."""
-        size = self.size
-        rows = [stretch.joined()[:stretch.held // size * size].reshape(-1, size // 5, 6)
-                for stretch in stretches]
-        return describe(np.concatenate(rows), self.part)[1]
-
     def implausible(self, stretch: Stretch, first: int) -> Bools:
         """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
         means = stretch.means
