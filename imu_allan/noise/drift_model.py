@@ -174,7 +174,7 @@ def capped(groups: Groups) -> Groups:
 
 
 def _with(groups: Groups, dof: Array, power: Array) -> Groups:
-    return Groups(groups.frequency, dof, power, groups.design, groups.cross, groups.ramp)
+    return replace(groups, dof=dof, power=power, along=None, among=None, record=None)
 
 
 def _shrunk(band: Groups, terms: Solution) -> Groups:

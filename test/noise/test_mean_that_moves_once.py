@@ -61,3 +61,10 @@ def test_means_that_move_make_few_walks_and_cover_the_flicker():
     assert walks <= 22
     held = sum(holds(one['bias_instability'], B) for one in records)
     assert held >= 288
+
+
+def test_a_random_walk_that_an_hour_just_shows_is_reported():
+    found = [characterized(simulate(WALKING, 36_000, RATE, seed), RATE)[0]
+             .coefficients['rate_random_walk'] for seed in range(40, 50)]
+    assert sum(one.observable for one in found) >= 8
+    assert sum(holds(one, WALKING['rate_random_walk']) for one in found) >= 9

@@ -160,10 +160,11 @@ def test_behind_a_slow_filter_of_white_noise_no_slow_term_is_made_up():
 def test_a_shape_is_one_line_of_the_table():
     # A seventh low-pass: the mean of two samples, of no other width.
     pair = shapes.Shape('mean_of_two', 0.05,
-                        lambda nu, c: np.cos(np.pi * nu)**2 + shapes.LEAK + 0 * c,
+                        lambda nu, c: np.cos(np.pi * nu)**2 + 0 * c,
                         lambda _: shapes.Grid(0.0, 1.0, 0.25))
     nu, band = np.geomspace(1e-4, 0.49, 80), shapes.Band(1e-4, 1e-3)
-    tables = shapes.table_of((*shapes.LOW_PASSES, pair), nu, band)
+    seen = shapes.Response(nu, np.ones(80))
+    tables = shapes.table_of((*shapes.LOW_PASSES, pair), nu, band, seen)
     assert len(tables.first) == len(shapes.LOW_PASSES) + 1
     assert tables.count[-1] == 5
 

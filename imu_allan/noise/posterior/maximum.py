@@ -115,8 +115,8 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     >>> from imu_allan.noise.record.groups import WHITE
     >>> nu = np.geomspace(0.001, 0.5, 24)
     >>> design = np.stack([4 * np.sin(np.pi * nu) ** 2, np.ones(24), 1 / nu, 1 / nu**2], axis=1)
-    >>> zero = np.zeros(24)
-    >>> groups = Groups(nu, np.full(24, 100.0), np.full(24, 9.0), design, zero, zero)
+    >>> zero, one = np.zeros(24), np.ones(24)
+    >>> groups = Groups(nu, 100 * one, 9 * one, design, zero, zero, one)
     >>> float(maximise(groups).theta[WHITE].round(6))
     9.0
 

@@ -5,7 +5,7 @@ Whether a random walk shows in any part of a record, or is what a mean has done 
 
 A mean may settle, bend or jump in more ways than any list of courses has. Whatever it does, it
 does at some time; a walk goes on. In parts of the record, each with a mean and a ramp of its own,
-it shows as well, without any one of them as without the others, and is as strong in each.
+it shows as well, if at all then without any one of them, too, and is as strong in each.
 """
 
 from collections.abc import Sequence
@@ -59,10 +59,10 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
                       record.dof[of] / np.maximum(record.whole[of], 1e-9))
     # A part is worth as little as the whole where no model describes the record.
     dof = np.minimum(spectra.dof, spectra.whole * known)
-    # Without each part, each part by itself, and all; then without a walk, but for each part.
+    # Without each part, each part by itself, and all; then without a walk.
     seen = np.concatenate((~own, own, np.ones_like(own[:1])))
     spectra = spectra.taken(np.zeros(len(seen), np.int64)).worth(dof * seen)
-    which = np.concatenate((np.arange(len(seen)), np.arange(count)))
+    which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))
     flicker = np.arange(len(which)) >= len(seen)
     rows = model.row.take(np.zeros(len(which), np.int64))
     x, has = rows.x.copy(), rows.has.copy()
@@ -74,5 +74,8 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
     loss = climb(spectra, replace(
         rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which))), 12).loss
-    without, alone, whole, still = np.split(loss, [count, 2 * count, 2 * count + 1])
-    return bool((without <= still).all() and whole[0] - alone.sum() < _UNEVEN)
+    without, alone, [whole], still, [whole_still] = np.split(
+        loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
+    # Only where they show it together can one of them be all that shows it.
+    anywhere = whole_still <= whole or (without <= still).all()
+    return bool(anywhere and whole - alone.sum() < _UNEVEN)

@@ -29,6 +29,10 @@ FEWEST_GROUPS = 24
 # Points and weights over a band of an eighth of an octave (Gauss-Legendre).
 _EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
+_FOLDED = 0.02
+"""Of the rate of means of samples, from which on what they fold counts."""
+_FOLDS = 4
+"""How often a frequency is folded, at most: beyond lie 2 % of the power."""
 
 
 @dataclass(frozen=True)
@@ -86,16 +90,8 @@ def _of_corner(highest: float) -> Callable[[Band], Grid]:
     return grid
 
 
-def _low_pass(response: Power) -> Power:
-    """Average a response over the band of each group; blocks leak into what it stops."""
-    def power(nu: Array, corner: float) -> Array:
-        wide = np.minimum(nu[:, None] * _EIGHTH, 0.4999)
-        return np.asarray(response(wide, np.exp(corner)) @ _GAUSS + LEAK)
-    return power
-
-
 def _butterworth(order: int) -> Power:
-    return lambda nu, c: 1 / (1 + (np.tan(np.pi * nu) / c) ** (2 * order))
+    return lambda nu, corner: 1 / (1 + (np.tan(np.pi * nu) / np.exp(corner)) ** (2 * order))
 
 
 def _high_pass(nu: Array, corner: float) -> Array:
@@ -136,15 +132,15 @@ FREE_TERMS = (
 """Terms with one: flicker of another exponent, and a Gauss-Markov process of any time."""
 
 LOW_PASSES = (
-    Shape(GENTLE, 3.0, _low_pass(lambda nu, c: 1 / (1 + (np.sin(np.pi * nu) / c) ** 2)),
+    Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
-    Shape('moving_mean', 0.05, _low_pass(lambda nu, c: (np.sinc(nu / c) / np.sinc(nu)) ** 2),
-          _of_corner(0.9)),
-    Shape('butterworth_1', 0.05, _low_pass(_butterworth(1)), _of_corner(20.0)),
-    Shape('butterworth_2', 0.05, _low_pass(_butterworth(2)), _of_corner(4.0)),
-    Shape('butterworth_3', 0.05, _low_pass(_butterworth(3)), _of_corner(4.0)),
-    Shape('butterworth_4', 0.05, _low_pass(_butterworth(4)), _of_corner(4.0)),
-    Shape('gauss', 0.05, _low_pass(lambda nu, c: np.exp(-np.log(2) * (nu / c) ** 2)),
+    Shape('moving_mean', 0.05,
+          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2, _of_corner(0.9)),
+    Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
+    Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
+    Shape('butterworth_3', 0.05, _butterworth(3), _of_corner(4.0)),
+    Shape('butterworth_4', 0.05, _butterworth(4), _of_corner(4.0)),
+    Shape('gauss', 0.05, lambda nu, corner: np.exp(-np.log(2) * (nu / np.exp(corner)) ** 2),
           _of_corner(0.8)),
 )
 """Responses of which a sensor has one at most; the first may be too gentle to be seen."""
@@ -202,9 +198,9 @@ def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
-def tables(frequency: Array, dt: float) -> 'Tables':
-    """Tables of all shapes with a nuisance at the groups' frequencies."""
-    return _tables(np.ascontiguousarray(np.minimum(frequency * dt, 0.5)).tobytes())
+def tables(nu: Array, step: Array) -> 'Tables':
+    """Tables of all shapes with a nuisance at the groups' frequencies, of means of samples."""
+    return _tables(np.stack((nu, step)).tobytes())
 
 
 @dataclass(frozen=True)
@@ -230,13 +226,51 @@ class Tables:
 
 @lru_cache(maxsize=8)
 def _tables(layout: bytes) -> Tables:
-    nu: Array = np.frombuffer(layout)
+    nu, step = np.frombuffer(layout).reshape(2, -1)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
     return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_TERMS),
-                  table_of(LOW_PASSES, nu, band), table_of(HIGH_PASSES, nu, band))
+                  table_of(LOW_PASSES, nu, band, Response(nu, step)),
+                  table_of(HIGH_PASSES, nu, band))
 
 
-def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band) -> Table:
+class Response:
+    """
+    What groups see of a filter: its mean over their band, and what means of samples fold there.
+
+    A mean over m samples passes (sin(pi m nu)/(m sin(pi nu)))^2 of what is m times as fast as its
+    rate allows; of white noise all that is folded adds up to 1, behind a filter it does not.
+    """
+
+    def __init__(self, nu: Array, step: Array) -> None:
+        at, weight, first = [], [], []
+        count = 0
+        for each, means in zip(nu.tolist(), step.tolist(), strict=True):
+            inside = np.minimum(each * _EIGHTH, 0.4999)
+            first.append(count)
+            if each * means < _FOLDED:
+                at.append(inside)
+                weight.append(_GAUSS)
+            else:
+                fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
+                folded = inside[:, None] + fold / means
+                share = (np.sin(np.pi * means * inside)[:, None]
+                         / (means * np.sin(np.pi * folded)))**2
+                # What is folded more often is taken to be as strong as at the last.
+                share[:, -1] += np.maximum(1 - share.sum(axis=1), 0.0)
+                at.append(np.minimum(np.minimum(abs(folded), 1 - folded), 0.4999).ravel())
+                weight.append((_GAUSS[:, None] * share).ravel())
+            count += len(at[-1])
+        self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
+
+    def of(self, power: Power, corner: float) -> Array:
+        """Return it of a low-pass; blocks leak into what it stops."""
+        return np.asarray(np.add.reduceat(
+            power(self._at, corner) * self._weight, self._first) + LEAK)
+
+
+def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None
+             ) -> Table:
+    """Tabulate shapes on their grids; low-passes as they are seen."""
     rows, grids = [], []
     for shape in shapes:
         assert shape.grid is not None
@@ -244,7 +278,8 @@ def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band) -> Table:
         values = grid.first + grid.step * np.arange(
             max(int(np.ceil((grid.last - grid.first) / grid.step)) + 1, 5))
         grids.append(values)
-        rows += [np.log(shape.power(nu, float(value))) for value in values]
+        rows += [np.log(shape.power(nu, value) if seen is None else seen.of(shape.power, value))
+                 for value in values.tolist()]
     count = np.array([len(values) for values in grids])
     return Table(np.array([v[0] for v in grids]), np.array([v[-1] for v in grids]),
                  np.array([v[1] - v[0] for v in grids]), np.stack(rows),

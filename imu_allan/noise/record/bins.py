@@ -43,6 +43,8 @@ class Bins:
         Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
     whole : ndarray of bool, shape (bins,)
         Whether a bin is a single coefficient of a whole-record part.
+    step : ndarray, shape (bins,)
+        Samples averaged into one point.
     piece, index : ndarray of int, shape (bins,)
         Which piece a bin is from, and its DCT index there.
 
@@ -56,6 +58,7 @@ class Bins:
     coefficient: Array
     ramp: Array
     whole: NDArray[np.bool_]
+    step: Array
     piece: NDArray[np.int64]
     index: NDArray[np.int64]
 
@@ -65,8 +68,9 @@ class Bins:
         single = self.whole & (self.index <= _SINGLE)
         band = np.floor(_PER_OCTAVE * np.log2(self.frequency)).astype(np.int64)
         # The key keeps apart what must not be averaged: single coefficients, and the whole-record
-        # part, whose ramp has a sign, from the blocks.
-        key = np.where(single, (self.piece + 2) * 10_000_000 + self.index, band * 2 + self.whole)
+        # part, whose ramp has a sign, from the blocks, and those of one step from the others.
+        apart = (64 * band + np.log2(self.step).astype(np.int64)) * 2 + self.whole
+        key = np.where(single, (self.piece + 2) * 10_000_000 + self.index, apart)
         return np.unique(key, return_inverse=True)[1].astype(np.int64)
 
 
@@ -115,8 +119,8 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
         parts.append(Bins(
             index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
             piece.power[:, part], design, signed * ramp, signed, squared,
-            np.full(len(index), piece.coefficients is not None), np.full(len(index), number),
-            index))
+            np.full(len(index), piece.coefficients is not None),
+            np.full(len(index), float(piece.step)), np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'cross', 'coefficient')))
                   for field in fields(Bins)))

@@ -31,7 +31,7 @@ class Groups:
 
     Attributes
     ----------
-    frequency, dof, power, cross, ramp : ndarray, shape (groups,)
+    frequency, dof, power, cross, ramp, step : ndarray, shape (groups,)
     design : ndarray, shape (groups, columns)
     along : ndarray, shape (groups, regressors), optional
         Mean of coefficient times regressor; zero where the sign is lost.
@@ -48,6 +48,7 @@ class Groups:
     design: Array
     cross: Array
     ramp: Array
+    step: Array
     along: Array | None = None
     among: Array | None = None
     record: NDArray[np.int64] | None = None
@@ -111,7 +112,7 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp))
+                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step))
     return _regressed(still, bands, bins, axis, regressors)
 
 

@@ -133,7 +133,8 @@ class Part:
             nothing = np.zeros(len(bands))
             parts.append((frequency[keep], dof[bands].astype(np.float64),
                           power[bands] / dof[bands], design[keep], nothing, ramp[keep],
-                          nothing[:, None], nothing[:, None, None]))
+                          np.full(len(bands), float(step)), nothing[:, None],
+                          nothing[:, None, None]))
         return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
