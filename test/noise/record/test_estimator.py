@@ -230,7 +230,7 @@ def test_thousands_of_tiny_runs_stay_bounded():
     *(lambda rows=rows: Estimator().update(np.ones(5), rows) for rows in (
         [5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]))])
 def test_what_an_estimator_cannot_do_is_refused(wrong):
-    with pytest.raises(ValueError, match=r'must|cannot'):
+    with pytest.raises(ValueError, match=r'^(.+ )?(must|cannot) .+$'):
         wrong()
 
 
