@@ -111,10 +111,11 @@ def test_damaged_states_are_gone_on_with_or_refused():
 
 @pytest.mark.parametrize(('key', 'value'), [
     ('lane0/timeline/blocks/0/receive_ns', np.nan),
-    ('lane0/memory/groups/0/estimator/pyramid/counts', np.int64(-2**63))])
+    ('lane0/memory/groups/0/estimator/pyramid/counts', np.int64(-2**63)),
+    ('lane0/memory/groups/0/estimator/pyramid/sums', 1e308)])
 def test_numbers_that_no_record_has_are_refused(key, value):
     # Found by mutation: NaN as an integer is a warning and an absurd stamp, and fewer differences
-    # than none were too many to be counted.
+    # than none were too many to be counted; the mean of numbers beyond any sample is infinite.
     state = dict(STATE)
     state[key] = np.full(state[key].shape, value)
     assert not resumed(checkpoint.encode_state(state))
