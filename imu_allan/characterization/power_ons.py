@@ -9,10 +9,11 @@ must expect at its start.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.taken import FinishedRecord
+from imu_allan.noise.faults.saturation import is_cut_off
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
@@ -39,12 +40,18 @@ class Mark(Record):
     first : float
         The first of them, of the first axis: where a run that has begun on a moving robot has
         begun anew with its first stop, the first is another.
+    ends : dict of str to tuple
+        By axis the lowest and the highest value so far, each with how many samples stand there.
+    cut_off : list of str
+        The axes whose samples of this power-on were cut off at an end: their mean is none.
 
     """
 
     samples: dict[str, int]
     means: dict[str, float]
     first: float
+    ends: dict[str, tuple[tuple[float, int], tuple[float, int]]]
+    cut_off: list[str]
 
     def check(self) -> None:
         """Raise ValueError where a mean is none."""
@@ -54,14 +61,27 @@ class Mark(Record):
             raise ValueError('a mean of a power-on is none')
 
 
-def mark_of(record: FinishedRecord) -> Mark:
-    """Return where a run stands at the end of its latest power-on."""
-    mark = Mark({}, {}, 0.0)
-    for group in record.groups:
-        mark.samples |= dict.fromkeys(group.names, group.estimator.samples)
-        mark.means |= zip(group.names, group.estimator.mean.tolist(), strict=True)
+def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
+    """Return where a run stands at the end of its latest power-on, behind those that ended."""
     reference = record.group_of(record.names[0]).estimator.reference
-    return mark if reference is None else replace(mark, first=float(reference[0]))
+    mark = Mark({}, {}, 0.0 if reference is None else float(reference[0]), {}, [])
+    # Where the run has begun anew all samples count.
+    before = ended[-1] if ended and ended[-1].first == mark.first else None
+    for group in record.groups:
+        estimator, census = group.estimator, group.estimator.census
+        mark.samples |= dict.fromkeys(group.names, estimator.samples)
+        mark.means |= zip(group.names, estimator.mean.tolist(), strict=True)
+        for axis, name in enumerate(group.names):
+            mark.ends[name] = ends = (
+                (float(census.lowest[axis]), int(census.at_ends[0, axis])),
+                (float(census.highest[axis]), int(census.at_ends[1, axis])))
+            own = estimator.samples - (before.samples.get(name, 0) if before else 0)
+            # At an end that has moved on no earlier sample stands.
+            earlier = dict(before.ends.get(name, ())) if before else {}
+            if own and any(is_cut_off(estimator, axis, count - earlier.get(value, 0), own)
+                           for value, count in ends):
+                mark.cut_off.append(name)
+    return mark
 
 
 def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
@@ -75,7 +95,7 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     found: dict[str, TurnOnBias] = {}
     for name, axis in axes.items():
         means = [(mean, samples / record.rate_hz) for mean, samples
-                 in _of_each(name, (*ended, mark_of(record)))
+                 in _of_each(name, (*ended, mark_of(record, ended)))
                  if samples >= _SHORTEST_S * record.rate_hz]
         if len(means) > 1 and mean_is_known(axis):
             found[name] = turn_on_bias(
@@ -114,5 +134,6 @@ def _of_each(name: str, marks: Sequence[Mark]) -> Iterator[tuple[float, int]]:
     for mark in marks:
         samples = mark.samples.get(name, 0)
         if mark.first == marks[-1].first and samples > used:
-            yield (mark.means[name] * samples - mean * used) / (samples - used), samples - used
+            if name not in mark.cut_off:
+                yield (mark.means[name] * samples - mean * used) / (samples - used), samples - used
             used, mean = samples, mark.means[name]

@@ -186,7 +186,7 @@ class Characterization:
         record = self.record()
         if record is not None:
             marks = self._memory.power_ons
-            marks.append(mark_of(record))
+            marks.append(mark_of(record, marks))
             del marks[:-MOST]
         self.break_run()
 

@@ -34,14 +34,16 @@ def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return path
 
 
-def feed(run: Run, mean: float, seed: int, without: int = 0) -> float:
+def feed(run: Run, mean: float, seed: int, without: int = 0, count: int = SAMPLES,
+         most: float = np.inf) -> float:
     """Give samples of one power-on, some without gyroscope; return the mean of the first axis."""
-    samples = np.random.default_rng(seed).normal(0, SIGMA, (SAMPLES, 6))
+    samples = np.random.default_rng(seed).normal(0, SIGMA, (count, 6))
     samples[:, :3] += mean
-    samples[SAMPLES // 2:SAMPLES // 2 + without, :3] = np.nan
-    stamps = np.rint((seed * 10**5 + np.arange(SAMPLES) / RATE_HZ) * 1e9).astype(np.int64)
+    samples = np.minimum(samples, most)
+    samples[count // 2:count // 2 + without, :3] = np.nan
+    stamps = np.rint((seed * 10**5 + np.arange(count) / RATE_HZ) * 1e9).astype(np.int64)
     run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
-                                         np.zeros((SAMPLES, 2), bool), 'imu'))
+                                         np.zeros((count, 2), bool), 'imu'))
     return float(np.nanmean(samples[:, 0]))
 
 
@@ -105,6 +107,23 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
     assert len(ended(run)) == 8
     assert run.snapshot().result().turn_on_bias['gyro_x'].sigma == pytest.approx(
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
+
+
+@pytest.mark.parametrize('cut_off', [0, slow(2), 3])
+def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: int) -> None:
+    run = new_run(SETUP)
+    for number in range(4):
+        if number:
+            run = resumed(run, boot, f'boot {number}')
+        if number == cut_off:
+            # Two fifths of it stand at the limit, but less than half a hundredth of the run.
+            feed(run, 0.5, number, count=int(12 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
+        else:
+            feed(run, 0.02 * number, number, count=int(400 * RATE_HZ))
+    others = [0.02 * number for number in range(4) if number != cut_off]
+    result = run.snapshot().result()
+    assert result.axes['gyro_x'].saturated is None
+    assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
 
 
 @pytest.mark.parametrize('hole', [0, *(slow(hole) for hole in (1, 2)), 3])

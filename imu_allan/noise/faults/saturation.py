@@ -77,21 +77,39 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     census, samples = finished.census, finished.measured
     end = int(np.argmax(census.at_ends[:, axis]))
     count = int(census.at_ends[end, axis])
-    if (finished.reference is None or count < max(1, _LEAST_SHARE * samples)
-            or census.lowest[axis] == census.highest[axis]):
+    if finished.reference is None or not is_cut_off(finished, axis, count, samples):
         return None
+    kept = (census.lowest, census.highest)[end][axis]
+    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
+
+
+def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool:
+    """
+    Tell whether `count` of `samples`, of a record or a part of it, stand at an end by a limit.
+
+    Noise and steps are those of the whole record.
+
+    Examples
+    --------
+    >>> estimator = Estimator()
+    >>> estimator.update(np.random.default_rng(1).normal(size=2000).round(1))
+    >>> [is_cut_off(estimator.finished(), 0, count, 500) for count in (1, 100)]
+    [False, True]
+
+    """
+    census = finished.census
+    if (count < max(1, _LEAST_SHARE * samples)
+            or census.lowest[axis] == census.highest[axis]):
+        return False
     noises = _noise_over_times(finished, axis)
     # A vibration is less of it in means over its periods, and none in the long run.
     noise = float(noises.min(initial=np.inf))
     step = float(census.step[axis])
     if (not len(noises) or not step <= _COARSEST_STEP * noise
             or noises[:_SHAKEN_OCTAVES].max() > _SHAKEN * noise):
-        return None
+        return False
     share = max(count - _SURE * np.sqrt(count), 0.0) / samples
-    if samples * ndtr(ndtri(share) - step / noise) < _MISSED:
-        return None
-    kept = (census.lowest, census.highest)[end][axis]
-    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
+    return bool(samples * ndtr(ndtri(share) - step / noise) >= _MISSED)
 
 
 def _noise_over_times(finished: Estimator, axis: int) -> Array:
