@@ -24,6 +24,9 @@ _JUMP_MESSAGES = 16
 _STRAY_MESSAGES = 8
 """At most so many messages far ahead are stray stamps; more are a clock that jumped forward."""
 
+_OVERLAPPING = 0.005
+"""Share of backward stamps: a message in 200 begins a batch of a FIFO, at least."""
+
 
 @dataclass(frozen=True)
 class ClockQuality:
@@ -196,6 +199,29 @@ def runs(same: NDArray[np.bool_], before: int) -> tuple[NDArray[np.int64], NDArr
     begins = np.append(-1 - before, np.flatnonzero(~same))
     lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
     return np.arange(len(same)) - begins[run], lengths[run]
+
+
+def overlaps(stamps: Stamps) -> bool:
+    """
+    Tell whether batches of samples reach back into the batch before.
+
+    A driver that dates the samples of a FIFO back by too long an interval makes such stamps. The
+    messages then go on one interval apart, while one that was overtaken is followed by a leap.
+    """
+    steps = np.diff(stamps)
+    back = np.flatnonzero(steps[:-1] < 0)
+    if len(back) < max(8, _OVERLAPPING * len(steps)):
+        return False
+    usual = float(np.median(steps))
+    return bool(np.mean(steps[back + 1] < 1.5 * usual) > 0.7
+                and np.median(-steps[back]) < _JUMP_MESSAGES * usual)
+
+
+def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
+    """Raise stamps that lie a few intervals behind to the newest before them."""
+    newest = np.maximum.accumulate(stamps if last is None
+                                   else np.append(np.int64(last), stamps))[-len(stamps):]
+    return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
 
 
 def lost_before(numbers: NDArray[np.int64], before: int) -> NDArray[np.int64]:

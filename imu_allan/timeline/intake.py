@@ -15,9 +15,11 @@ from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     bounded,
+    in_order,
     judge_clock,
     lost_before,
     order_stamps,
+    overlaps,
     place_in_burst,
     SECOND,
     Stamps,
@@ -279,6 +281,7 @@ class Intake(Record):
         decision.clock = choice
         if choice == 'header' and not decision.counted_only:
             decision.ticks = self._different_messages_share(window)
+            decision.overlaps = overlaps(window.header_ns)
 
     def _different_messages_share(self, window: Window) -> bool:
         """Tell whether messages with different values have the same header stamp."""
@@ -305,6 +308,8 @@ class Intake(Record):
         decision.numbered = numbers is not None
         if numbers is not None:
             numbers = (numbers - np.cumsum(twice))[rows]
+        if decision.overlaps:
+            own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
@@ -329,7 +334,7 @@ class Intake(Record):
                   > max(_FITS_BADLY, 3 * second.spread)):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
-        decision.clock, decision.ticks = 'receive', False
+        decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
         # Header stamps could be used, but less well.
         decision.remarks['receive_clock'] = {'flaw': None}
         return second, seen

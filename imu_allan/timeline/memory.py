@@ -180,6 +180,8 @@ class Decision(Record):
         As first measured: it sets how many samples are judged together. None before.
     ticks : bool
         Header stamps come in ticks, and messages that share one are different.
+    overlaps : bool
+        Batches of header stamps reach back into those before.
     numbered : bool
         Publication numbers tell which messages were lost on the way.
     repeated : int
@@ -199,6 +201,7 @@ class Decision(Record):
     pace: Pace = Pace(1.0)  # noqa: RUF009
     first_interval_ns: float | None = None
     ticks: bool = False
+    overlaps: bool = False
     numbered: bool = False
     repeated: int = 0
     restart: bool = False
@@ -216,7 +219,8 @@ class Decision(Record):
     @property
     def unties(self) -> bool:
         """Whether messages with equal stamps are told apart by their values."""
-        return not self.counted_only and (self.clock == 'receive' or self.ticks)
+        return not self.counted_only and (self.clock == 'receive' or self.ticks
+                                          or self.overlaps)
 
     def take_pace(self, pace: Pace) -> None:
         """

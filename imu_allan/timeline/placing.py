@@ -17,6 +17,7 @@ from imu_allan.block import NEIGHBOURS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
+    in_order,
     lost_before,
     order_stamps,
     place_in_burst,
@@ -167,6 +168,8 @@ class Placing(Record):
     def _untie(self, stamps: Stamps, consumed: int) -> Stamps:
         """Let messages received together follow each other by a nanosecond."""
         cursor = self.cursor
+        if self._decision.overlaps:
+            stamps = in_order(stamps, cursor.tied_to, self._decision.pace.interval_ns)
         since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
         if since is None:
             since = np.zeros(len(stamps), dtype=np.int64)

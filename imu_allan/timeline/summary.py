@@ -189,7 +189,8 @@ def _how_read(decision: Decision) -> str:
     """Say how stamps are read, and thus how surely a lost sample is seen."""
     if decision.counted_only or decision.first_interval_ns is None:
         return ''
+    batches = ', batches overlap' if decision.overlaps else ''
     ticks = ', several messages to a tick' if decision.ticks else ''
     if decision.pace.counting:
-        return f'each message taken for a sample, gaps seen where they last{ticks}'
-    return f'each stamp shows its place, single missing samples are seen{ticks}'
+        return f'each message taken for a sample, gaps seen where they last{ticks}{batches}'
+    return f'each stamp shows its place, single missing samples are seen{ticks}{batches}'

@@ -869,6 +869,29 @@ def test_late_receive_stamps_of_which_most_are_lost_show_their_grid(lost):
         assert summary.timeline.missing == pytest.approx(missed(kept), rel=5e-3)
 
 
+@pytest.mark.parametrize('lost', [0.6, slow(0.55)])
+def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(lost):
+    for seed in range(2):
+        messages, truth, rng = rest(2000.0, 10, seed)
+        messages.samples[:, 1:] = np.nan
+        batches = in_batches(messages, 4, truth.rate_hz, 7.5e-6)
+        result = characterized(lose(batches, lost, rng))
+        value = result.axes['gyro_x'].coefficients['noise_density'].value
+        assert 0.97 < value / truth.density < 1.02 + bounds(result.warnings)[1]
+
+
+@pytest.mark.parametrize('rate_hz', [100.0, slow(1000.0)])
+def test_batches_that_reach_back_into_those_before_keep_their_rate(rate_hz):
+    # Dated back by an interval that is 8 % too long.
+    messages, truth, _ = gyro(rate_hz, 60)
+    messages.header = ((messages.place // 16 + 1) * 16
+                       - (15 - messages.place % 16) * 1.08) / truth.rate_hz
+    messages.receive = messages.header + 1e-3
+    result = characterized(messages)
+    assert_right(result, truth)
+    assert result.timeline.out_of_order == 0
+
+
 @pytest.mark.parametrize(('size', 'lost'), combined(
     [4, 10, 20], [0.02, 0.2, 0.5], everyday=[(4, 0.2), (10, 0.5), (20, 0.02)]))
 def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
