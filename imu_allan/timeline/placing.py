@@ -55,6 +55,8 @@ _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
 _LATE_AS_A_GAP = 3.0
 """Intervals by which the time of a gap is off its places where its end is late, and no gap."""
+_BESIDE_GAP = 3
+"""Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
 
 class Placing(Record):
@@ -426,8 +428,12 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """Give nanoseconds and places of gaps, by which the rate is not told."""
+    """Give nanoseconds and places by which the rate is not told: gaps, and what is beside them."""
     gaps = _gaps(passed, steps, tolerated, pace)
+    if not pace.counting and np.count_nonzero(gaps) * SPARSE < len(gaps):
+        # With jitter one place of a gap may be taken for one beside it.
+        beside = np.flatnonzero(gaps)[:, None] + np.arange(-_BESIDE_GAP, _BESIDE_GAP + 1)
+        gaps[np.clip(beside, 0, len(gaps) - 1)] = True
     # Where stamps are uneven, the pause before a batch is no part of the gap.
     time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
     return int(time[gaps].sum()), int(steps[gaps].sum())
