@@ -272,7 +272,9 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
         return grid
     line, worst = _on_a_line(time)
     apart = abs(line.interval_ns / grid.interval_ns - 1)
-    if apart < max(_SAME_PACE * lost / n, 1e-4):
+    # What a line takes for ticks are the places of the grid that it has not got. So few of them
+    # may be losses that come evenly by chance, beside others that the line sees as well.
+    if apart < max(_SAME_PACE * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:

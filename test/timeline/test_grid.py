@@ -103,17 +103,27 @@ def test_a_drifting_clock_neither_invents_nor_loses_samples(ppm):
 def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):
     count = data.draw(st.integers(300, 5000))
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
-    places = np.arange(count)
     block = still(count, rate_hz, late=rng.uniform(0, jitter, count))
     lost = set()
     for _ in range(data.draw(st.integers(0, 12))):
         at = data.draw(st.integers(30, count - 30))
         lost |= set(range(at, min(at + data.draw(st.integers(1, 9)), count - 20)))
+    assert_counted(block, lost, rate_hz)
+
+
+def assert_counted(block, lost, rate_hz):
+    places = np.arange(len(block.header_ns))
     summary, _ = run(pick(block, np.setdiff1d(places, list(lost))), motion='keep')
     assert summary.timeline.missing == len(lost)
-    assert summary.timeline.samples == count - len(lost)
+    assert summary.timeline.samples == len(places) - len(lost)
     assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-3)
     assert 'rate_changed' not in codes(summary)
+
+
+@pytest.mark.parametrize('lost', [
+    [30, 32, 34, 36, 38, 40, 56, 128], [39, 40, 65, 85, 109, 110, 113, 175, 205, 252]])
+def test_few_losses_that_are_nearly_even_by_chance_are_no_ticks(lost):
+    assert_counted(still(300, 5.0), lost, 5.0)
 
 
 def test_the_interval_is_measured_whatever_share_of_samples_is_lost():
