@@ -116,7 +116,7 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
     Raises
     ------
     ImuAllanError
-        As `choose_topic`; where one half is named without the other.
+        As `choose_topic`; where one half is named without the other, and where two are apart.
 
     """
     gyro, accel = recording.options.gyro_topic, recording.options.accel_topic
@@ -130,6 +130,8 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
                                 'give the one or the two')
         return [Stream(choose_topic(recording, gyro), 'gyro'),
                 Stream(choose_topic(recording, accel), 'accel')]
+    if topic is None and recording.apart:
+        raise ImuAllanError(f'{printable(recording.path)}: {recording.apart}')
     if topic is None and recording.preferred:
         _tell_others(recording)
         if len(recording.preferred) == 2:

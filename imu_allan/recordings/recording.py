@@ -64,6 +64,8 @@ class Recording(ABC):
         the user is asked.
     preferred_for : str
         Why, for the user who might prefer another.
+    apart : str
+        Why what looks like the two halves of an IMU is not read as one; empty where nothing does.
     size_bytes : int
         Bytes that `decoded` goes through, for progress.
     remarks : list of Finding
@@ -86,6 +88,7 @@ class Recording(ABC):
         self.reasons: dict[str, str] = {}
         self.preferred: tuple[str, ...] = ()
         self.preferred_for = 'with the highest rate'
+        self.apart = ''
         self.size_bytes = 0
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}

@@ -9,18 +9,17 @@ names are understood stands in `imu_allan.recordings.formats.csv_header`.
 
 from codecs import BOM_UTF8
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-import csv
 from dataclasses import replace
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
+import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
     cells_of,
-    Clock,
     Columns,
     echoed_imu,
     is_remark,
@@ -38,6 +37,9 @@ from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
+TOPIC = NO_TOPIC
+"""The name that stands for a topic."""
+
 _PIECE = 1 << 20
 """Some 10,000 lines, so that numpy works on many at once; longer than any line."""
 _LONGEST_HEADER = 1 << 20
@@ -45,19 +47,22 @@ _LONGEST_HEADER = 1 << 20
 _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
 _LOOKED_AT = 1 << 16
-"""Bytes of samples by which the times are judged."""
+"""Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FIRST_LINES = 64
 """By which fields are counted and times without a unit judged: two batches of a FIFO of 32."""
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
-_NO_TIME = -2**63
-"""In place of an empty cell: no stamp is as early."""
 _MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
 """From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
 _FEWEST_STEPS = 8
 """Below, a table is no record of anything."""
 _SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
 """Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
+_DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
+_QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
+"""A number with a decimal comma in a file whose cells commas part."""
+_QUOTED = re.compile('"[^"]*"?')
+_GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
 
 
 class CsvRecording(FileRecording):
@@ -65,35 +70,52 @@ class CsvRecording(FileRecording):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        self._clock: Clock | None = None
         try:
             self._columns = self._found_columns()
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(path)}: {error}') from error
-        self.topics = [ImuTopic(NO_TOPIC, None)]
+        self.topics = [ImuTopic(TOPIC, None)]
         if self._columns.temperature is not None:
             self.thermometers = [
-                ImuTopic(f'{NO_TOPIC}:{options.temperature or "temperature"}', None)]
+                ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
 
     @property
     def sensors(self) -> list[str]:
         """Which sensors have columns in it: 'gyro', 'accel' or both."""
         return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return the least and the greatest stamp at its two ends; None where there are none."""
+        found: list[int] = []
+        unit_s: float | None = None
+        with self._stored.open('rb') as file:
+            for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
+                file.seek(start)
+                data = file.read(_LOOKED_AT)
+                # Part of a number is another one.
+                lines = self._with_points(data.decode('utf-8', 'replace')).split('\n')[
+                    start > self._data_at:None if file.tell() == self.size_bytes else -1]
+                _, stamps, unit_s, _ = _parse(lines, self._columns, unit_s)
+                if stamps is None or not len(stamps):
+                    return None
+                found += [int(stamps.min()), int(stamps.max())]
+        return min(found), max(found)
+
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""
         columns = self._columns
-        if topic != NO_TOPIC and columns.temperature is not None:
+        if topic != TOPIC and columns.temperature is not None:
             # A thermometer may be slower than the samples, its cells empty most of the time.
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
         first_rejected = ''
         line = self._first_line
+        time_unit_s: float | None = None
         for text, position in self._texts():
             lines = self._with_points(text).split('\n')
             if lines[-1] == '':
                 lines.pop()
-            table, stamps, bad = self._parse(lines, columns)
+            table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
@@ -132,62 +154,6 @@ class CsvRecording(FileRecording):
         if rest:
             yield rest.decode('utf-8', 'replace'), position
 
-    def _with_points(self, text: str) -> str:
-        """Write decimal commas as points."""
-        return text if self._columns.delimiter == ',' else text.replace(',', '.')
-
-    def _parse(self, lines: list[str], columns: Columns,
-               ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
-        """
-        Read the numbers of the columns used.
-
-        Returns
-        -------
-        table : ndarray of float64, shape (n, axes)
-            Rows of the lines that are numbers throughout; empty cells are NaN. A row without any
-            number is left out where there are other columns: it belongs to another topic.
-        stamps : ndarray of int64, shape (n,), or None
-            In nanoseconds; None without a time column.
-        bad : list of int
-            The other lines, in order.
-
-        """
-        clock = self._clock
-        # A double has not enough digits for the nanoseconds of today.
-        exact = clock is not None and clock.unit == 'ns' and self._whole_times
-        used, fields = [], []
-        if clock is not None:
-            used.append(clock.column)
-            fields.append(('time', np.int64 if exact else np.float64, ()))
-            if clock.nanoseconds is not None:
-                used.append(clock.nanoseconds)
-                fields.append(('part', np.float64, ()))
-        table, places, bad = _numbers(
-            lines, columns.delimiter, [*used, *(column for column, _, _ in columns.axes)],
-            np.dtype([*fields, ('axes', np.float64, (len(columns.axes),))]))
-        axes = table['axes']
-        if clock is None:
-            return axes, None, bad
-        times = table['time']
-        unit_s = convert(1.0, str(clock.unit), 's')
-        timely = np.abs(times * unit_s) < _LATEST_S
-        some = np.ones_like(timely)
-        if clock.nanoseconds is not None:
-            # Of a total, the first second looks like nanoseconds since a whole one.
-            timely &= (np.floor(times) == times) & ~(
-                (table['part'] < 0) | (table['part'] >= 1e9))
-        if columns.ignored:
-            some &= ~np.isnan(axes).all(axis=1)
-        if not timely.all():
-            # A row without any number may have no time of this topic either.
-            bad = sorted([*bad, *places[some & ~timely].tolist()])
-        some &= timely
-        stamps = np.zeros(len(times), np.int64)
-        stamps[timely] = times[timely] if exact else np.rint(times[timely] * (unit_s * 1e9))
-        if clock.nanoseconds is not None:
-            stamps += np.nan_to_num(table['part']).astype(np.int64)
-        return axes[some], stamps[some], bad
-
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:
         if stamps is None:
@@ -204,7 +170,7 @@ class CsvRecording(FileRecording):
     # ----------------------------------------------------------------------- what the columns are
 
     def _found_columns(self) -> Columns:
-        """Find the header line and understand it; sets where the samples begin, and the clock."""
+        """Find the header line and understand it; sets where the samples begin."""
         options = self.options
         with self._stored.open('rb') as file:
             for number in range(1, MOST_COMMENTS + 2):
@@ -217,97 +183,177 @@ class CsvRecording(FileRecording):
                 if not is_remark(header, options):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT)
-        self._columns = columns = echoed_imu(header) or read_header(header, options)
-        below = after.partition(b'\n')[0]
-        units = with_units_below(header, below.decode('utf-8', 'replace'), columns)
+        columns = echoed_imu(header) or read_header(header, options)
+        below, newline, rest = after.decode('utf-8', 'replace').partition('\n')
+        units = with_units_below(header, below, columns, options)
         if units is not None:
-            self._columns = columns = read_header(units, options)
-            behind += len(below) + 1
+            header, columns = units
+            behind += len(after.partition(b'\n')[0]) + 1
             self._first_line += 1
         if not columns.headless:
             self._data_at, self._first_line = behind, self._first_line + 1
         elif line.startswith(BOM_UTF8):
             self._data_at += len(BOM_UTF8)
-        rows = self._with_points(after.decode('utf-8', 'replace')).split('\n')
-        if columns.headless:
-            rows.insert(0, self._with_points(header))
-        cells = [list(_cells(row, columns.delimiter)) for row in rows if row.strip()]
+        samples = (header if columns.headless else '') + below + newline + rest
+        self._decimal_comma = (columns.delimiter != ','
+                               and _DECIMAL_COMMA.search(samples) is not None)
+        self._quoted_comma = (columns.delimiter == ','
+                              and _QUOTED_COMMA.search(samples) is not None)
+        rows = self._with_points(samples).split('\n')
+        if not (columns.headless or columns.nanoseconds is None
+                or _are_split_seconds(rows, columns)):
+            columns = read_header(header, options, split=False)
+        if columns.stamped and _stand_still(rows[:_FIRST_LINES], columns):
+            other = read_header(header, options, stamped=False)
+            columns = columns if other.time is None else other
         if not columns.headless:
-            _refuse_more_fields_than_names(cells_of(header)[1], cells)
-        self._clock = _chosen_clock(columns, cells, options.rate_hz)
-        self._whole_times = self._clock is not None and all(
-            text.isdecimal() for text in _column(cells, self._clock.column))
-        self._tell_ignored()
-        if self._clock is None and options.rate_hz is None:
+            _refuse_more_fields_than_names(cells_of(header)[1], rows, columns)
+        _refuse_grouped_times(rows, columns)
+        columns = _with_known_times(columns, rows, options.rate_hz)
+        self._tell_ignored(columns)
+        if columns.time is None and options.rate_hz is None:
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
                                 "which column is the time: --columns 'time=NAME ms'")
         return columns
 
-    def _tell_ignored(self) -> None:
-        ignored = [cell for cell in self._columns.ignored if cell and not is_rest_of_imu(cell)]
-        if ignored:
-            self.remark('ignored_columns', count=len(ignored),
-                        perhaps_axes=len(self.sensors) < 2 and not self.options.columns,
-                        columns=[printable(cell[:40]) for cell in ignored[:_NAMED_COLUMNS]])
+    def _with_points(self, text: str) -> str:
+        """Write decimal commas as points."""
+        if self._quoted_comma:
+            return _QUOTED_COMMA.sub(r'\1.\2', text)
+        return text.replace(',', '.') if self._decimal_comma else text
+
+    def _tell_ignored(self, columns: Columns) -> None:
+        lookalikes = {*columns.lookalikes}
+        others = [cell for cell in columns.ignored
+                  if cell and cell not in lookalikes and not is_rest_of_imu(cell)]
+        for cells in (columns.lookalikes, others):
+            if cells:
+                self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
+                            columns=[printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]])
 
 
-def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
-             record: np.dtype[np.void],
-             ) -> tuple[NDArray[np.void], NDArray[np.intp], list[int]]:
-    """Read columns as records; returns also from which lines, and which others are not empty."""
-    with suppress(ValueError):
-        table: NDArray[np.void] = np.loadtxt(
-            lines, record, delimiter=delimiter, usecols=used, ndmin=1, comments=None,
-            quotechar='"')
-        if len(table) == len(lines):
-            return table, np.arange(len(lines)), []
-    rows, places, bad = [], [], []
-    alone = len(record.names or ()) - 1
-    reads = [_whole_time if record[0] == np.int64 else float, *[float] * (len(used) - 1)]
-    for number, line in enumerate(lines):
-        if not line.strip():
-            continue
-        cells = list(_cells(line, delimiter))
-        try:
-            values = [read(cells[column] or 'nan')
-                      for read, column in zip(reads, used, strict=True)]
-        except (ValueError, IndexError):
-            bad.append(number)
-            continue
-        rows.append((*values[:alone], values[alone:]))
-        places.append(number)
-    return np.array(rows, record), np.array(places, np.intp), bad
+def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
+           ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, float | None, list[int]]:
+    """
+    Read the numbers of the columns used.
+
+    Returns
+    -------
+    table : ndarray of float64, shape (n, axes)
+        Rows of the lines that are numbers throughout; empty cells are NaN. A row without any
+        number is left out where there are other columns: it belongs to another topic.
+    stamps : ndarray of int64, shape (n,), or None
+        In nanoseconds; None without a time column.
+    time_unit_s : float or None
+        Seconds in one unit of time; None as long as there is none.
+    bad : list of int
+        The other lines, in order.
+
+    """
+    bad: list[int] = []
+    kept, places = lines, np.arange(len(lines))
+    try:
+        table = np.loadtxt(lines, delimiter=columns.delimiter, usecols=columns.used, ndmin=2,
+                           comments=None)
+        whole = len(table) == len(lines)
+    except ValueError:
+        whole = False
+    if not whole:
+        rows: list[list[float]] = []
+        kept, numbers = [], []
+        for number, line in enumerate(lines):
+            if not line.strip():
+                continue
+            cells = line.split(columns.delimiter)
+            try:
+                rows.append([float(cells[column].strip(QUOTES) or 'nan')
+                             for column in columns.used])
+                kept.append(line)
+                numbers.append(number)
+            except (ValueError, IndexError):
+                bad.append(number)
+        table = np.array(rows, np.float64).reshape(-1, len(columns.used))
+        places = np.array(numbers, np.intp)
+    if columns.time is None:
+        return table, None, None, bad
+    times = table[:, 0]
+    known = np.isfinite(times)
+    if time_unit_s is None and known.any():
+        time_unit_s = convert(1.0, columns.time_unit or _apparent_unit(times[known][0]), 's')
+    unit = time_unit_s or 1.0
+    timely = np.abs(times * unit) < _LATEST_S
+    if columns.nanoseconds is not None:
+        # Of a total, the first second looks like nanoseconds since a whole one.
+        timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
+    with_numbers = 1 if columns.nanoseconds is None else 2
+    some = np.ones_like(timely)
+    if columns.ignored:
+        some &= ~np.isnan(table[:, with_numbers:]).all(axis=1)
+    if not timely.all():
+        # A row without any number may have no time of this topic either.
+        bad = sorted([*bad, *places[some & ~timely].tolist()])
+    some &= timely
+    stamps = np.zeros(len(times), np.int64)
+    exact = _exact(compress(kept, timely), columns) if unit == 1e-9 else None
+    stamps[timely] = np.rint(times[timely] * (unit * 1e9)) if exact is None else exact
+    if columns.nanoseconds is not None:
+        stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
+    return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _whole_time(text: str) -> int:
-    """Read nanoseconds; raises ValueError where they are no whole number of 63 bits."""
-    number = _NO_TIME if text == 'nan' else int(text)
-    if not -2**63 <= number < 2**63:
-        raise ValueError('no time')
-    return number
+def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
+    """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
+    try:
+        return np.array([int(_cell(line, columns, columns.time)) for line in lines], np.int64)
+    except (ValueError, OverflowError):
+        return None
 
 
-def _cells(line: str, delimiter: str | None) -> Iterator[str]:
-    """Take a line apart, without what stands about the text of its cells; none of a broken one."""
-    with suppress(csv.Error):
-        for row in [line.split()] if delimiter is None else csv.reader(
-                [line.rstrip('\r')], delimiter=delimiter):
-            yield from (cell.strip(QUOTES) for cell in row)
+def _cell(line: str, columns: Columns, column: int | None) -> str:
+    """Return one cell, without what stands about its text; raises IndexError."""
+    assert column is not None
+    return line.split(columns.delimiter, column + 1)[column].strip(QUOTES)
 
 
 # ------------------------------------------------------------ whether the first rows are plausible
 
-def _column(cells: Sequence[Sequence[str]], column: int) -> list[str]:
-    """Return the cells of a column that hold anything."""
-    return [row[column] for row in cells if len(row) > column and row[column]]
+def _times(rows: Iterable[str], columns: Columns) -> Iterator[str]:
+    """Yield the cells of the time column that hold anything."""
+    for row in rows:
+        with suppress(IndexError):
+            if text := _cell(row, columns, columns.time):
+                yield text
 
 
-def _refuse_more_fields_than_names(names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+def _stand_still(rows: Sequence[str], columns: Columns) -> bool:
+    """Whether the times of many lines are one: a driver leaves its stamps zero."""
+    times = list(_times(rows, columns))
+    return len(times) > 1 and len(set(times)) == 1
+
+
+def _are_split_seconds(rows: Iterable[str], columns: Columns) -> bool:
+    """Whether times are whole seconds and nanoseconds since, in all rows but a damaged one."""
+    others = 0
+    for row in rows:
+        with suppress(ValueError, IndexError):
+            whole, part = (float(_cell(row, columns, column)) for column in columns.used[:2])
+            others += not (whole.is_integer() and 0 <= part < 1e9)
+    return others < 2
+
+
+def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[str], columns: Columns,
+                                   ) -> None:
     """Refuse a table most of whose rows have more fields than the header has names."""
     named = _filled(names)
-    # An unnamed column at the end, of remarks say, has its place.
-    counts = Counter(_filled(row) if len(row) > len(names) else named
-                     for row in cells[:_FIRST_LINES])
+    counts: Counter[int] = Counter()
+    for row in rows[:_FIRST_LINES]:
+        if row.strip():
+            # What stands between quotes parts no cells; blanks part them in any number.
+            cells = row.split() if columns.delimiter is None else _QUOTED.sub(
+                lambda quoted: quoted[0].replace(str(columns.delimiter), ''), row).split(
+                    columns.delimiter)
+            # An unnamed column at the end, of remarks say, has its place.
+            counts[_filled(cells) if len(cells) > len(names) else named] += 1
     fields = counts.most_common(1)[0][0] if counts else 0
     if fields > named:
         advice = ('name every column, the number of the row, too, as R does with col.names=NA'
@@ -322,49 +368,49 @@ def _filled(cells: Sequence[str]) -> int:
     return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
 
 
-def _chosen_clock(columns: Columns, cells: Sequence[Sequence[str]], rate_hz: float | None,
-                  ) -> Clock | None:
-    """Choose the first clock that moves, with its unit; None where samples are to be counted."""
-    clocks = [clock for clock in columns.clocks if _is_clock(clock, cells)]
-    if not clocks:
-        return None
-    # A driver may leave its stamps zero.
-    clock = next((each for each in clocks
-                  if len({*_column(cells[:_FIRST_LINES], each.column)}) > 1), clocks[0])
-    if clock.unit is not None:
-        return clock
+def _refuse_grouped_times(rows: Iterable[str], columns: Columns) -> None:
+    """Refuse whole numbers whose thousands are set apart, which read as fractions."""
+    if columns.time is None:
+        return
+    for before, time in pairwise(_times(rows, columns)):
+        whole = before.isascii() and before.isdecimal() and len(before) < 4
+        if not (whole or _GROUPED.fullmatch(before)):
+            return
+        # As a fraction it would lie before the number that it follows.
+        if (whole and _GROUPED.fullmatch(time) and int(re.sub(r'\D', '', time)) > int(before)
+                and int(before) > int(re.split(r'\D', time)[0]) + 1):
+            raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
+                                'between thousands; write the times without')
+
+
+def _with_known_times(columns: Columns, rows: Sequence[str], rate_hz: float | None) -> Columns:
+    """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
+    if columns.time is None or columns.time_unit or columns.nanoseconds is not None:
+        return columns
     times = []
-    for text in _column(cells[:_FIRST_LINES], clock.column):
+    for text in _times(rows[:_FIRST_LINES], columns):
         with suppress(ValueError):
             times.append(float(text))
     finite = [time for time in times if np.isfinite(time)]
-    unit = next((unit for least, unit in _MAGNITUDES if finite and abs(finite[0]) >= least), 's')
     # A clock that is set back says nothing of the rate.
     steps = np.sort([after - before for before, after in pairwise(finite) if after >= before])
     if len(steps) < _FEWEST_STEPS:
-        return replace(clock, unit=unit)
+        return columns
+    unit = _apparent_unit(finite[0])
     # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
     for interval, least_hz, most_hz in ((float(steps.mean()), 0.0, _FASTEST_HZ),
                                         (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
         if interval > 0 and not least_hz <= (
                 apparent_hz := 1 / (interval * convert(1.0, unit, 's'))) <= most_hz:
             if rate_hz is not None:
-                return None
+                return replace(columns, time=None)
             digits = '.0f' if interval >= 1000 else '.3g'
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '
                 f'{apparent_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
                 "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
-    return replace(clock, unit=unit)
+    return columns
 
 
-def _is_clock(clock: Clock, cells: Sequence[Sequence[str]]) -> bool:
-    """Whether a pair is whole seconds and nanoseconds since, in all rows but a damaged one."""
-    if clock.nanoseconds is None:
-        return True
-    others = 0
-    for row in cells:
-        with suppress(ValueError, IndexError):
-            whole, part = float(row[clock.column]), float(row[clock.nanoseconds])
-            others += not (whole.is_integer() and 0 <= part < 1e9)
-    return others < 2
+def _apparent_unit(first: float) -> str:
+    return next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')

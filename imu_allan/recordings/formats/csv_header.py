@@ -10,7 +10,7 @@ PlotJuggler (``__time,/imu/angular_velocity/x``), phyphox (``"Gyroscope x (rad/s
 (SensorLog, AndroSensor) and short ones (``t,gx,ay``).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 import re
 
@@ -40,6 +40,8 @@ _AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?
                             rf'|(?P<first>[xyz])[._-](?:{words}))')
          for sensor, words in _SENSORS.items()}
 _SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])')
+_NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
+             for sensor, words in _SENSORS.items()}
 _LETTER = re.compile(r'([xyz])(?:[._-]?axis)?')
 _LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
                  'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
@@ -50,15 +52,13 @@ _UNITS = {
 _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
 """A unit at the end of a name, as in ``gx_dps``."""
 _CLOCKS = tuple(re.compile(form) for form in (
-    r'[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?',
+    r'(?:[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot',
     r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
     r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?',
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
-    r'|epoch?(?:_(s|ms|us|ns))?',
-    r'(?:.*[/.])?header[./]stamp'))
-"""Names of times, the best first: of the sensor, since the beginning of the log, of the day; the
-stamps of another message are a last resort."""
+    r'|epoch?(?:_(s|ms|us|ns))?'))
+"""Names of times, the best first: of the sensor, since the beginning of the log, of the day."""
 _NANOSECONDS = ('%time', 'field.header.stamp')
 """Columns that are nanoseconds without saying so."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
@@ -72,28 +72,7 @@ _COLUMN = re.compile(
     r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
 _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
 """A name, with its unit, in a header whose names have nothing but blanks between them."""
-
-
-
-@dataclass(frozen=True)
-class Clock:
-    """
-    A column of times.
-
-    Attributes
-    ----------
-    column : int
-        Its number.
-    unit : str or None
-        Its unit; None where the numbers themselves must tell.
-    nanoseconds : int or None
-        Number of a column of nanoseconds to be added to its whole seconds.
-
-    """
-
-    column: int
-    unit: str | None = None
-    nanoseconds: int | None = None
+_ONE_OF_THREE = re.compile(r'(.*?)[._-]?([xyz])([._-]?axis)?')
 
 
 @dataclass(frozen=True)
@@ -105,92 +84,142 @@ class Columns:
     ----------
     delimiter : str or None
         What stands between them; None for blanks.
-    clocks : tuple of Clock
-        The times, the best first.
+    time, time_unit : int, str, or None
+        Number of the time column, and its unit; None where the numbers themselves must tell.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
-    ignored : tuple of str
-        Names of the others.
+    ignored, lookalikes : tuple of str
+        Names of the others, and those of them that look like the axes of a missing sensor.
+    nanoseconds : int or None
+        Number of a column of nanoseconds to be added to the time.
     temperature : int or None
         Number of a column with the temperature.
     headless : bool
         Whether the line that was read holds no names, but the first sample.
+    stamped : bool
+        Whether the times are the stamps of the messages, beside others.
 
     """
 
     delimiter: str | None
-    clocks: tuple[Clock, ...]
+    time: int | None
+    time_unit: str | None
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
+    lookalikes: tuple[str, ...] = ()
+    nanoseconds: int | None = None
     temperature: int | None = None
     headless: bool = False
+    stamped: bool = False
+
+    @property
+    def used(self) -> list[int]:
+        """Columns of the file that are read: those of the time, if any, then axes."""
+        time = [column for column in (self.time, self.nanoseconds) if column is not None]
+        return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions) -> Columns:
-    """Understand the header line of a file; raises ImuAllanError."""
+def read_header(header: str, options: RecordingOptions, split: bool = True, stamped: bool = True,
+                ) -> Columns:
+    """
+    Understand the header line of a file; raises ImuAllanError.
+
+    `split`: two columns may be seconds and nanoseconds; `stamped`: a stamp may be the time.
+    """
     delimiter, cells = cells_of(header)
+    bare = [cell.strip(' "') for cell in cells]
     named = [name_and_unit(cell) for cell in cells]
     names = [name for name, _ in named]
     # Without a header line a number is the place of a column, whatever stands in it.
     headless = any(map(is_number, cells)) and not any(map(meaning_of, names))
-    if headless and not options.columns:
+    chosen = _chosen(options.columns, [''] * len(cells) if headless else bare)
+    if headless and not chosen:
         raise ImuAllanError(_no_header(cells))
-    bare = [''] * len(cells) if headless else [cell.strip(' "') for cell in cells]
-    meanings = _chosen(options.columns, bare)
-    parts = None
-    if not headless and all(meaning == 'time' for meaning, _ in meanings.values()):
-        parts = None if meanings else _split_seconds(names)
-        meanings = {column: (meaning, unit) for column, (name, unit) in enumerate(named)
-                    if (meaning := meaning_of(name, unit)) is not None
-                    and not (meaning == 'time' and meanings)} | meanings
-    units = {column: unit or named[column][1] for column, (_, unit) in meanings.items()}
+    units = [chosen[column][1] or unit if column in chosen else unit
+             for column, (_, unit) in enumerate(named)]
+    meanings = {column: meaning for column, (meaning, _) in chosen.items()}
+    parts, own_stamp = None, None
+    if not headless and all(meaning == 'time' for meaning in meanings.values()):
+        parts = None if chosen or not split else _split_seconds(names)
+        own_stamp = _stamp_of_axes(names) if stamped else None
+        meanings = _meanings_by_name(named, own_stamp, bool(chosen or parts)) | meanings
     axes: dict[str, tuple[int, int, float]] = {}
-    for column, (meaning, _) in sorted(meanings.items()):
+    for column, meaning in sorted(meanings.items()):
         if meaning == 'time':
             continue
         if meaning in axes:
             raise ImuAllanError(f'two columns named {meaning}')
         axes[meaning] = column, list(AXES).index(meaning), _factor(
             names[column], units[column], meaning, options)
+    called = [[str(column + 1)] if headless else [names[column], bare[column]]
+              for column in range(len(cells))]
+    temperature = next((
+        column for column in range(len(cells)) if column not in meanings and (
+            (options.temperature in called[column])
+            if options.temperature is not None
+            else _TEMPERATURE.fullmatch(names[column].lower()))), None)
+    ignored = [] if headless else [
+        cell.strip() for column, cell in enumerate(cells)
+        if column not in meanings and column != temperature and column not in (parts or ())]
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise ImuAllanError(
             f'the first line names none of the axes {", ".join(AXES)} ({shown}); a CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
-    times = {column: units[column] for column, (meaning, _) in meanings.items()
-             if meaning == 'time'}
-    temperature = next((
-        column for column in range(len(cells)) if column not in meanings and (
-            _TEMPERATURE.fullmatch(names[column].lower()) if options.temperature is None else
-            options.temperature in ([str(column + 1)] if headless
-                                    else [names[column], bare[column]]))), None)
-    used = {*meanings, temperature, *(parts or ())}
+    time, time_unit = (parts[0], 's') if parts else _clock(meanings, names, units, own_stamp)
+    missing = len({axis.partition('_')[0] for axis in axes}) < len(_SENSORS) and not chosen
     return Columns(
-        delimiter,
-        (Clock(parts[0], 's', parts[1]), *_clocks(names, times)) if parts
-        else _clocks(names, times),
-        tuple(axes.values()),
-        () if headless else tuple(
-            cell.strip() for column, cell in enumerate(cells) if column not in used),
-        temperature, headless)
+        delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
+        tuple(_lookalikes(ignored)) if missing else (), parts[1] if parts else None, temperature,
+        headless, own_stamp is not None and time == own_stamp)
 
 
-def _clocks(names: Sequence[str], times: Mapping[int, str | None]) -> tuple[Clock, ...]:
-    """Order the times by their names; the stamp of the message that holds the axes is the best."""
-    own_stamp = _stamp_of_axes(names)
-    ranks = {column: -1 if column == own_stamp else _clock_rank(names[column]) or 0
-             for column in times}
-    if list(ranks.values()).count(0) > 1 and own_stamp not in times:
+def _meanings_by_name(named: Sequence[tuple[str, str | None]], own_stamp: int | None,
+                      has_time: bool) -> dict[int, str]:
+    """Tell the axes and times by their names; the stamp of another message is only a last one."""
+    counted = _numbered_axes([name for name, _ in named])
+    found = {column: meaning for column, (name, unit) in enumerate(named)
+             if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
+    times = [column for column, meaning in found.items() if meaning == 'time']
+    foreign = [column for column in times if column != own_stamp
+               and _STAMP.fullmatch(named[column][0].lower())]
+    for column in times if has_time else foreign if len(times) > 1 else ():
+        del found[column]
+    return found
+
+
+def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[str | None],
+           own_stamp: int | None) -> tuple[int | None, str | None]:
+    """Choose the best of the times, and tell its unit."""
+    times = [column for column, meaning in sorted(meanings.items()) if meaning == 'time']
+    if own_stamp in times:
+        times = [own_stamp]
+
+    def rank(column: int) -> tuple[bool, int]:
+        # What stands in the place of a unit may say that dates are written there.
+        unit = units[column]
+        return (unit is not None and not _is_time_unit(unit)), _clock_rank(names[column]) or 0
+
+    if not times:
+        return None, None
+    times.sort(key=rank)
+    if len(times) > 1 and rank(times[0]) == rank(times[1]) == (False, 0):
         raise ImuAllanError('two time columns')
-    clocks = []
-    for column in sorted(times, key=lambda column: (ranks[column], column)):
-        unit = times[column]
-        if unit is not None:
-            _converted(names[column], unit.strip(), 's')
-        clocks.append(Clock(column, _unit_in_name(names[column]) if unit is None
-                            else unit.strip()))
-    return tuple(clocks)
+    time = times[0]
+    unit = units[time]
+    if unit is None:
+        return time, _unit_in_name(names[time])
+    _converted(names[time], unit.strip(), 's')
+    return time, unit.strip()
+
+
+def _is_time_unit(unit: str) -> bool:
+    try:
+        _converted('', unit.strip(), 's')
+    except ImuAllanError:
+        return False
+    return True
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
@@ -204,17 +233,30 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
                        for name in (text, text.rpartition(' ')[0])))
 
 
-def with_units_below(header: str, below: str, columns: Columns) -> str | None:
-    """Join the units that stand in a line of their own to the names; None where none do."""
+def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
+                     ) -> tuple[str, Columns] | None:
+    """Understand a header whose units stand in a line of their own; None if they do not."""
     delimiter, names = cells_of(header)
-    units = [unit.strip(' "[]()\r-') for unit in cells_of(below)[1]]
-    if columns.headless or delimiter is None or len(names) != len(units) or not any(
-            '/' in units[column] and units[column] not in names[column]
-            for column, _, _ in columns.axes):
+    units = cells_of(line)[1]
+    if (columns.headless or delimiter is None or len(names) != len(units)
+            or any(map(is_number, units))):
         return None
-    return delimiter.join(
+    bare = [unit.strip(' "[]()\r-') for unit in units]
+    of_axes = [bare[axis[0]] for axis in columns.axes]
+    if not any(of_axes) or any(unit and unit in names[axis[0]]
+                               for unit, axis in zip(of_axes, columns.axes, strict=True)):
+        # Nothing, or the names once more.
+        return None
+    joined = delimiter.join(
         f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
-        for name, unit in zip((name.strip(' "') for name in names), units, strict=True))
+        for name, unit in zip((name.strip(' "') for name in names), bare, strict=True))
+    try:
+        return joined, read_header(joined, options)
+    except ImuAllanError:
+        if any('/' in unit for unit in of_axes):
+            raise
+        # Any other text.
+        return None
 
 
 def echoed_imu(line: str) -> Columns | None:
@@ -227,8 +269,9 @@ def echoed_imu(line: str) -> Columns | None:
     cells = line.rstrip('\r\n').split(',')
     if len(cells) != 40 or not (cells[0].lstrip('-').isdecimal() and cells[1].isdecimal()):
         return None
-    return Columns(',', (Clock(0, 's', 1),), tuple(
-        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), headless=True)
+    return Columns(',', 0, 's', tuple(
+        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)),
+        nanoseconds=1, headless=True)
 
 
 def _no_header(cells: Sequence[str]) -> str:
@@ -243,7 +286,7 @@ def _no_header(cells: Sequence[str]) -> str:
 # ----------------------------------------------------------------------------- the user's names
 
 def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
-            ) -> dict[int, tuple[str, str | None]]:
+            ) -> Mapping[int, tuple[str, str | None]]:
     """Map the columns that the user names, or numbers from 1, to their meaning and unit."""
     found: dict[int, tuple[str, str | None]] = {}
     for meaning, text in pairs:
@@ -297,8 +340,7 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
     """
     lower = name.lower()
     if _clock_rank(lower) is not None:
-        # What stands in the place of a unit may say that dates are written there.
-        return 'time' if unit is None or _is_time_unit(unit) else None
+        return 'time'
     if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
         lower = with_unit[1]
     if (short := _SHORT.fullmatch(lower)) is not None:
@@ -325,6 +367,29 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 def is_rest_of_imu(cell: str) -> bool:
     """Whether a column is another field of an Imu: its header, orientation or a covariance."""
     return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
+
+
+def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
+    """
+    Tell which axis each column is of three that are counted, from 0 or from 1.
+
+    Examples
+    --------
+    >>> _numbered_axes(['t', 'gyro1', 'gyro2', 'gyro3'])
+    {'gyro1': 'gyro_x', 'gyro2': 'gyro_y', 'gyro3': 'gyro_z'}
+
+    """
+    found: dict[str, str] = {}
+    for sensor, pattern in _NUMBERED.items():
+        of: dict[str, dict[int, str]] = {}
+        for name in names:
+            if (match := pattern.fullmatch(name.lower())) is not None:
+                of.setdefault(match[1], {})[int(match[2])] = name
+        for columns in of.values():
+            if sorted(columns) in ([0, 1, 2], [1, 2, 3]):
+                found |= {name: f'{sensor}_{"xyz"[number - min(columns)]}'
+                          for number, name in columns.items()}
+    return found
 
 
 def _split_seconds(names: Sequence[str]) -> tuple[int, int] | None:
@@ -367,6 +432,16 @@ def _stamp_of_axes(names: Sequence[str]) -> int | None:
     return stamps[max(stamps, key=len)] if stamps else None
 
 
+def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
+    """Name the columns of three that differ in a last x, y or z alone."""
+    found: dict[str, dict[str, str]] = {}
+    for cell in ignored:
+        name = name_and_unit(cell)[0].lower()
+        if not _REST_OF_IMU.fullmatch(name) and (match := _ONE_OF_THREE.fullmatch(name)):
+            found.setdefault(match[1] + (match[3] or ''), {}).setdefault(match[2], cell)
+    return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
+
+
 def _unit_in_name(name: str) -> str | None:
     """Tell the unit that the name of a column has, as in ``time_ms`` and ``gx_dps``."""
     lower = name.lower()
@@ -390,14 +465,6 @@ def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -
     if spelled == 'G' and axis.startswith('accel'):
         spelled = 'g'
     return _converted(name, spelled, RAD_PER_S if axis.startswith('gyro') else M_PER_S2)
-
-
-def _is_time_unit(unit: str) -> bool:
-    try:
-        _converted('', unit.strip(), 's')
-    except ImuAllanError:
-        return False
-    return True
 
 
 def _converted(name: str, unit: str, si_unit: str) -> float:

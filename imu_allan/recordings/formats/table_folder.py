@@ -2,24 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder of tables, a sensor each, as phones record them: Sensor Logger, phyphox."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
-from imu_allan.recordings.formats.csv_file import CsvRecording
+from imu_allan.recordings.formats.csv_file import CsvRecording, TOPIC
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
-from imu_allan.wording import NO_TOPIC, SENSORS
+from imu_allan.wording import duration, SENSORS
 
 _MOST_TABLES = 64
 """Files that are looked into; a phone has some thirty sensors."""
-_CALLED = {'gyro': 'gyr', 'accel': 'acc'}
-"""Part of the name of a file, in small letters, whose bare x, y and z are of a sensor."""
+_TOLD = 2
+"""Files of which it is reported why none is read."""
+_CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
+_LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
+"""In the name of a file that somebody expects to be read."""
 _BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
 """Names in small letters, the best first: Sensor Logger takes gravity out of its Accelerometer."""
 
@@ -37,7 +41,8 @@ class TableFolder(Recording):
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)
         self._files: dict[str, Path] = {}
-        tables: dict[str, list[str]] = {sensor: [] for sensor in ('gyro', 'accel', 'both')}
+        halves: dict[str, list[str]] = {sensor: [] for sensor in SENSORS}
+        whole: list[str] = []
         for file in tables_in(path)[:_MOST_TABLES]:
             try:
                 sensors = self._table(file).sensors
@@ -46,25 +51,22 @@ class TableFolder(Recording):
                 continue
             self._files[file.name] = file
             self.topics.append(ImuTopic(file.name, None))
-            tables['both' if len(sensors) > 1 else sensors[0]].append(file.name)
-        lacking = [SENSORS[sensor].lower() for sensor in SENSORS if not tables[sensor]]
-        if lacking and not tables['both']:
-            # Of thirty sensors of a phone the others have no axis of an IMU either.
-            names = sorted(self.reasons, key=lambda name: not any(
-                part in name.lower() for part in _CALLED.values()))
-            raise ImuAllanError('; '.join([
-                f'{printable(path)}: its CSV files give no {" and no ".join(lacking)}',
-                *(self.reasons[name] for name in names[:2])]))
+            (whole if len(sensors) > 1 else halves[sensors[0]]).append(file.name)
+        if not all(halves.values()):
+            raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
+                                f'together: {self._what_lacks(halves, whole)}')
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
-        gyro, accel = (_best(tables[sensor], _BEST[sensor]) for sensor in SENSORS)
+        gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:
-            self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
+            self.apart = self._why_apart(gyro, accel)
+            if not self.apart:
+                self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table, each block with its share of the bytes of all."""
         file = self._files[topic]
         with self._table(file) as table:
-            for block, position in table.decoded(NO_TOPIC):
+            for block, position in table.decoded(TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
         for remark in table.remarks:
             self.keep_remark(remark)
@@ -74,13 +76,47 @@ class TableFolder(Recording):
         try:
             return CsvRecording(file, file, self.options)
         except ImuAllanError:
-            named = [sensor for sensor, part in _CALLED.items() if part in file.name.lower()]
+            named = [sensor for sensor, name in _CALLED.items() if name.search(file.name)]
             if len(named) != 1 or self.options.columns:
                 raise
             columns = ('time', 'time'), *((f'{named[0]}_{axis}', axis) for axis in 'xyz')
             with suppress(ImuAllanError):
                 return CsvRecording(file, file, replace(self.options, columns=columns))
             raise
+
+    def _what_lacks(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
+        """Say why the files are no IMU: what the first of them hold, or why they are not read."""
+        if whole:
+            return (f'gyroscope and accelerometer are both in {_some(whole)}; name the file '
+                    'itself')
+        lacking = [SENSORS[sensor].lower() for sensor, names in halves.items() if not names]
+        said = f'its CSV files give no {" and no ".join(lacking)}'
+        # Of thirty sensors of a phone the others have no axis of an IMU either.
+        names = sorted(self.reasons, key=lambda name: _LIKELY.search(name) is None)
+        return '; '.join([said, *(self.reasons[name] for name in names[:_TOLD])])
+
+    def _why_apart(self, gyro: str, accel: str) -> str:
+        """Say why two tables are not of one recording; empty where their times overlap."""
+        spans = []
+        for name in (gyro, accel):
+            file = self._files[name]
+            if (span := self._table(file).span_ns()) is not None:
+                spans.append((*span, printable(name)))
+        if len(spans) < 2:
+            return ''
+        (_, end, first), (begin, _, second) = sorted(spans)
+        if begin <= end:
+            return ''
+        return (f'{first} ends {duration((begin - end) / 1e9)} before {second} begins: two '
+                f'recordings, or two clocks; --gyro-topic {printable(gyro)} --accel-topic '
+                f'{printable(accel)} takes them for one IMU nevertheless')
+
+
+def _some(names: Sequence[str]) -> str:
+    """Name the first of some files."""
+    shown = ', '.join(map(printable, names[:_TOLD]))
+    return f'each of {len(names)} files ({shown}, ...)' if len(names) > _TOLD else (
+        f'each of {shown}' if len(names) > 1 else shown)
 
 
 def _best(names: list[str], best: tuple[str, ...]) -> str | None:

@@ -74,14 +74,15 @@ def test_info_lists_the_files_of_the_folder(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('names', 'reason'), [
-    (['Gyroscope'], 'its CSV files give no accelerometer'),
+    (['Gyroscope'], ': its CSV files give no accelerometer'),
     (['Gyroscope', 'Magnetometer'],
-     'its CSV files give no accelerometer; {}/Magnetometer.csv: '
+     ': its CSV files give no accelerometer; {}/Magnetometer.csv: '
      + no_axes('time,seconds_elapsed,z,y,x'))])
 def test_a_folder_without_both_sensors_is_no_imu(tmp_path, names, reason):
     for name in names:
         write(tmp_path, name, 100, 1e-3)
-    with refused(f'{tmp_path}: {reason.replace("{}", str(tmp_path))}'):
+    with refused(f'{tmp_path}: a folder of CSV files that are no IMU together'
+                 f'{reason.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
 
 
@@ -100,11 +101,16 @@ def test_of_many_tables_the_user_chooses(tmp_path):
     ({'audio': 'level\n1\n', 'Gyroscope': 'time,x,y,z\n1,2,3,4\n', 'Accelerometer': 'time\n1\n'},
      f'its CSV files give no accelerometer; {{}}/Accelerometer.csv: {no_axes("time")}; '
      f'{{}}/audio.csv: {no_axes("level")}'),
-], ids=['no times', 'one sensor'])
+    ({'b': 'time,gyro_x,accel_x\n1,2,3\n', 'a': 'time,gyro_x,accel_x\n1,2,3\n'},
+     'gyroscope and accelerometer are both in each of a.csv, b.csv; name the file itself'),
+    ({'imu': 'time,gyro_x,accel_x\n1,2,3\n', 'gps': 'time\n1\n'},
+     'gyroscope and accelerometer are both in imu.csv; name the file itself'),
+], ids=['no times', 'one sensor', 'recordings', 'recording'])
 def test_it_is_told_what_the_tables_of_a_folder_lack(tmp_path, texts, told):
     for name, text in texts.items():
         (tmp_path / f'{name}.csv').write_text(text)
-    with refused(f'{tmp_path}: {told.replace("{}", str(tmp_path))}'):
+    with refused(f'{tmp_path}: a folder of CSV files that are no IMU together: '
+                 f'{told.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
 
 
@@ -117,16 +123,40 @@ def test_tables_without_times_are_counted_at_the_rate(tmp_path):
             Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
 
 
-def test_a_table_of_both_sensors_is_a_recording_of_its_own(tmp_path):
-    for name in ('a', 'b'):
-        (tmp_path / f'{name}.csv').write_text('time,gyro_x,accel_x\n1,2,3\n')
-        with open_recording(tmp_path) as recording:
-            names = [topic.name for topic in recording.topics]
-            if name == 'a':
-                assert choose_streams(recording) == [Stream('a.csv')]
-    assert names == ['a.csv', 'b.csv']
-    with refused(f'{tmp_path}: 2 Imu topics; choose one with --topic: a.csv, b.csv'):
+def times(folder: Path, name: str, start: str, rows: int = 3000) -> None:
+    """Write a sensor at 100 Hz from a number of seconds on."""
+    sensor = name.rpartition('_')[2]
+    (folder / f'{name}.csv').write_text('\n'.join([
+        f'time,{sensor}_x,{sensor}_y,{sensor}_z',
+        *(f'{int(start) + n / 100:.2f},{n % 7},{n % 5},{n % 3}' for n in range(rows))]))
+
+
+@pytest.mark.parametrize(('gyro', 'accel', 'told'), [
+    ('1700000000', '1700086400', 'run1_gyro.csv ends 24 h before run2_accel.csv begins'),
+    ('1700000000', '0', 'run2_accel.csv ends 1.97e+04 days before run1_gyro.csv begins'),
+])
+def test_tables_of_two_recordings_are_no_imu(tmp_path, capsys, gyro, accel, told):
+    times(tmp_path, 'run1_gyro', gyro)
+    times(tmp_path, 'run2_accel', accel)
+    reason = (f'{told}: two recordings, or two clocks; --gyro-topic run1_gyro.csv --accel-topic '
+              'run2_accel.csv takes them for one IMU nevertheless')
+    with refused(f'{tmp_path}: {reason}'):
         analyze(tmp_path)
+    assert main(['info', str(tmp_path)]) == 0
+    assert f'not one IMU: {reason}' in capsys.readouterr().out.splitlines()
+    options = RecordingOptions(gyro_topic='run1_gyro.csv', accel_topic='run2_accel.csv')
+    with open_recording(tmp_path, options=options) as recording:
+        assert [stream.half for stream in choose_streams(recording)] == ['gyro', 'accel']
+
+
+@pytest.mark.parametrize(('gyro', 'accel', 'rows'), [
+    ('1700000000', '1700000000', 40), ('1700000000', '1700000199', 20_000)])
+def test_tables_that_overlap_are_one_imu(tmp_path, gyro, accel, rows):
+    times(tmp_path, 'gyro', gyro, rows)
+    times(tmp_path, 'accel', accel, rows)
+    with open_recording(tmp_path) as recording:
+        assert choose_streams(recording) == [
+            Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
 
 
 def test_files_whose_names_differ_in_their_endings_are_two(tmp_path):
