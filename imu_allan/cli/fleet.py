@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 FEW = 7
 """Topics of a recording up to which each is printed as a table; of more a line each."""
+_MOST_COMPLAINTS = 100
+"""Lines on what failed: a file can name 65,000 topics without a message."""
 
 
 class Gathering:
@@ -124,8 +126,10 @@ def line(unit: str, result: 'Result') -> str:
 def raise_last(complaints: Sequence[ImuAllanError]) -> None:
     """Print what kept recordings from being read, one line each; the last ends the command."""
     sys.stdout.flush()
-    for complaint in complaints[:-1]:
+    for complaint in complaints[:-1][:_MOST_COMPLAINTS]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:
+        print(f'imu_allan: {more:,} more like these, the last of all is:', file=sys.stderr)
     if complaints:
         raise complaints[-1]
 

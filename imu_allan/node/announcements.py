@@ -175,4 +175,3 @@ def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -
     axis, key, seconds = following
     return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '
             f'{duration(seconds)}')
-

@@ -23,6 +23,8 @@ LEAST_SHARED_BYTES = 65_536
 ENOUGH_SHARED_BYTES = 8_000_000
 """Room in /dev/shm below which Fast DDS is kept from using it."""
 
+EXIT_BROKEN_PIPE = 141
+"""As the shell reports a process that SIGPIPE has ended."""
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
             if hasattr(signal, name)]
@@ -70,8 +72,7 @@ def run_process(interface: Interface, made: Callable[[], Served],
     """Let a node work between the start and the shutdown of rclpy; return the exit status."""
     program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):
-        print(help_text(interface))
-        return 0
+        return _print(help_text(interface))
     if wrong := refused(given):
         _fail(program, wrong)
         return 2
@@ -162,6 +163,17 @@ def _find_parameter_files(args: Sequence[str]) -> None:
 
 def _one_line(error: object) -> str:
     return ' '.join(str(error).split())
+
+
+def _print(text: str) -> int:
+    """Write to standard output, whose reader may have seen enough; return the exit status."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # Python flushes once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    return 0
 
 
 def _fail(program: str, message: str) -> int:

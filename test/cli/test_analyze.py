@@ -184,7 +184,7 @@ def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_wi
                'analyze', path, '--all-topics')
 
 
-def test_every_topic_without_a_message_is_named(tmp_path, fails_with):
+def test_topics_without_a_message_are_named_up_to_a_hundred(tmp_path, fails_with):
     path = tmp_path / 'a.mcap'
     with topics_written(path) as write:
         for number in range(200):
@@ -192,7 +192,7 @@ def test_every_topic_without_a_message_is_named(tmp_path, fails_with):
         write('/imu_199', START_NS)
     fails_with('\nimu_allan: '.join([
         *(f'{path}: topic /imu_{number} has no messages; record it while the IMU driver runs'
-          for number in range(199)),
+          for number in range(100)), '99 more like these, the last of all is:',
         f'{path}: topic /imu_199 holds no readable message; --topic names another']),
         'analyze', path, '--all-topics')
 

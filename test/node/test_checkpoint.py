@@ -10,7 +10,13 @@ import time
 import zipfile
 
 from hypothesis import given, settings, strategies
-from imu_allan.node.checkpoint import decode_state, encode_state, StateFile, UnusableState
+from imu_allan.node.checkpoint import (
+    decode_state,
+    encode_state,
+    StateFile,
+    UnusableState,
+    VERSION,
+)
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -21,8 +27,16 @@ STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3,
 CONTENT = encode_state(STATE)
 
 
-def framed(payload: bytes, version: bytes = b'1') -> bytes:
+def framed(payload: bytes, version: bytes = b'%d' % VERSION) -> bytes:
     return b'imu_allan.state/' + version + b'\n' + hashlib.sha256(payload).digest() + payload
+
+
+def test_a_state_of_another_layout_is_told_by_its_version() -> None:
+    for version, reason in ((VERSION - 1, 'foreign'), (VERSION + 1, 'newer')):
+        with pytest.raises(UnusableState, match=(
+                f'^it has version {version}, this imu_allan reads {VERSION}$')) as caught:
+            decode_state(framed(b'', b'%d' % version))
+        assert caught.value.reason == reason
 
 
 def test_a_state_reads_back_exactly() -> None:

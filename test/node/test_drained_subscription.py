@@ -127,4 +127,3 @@ def test_an_rclpy_whose_queue_answers_otherwise_is_served_by_callback(
     for number in range(10):
         talker.publish(message(number))
     assert numbers(take_all(ros, subscription, 10)) == list(range(10))
-

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """--help says what the nodes offer."""
 
+import os
 import re
 import subprocess
 import sys
@@ -60,3 +61,14 @@ def test_what_help_names_is_what_the_node_has(ros: Ros, program: str) -> None:
     ros.until(lambda: wanted <= offered())
     unnamed = {name for name in offered() - wanted if 'parameter' not in name}
     assert unnamed <= {'/rosout', f'{node}/get_type_description', '/clock'}
+
+
+@pytest.mark.parametrize('program', ENTRY_POINTS)
+def test_help_whose_reader_has_seen_enough_ends_without_a_word(program: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
+    done = subprocess.run([sys.executable, '-c', start, '--help'], stdout=writer,
+                          stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, '')

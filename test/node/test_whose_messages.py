@@ -183,4 +183,3 @@ def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
     measure_until(ros, node, sensor, 'a new run begins')
     sensor.measure(30.0)
     assert_density(saved(ros, sensor), 100.0, sensor.noise)
-
