@@ -339,12 +339,13 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     """Begin to read each stream."""
     for stream, options, blocks, unit in _streams(recording, choice, progress):
         # Reading has begun in a process of its own: numerics are imported meanwhile.
-        from imu_allan.characterization import Characterization
+        from imu_allan import characterization
 
         shortfall: list[Finding] = []
         yield Taken(recording, stream, unit, _part(recording, choice, blocks, shortfall),
-                    Characterization(kind='recording', path=str(recording.path),
-                                     topic=stream.topic, options=options), shortfall)
+                    characterization.Characterization(
+                        kind='recording', path=str(recording.path), topic=stream.topic,
+                        options=options), shortfall)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],

@@ -20,7 +20,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from typing import Any, IO, TYPE_CHECKING, TypeVar
+from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
 
 from imu_allan.cli.dask_cluster import dask_client
 from imu_allan.cli.tasks import characterize, Task
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from imu_allan.result import Result
 
 T = TypeVar('T')
-Outcome = Callable[[], 'tuple[Result, ImuAllanError | None]']
+Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
 Answer = tuple[Any, tuple[BaseException, str] | None]
 """What a function returned, or what it raised and where: one of the two is None."""
 

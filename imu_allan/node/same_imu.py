@@ -90,7 +90,7 @@ class Known(Record):
         if not self.is_sure and (rate := self.measured_hz(self._recent)):
             self.rate_hz = rate
             self.is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
-                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
+                            or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
     def like(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Tell what is known of another IMU by its first messages."""

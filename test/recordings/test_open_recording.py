@@ -148,8 +148,8 @@ def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):
         writer.add_message(channel, 1, b'{}', 1)
         writer.finish()
     with open_recording(path) as recording, refused(
-        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
-        'encoded as json)'):
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
+            'encoded as json)'):
         choose_topic(recording)
 
 

@@ -110,8 +110,8 @@ def test_the_frame_id_decides_where_the_namespace_does_not(tmp_path, samples):
     path = write(tmp_path / 'c.mcap', few, {'/imu/a': 'x', '/imu/b': 'imu_link'})
     assert chosen(path) == '/imu/b'
     with refused(
-        f'{path}: --temperature /imu/c: no topic of type sensor_msgs/Temperature, field or column '
-        'of this name; there are /imu/a, /imu/b'):
+            f'{path}: --temperature /imu/c: no topic of type sensor_msgs/Temperature, field or '
+            'column of this name; there are /imu/a, /imu/b'):
         chosen(path, temperature='/imu/c')
 
 

@@ -124,8 +124,8 @@ def test_what_exists_is_not_overwritten(tmp_path):
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / 'file').touch()
     with refused(
-        f'{tmp_path}/file/bag: cannot be created (File exists: {tmp_path}/file); choose a '
-        'folder that may be written to'):
+            f'{tmp_path}/file/bag: cannot be created (File exists: {tmp_path}/file); choose a '
+            'folder that may be written to'):
         write_recording(tmp_path / 'file' / 'bag', [block(10)])
 
 

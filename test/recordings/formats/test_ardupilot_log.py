@@ -196,7 +196,8 @@ def test_without_pymavlink_the_package_is_named(tmp_path, monkeypatch):
     path = write(tmp_path / 'a.bin', imu())
     monkeypatch.setitem(sys.modules, 'pymavlink.DFReader', None)
     with refused(
-        f"{path}: ArduPilot logs need the package pymavlink; pip install 'imu_allan[ardupilot]'"):
+            f'{path}: ArduPilot logs need the package pymavlink; '
+            "pip install 'imu_allan[ardupilot]'"):
         open_recording(path)
 
 

@@ -101,8 +101,8 @@ def test_a_bag_without_any_of_its_files_is_refused(split_bag):
     for path in split_bag.glob('*.mcap'):
         path.unlink()
     with refused(
-        f'{split_bag}: missing bag_9.mcap, bag_10.mcap, bag_11.mcap: no file that metadata.yaml '
-        'lists is there; copy them beside it'):
+            f'{split_bag}: missing bag_9.mcap, bag_10.mcap, bag_11.mcap: no file that '
+            'metadata.yaml lists is there; copy them beside it'):
         open_recording(split_bag)
 
 
@@ -281,8 +281,8 @@ def test_a_bag_of_version_2_with_the_folder_in_its_file_names_is_read():
 def test_two_imu_topics_are_both_named():
     path = DATA / 'robot_localization_test1_2imu_xsens'
     with open_recording(path) as recording, refused(
-        f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13,333 '
-        'messages), /xsens/imu_data (13,334 messages)'):
+            f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13,333 '
+            'messages), /xsens/imu_data (13,334 messages)'):
         choose_topic(recording)
 
 

@@ -90,6 +90,6 @@ def test_a_plot_of_something_else_says_what_to_plot(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('elapsed time,receive time,header.stamp,topic,value\n0,1.0,,/odom.x,3\n')
     with refused(
-        f'{path}: no path in it is an axis of an IMU; plot paths such as '
-        '/imu.angular_velocity.x and export them'):
+            f'{path}: no path in it is an axis of an IMU; plot paths such as '
+            '/imu.angular_velocity.x and export them'):
         open_recording(path)

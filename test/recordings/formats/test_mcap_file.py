@@ -283,8 +283,8 @@ def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_p
     start, _ = chunk_places(path)[0]
     path.write_bytes(path.read_bytes()[:start + 200])
     with refused(
-        f'{path}: damaged, no topic can be found in it: the chunk at byte {start}, of which 200 '
-        'bytes are there, is lost'):
+            f'{path}: damaged, no topic can be found in it: the chunk at byte {start}, of which '
+            '200 bytes are there, is lost'):
         open_recording(path)
 
 

@@ -129,9 +129,10 @@ def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
 def test_a_thin_log_says_what_to_set(tmp_path):
     path = write(tmp_path / 'a.ulg', {'sensor_combined': combined(step=250)})
     with open_recording(path) as recording, refused(
-        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
-        '(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in the autopilot '
-        '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again'):
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
+            '(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in the autopilot '
+            '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record '
+            'again'):
         choose_streams(recording)
 
 
@@ -144,8 +145,8 @@ def test_a_thin_log_says_what_to_set(tmp_path):
 def test_a_topic_without_a_field_is_told_with_the_field(tmp_path, form, field):
     path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, [bytes(60)] * COUNT)})
     with open_recording(path) as recording, refused(
-        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
-        f'(px4_msgs/msg/SensorCombined); its format has no field {field}'):
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
+            f'(px4_msgs/msg/SensorCombined); its format has no field {field}'):
         choose_streams(recording)
 
 

@@ -173,8 +173,8 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
                     for n in range(20)], kind))
     with open_recording(path) as recording:
         with refused(
-            f'{path}: 3 Imu topics; choose one with --topic: /sensor.left (20 messages), '
-            '/sensor.others[0] (20 messages), /sensor.others[1] (20 messages)'):
+                f'{path}: 3 Imu topics; choose one with --topic: /sensor.left (20 messages), '
+                '/sensor.others[0] (20 messages), /sensor.others[1] (20 messages)'):
             choose_topic(recording)
         for name, first in (('left', 0), ('others[0]', 1), ('others[1]', 2)):
             blocks = joined(read_blocks(recording, choose_topic(recording, f'/sensor.{name}')))
@@ -217,10 +217,10 @@ def without_definitions(folder: Path) -> Path:
 def test_a_bag_without_definitions_says_what_it_needs(tmp_path):
     path = without_definitions(tmp_path)
     with open_recording(path) as recording, refused(
-        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /sensor '
-        '(my_driver/msg/Vectornav); the definition of my_driver/msg/Vectornav is not in the '
-        'recording (sqlite3 bags before ROS 2 Iron carry none); name its .msg files with '
-        '--definitions'):
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /sensor '
+            '(my_driver/msg/Vectornav); the definition of my_driver/msg/Vectornav is not in the '
+            'recording (sqlite3 bags before ROS 2 Iron carry none); name its .msg files with '
+            '--definitions'):
         choose_topic(recording)
 
 
