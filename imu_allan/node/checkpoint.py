@@ -3,7 +3,7 @@
 """
 The state file: what a node has learnt, kept over a crash or a reboot.
 
-A file is the line ``imu_allan.state/1``, the SHA-256 of the rest, and NumPy arrays in the npz
+A file is the line ``imu_allan.state/2``, the SHA-256 of the rest, and NumPy arrays in the npz
 format without pickles. It is replaced atomically, so a reader finds the old state or the new.
 """
 

@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.node.checkpoint import decode_state, encode_state
+from imu_allan.node.checkpoint import decode_state, encode_state, VERSION
 from imu_allan.node.run import Lane, pack, Run, Setup, unpack
 from imu_allan.node.same_imu import LOOK_S
 from imu_allan.sensor.noise_model import parse_model
@@ -139,7 +139,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None
         ('damaged', whole, 'its arrays do not belong together (setup is missing)'),
         ('foreign', b'a photo of my robot', no_state),
         ('newer', b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload,
-         'it has version 99, this imu_allan reads 1')]
+         f'it has version 99, this imu_allan reads {VERSION}')]
     paths = []
     for number, (_, content, _) in enumerate(cases):
         path = ros.folder / str(number) / 'state'
