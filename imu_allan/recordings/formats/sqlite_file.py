@@ -12,6 +12,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from itertools import pairwise, starmap
 import os
 from pathlib import Path
@@ -46,6 +47,8 @@ _DECODE, _HELD_BYTES = 1 << 11, 1 << 24
 """Messages decoded at a time, which stay in the cache, and their bytes where they are large."""
 _STRETCHES = 200
 """Statements for all rows, so that it is known how far reading has come."""
+_SEARCHED_BYTES = 1 << 26
+"""Bytes of a file in which a message of each topic is sought on opening."""
 _MOST_PLACES = 1000
 """Damaged places behind which reading goes on."""
 _MOST_TOPICS = 1 << 16
@@ -199,13 +202,19 @@ class SqliteRecording(FileRecording):
                 elif kinds.setdefault(name, kind) == kind:
                     self._numbers.setdefault(name, []).append(number)
             definitions = _definitions(database, set(kinds.values()), self._room)
-            count = None
-            with suppress(sqlite3.Error):
-                if not database.execute(
-                        'SELECT rowid FROM messages NOT INDEXED LIMIT 1').fetchall():
-                    count = 0
             for name, kind in kinds.items():
-                self.list_topic(name, kind, 'cdr', count, definitions.get(kind))
+                self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
+            with suppress(sqlite3.Error):
+                self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
+                               for imu in self.topics]
+
+    def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
+        """Whether a topic has messages; in vain the whole file is gone through, if it is small."""
+        numbers = self._numbers[imu.topic][:_MOST_NUMBERS]
+        only = '' if self._tolerant or self.size_bytes > _SEARCHED_BYTES else (
+            f'WHERE topic_id IN ({",".join(map(str, numbers))}) ')
+        return bool(database.execute(
+            f'SELECT rowid FROM messages NOT INDEXED {only}LIMIT 1').fetchall())
 
     # ------------------------------------------------------------------------------ going through
 
@@ -256,7 +265,7 @@ class SqliteRecording(FileRecording):
                    "AND typeof(topic_id) = 'integer' "
                    f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
         # The length is known without the value, however long that is.
-        query = ('SELECT timestamp, '
+        query = ('SELECT rowid, timestamp, '
                  f'CASE WHEN length(data) <= {LONGEST_VALUE} THEN data END {rows_of}')
         ends = [0, 0]
         for end, order in enumerate(('ASC', 'DESC')):
@@ -269,31 +278,36 @@ class SqliteRecording(FileRecording):
         # In a damaged file rows may lie beyond its ends.
         edges = [first, *range(first + stretch, last + 1, stretch), 2**63]
         messages = places = 0
-        step = 1
+        step, latest = 1, -2**63
         reason: sqlite3.Error | None = None
         for place, (start, stop) in enumerate(pairwise(edges)):
             position = self.size_bytes * place // (len(edges) - 1)
             most = _FETCH
             while start < stop and places < _MOST_PLACES and not budget.exhausted:
-                seen = 0
+                seen = False
                 try:
                     cursor = database.execute(query, (start, stop - 1))
-                    while rows := cursor.fetchmany(most):
-                        seen, step = seen + len(rows), 1
-                        yield rows, position
+                    while found := cursor.fetchmany(most):
+                        # Damaged pages may lead back to rows that were read already.
+                        rows = []
+                        for number, *row in found:
+                            if number > latest:
+                                latest = number
+                                rows.append((row[0], row[1]))
+                        if rows:
+                            messages += len(rows)
+                            seen, step = True, 1
+                            yield rows, position
                     start = stop
                 except sqlite3.Error as error:
                     reason = reason or error
                     if seen:
-                        start = database.execute(
-                            f'SELECT rowid + 1 {rows_of} LIMIT 1 OFFSET {seen - 1}',
-                            (start, stop - 1)).fetchone()[0]
+                        start = max(start, latest + 1)
                     elif most == 1:
                         places += step == 1
                         start, step = start + step, 2 * step
                     # What fails takes the rows before it along, if they are fetched together.
                     most = 1
-                messages += seen
         if reason is not None:
             self.remark('damaged_recording', fault='database', places=places,
                         reason=printable(reason), read=messages, topic=printable(imu.name))

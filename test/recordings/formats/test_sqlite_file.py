@@ -8,7 +8,7 @@ import shutil
 import sqlite3
 import stat
 
-from bags import assert_same, block, joined, read, told, write_db3
+from bags import assert_same, block, IMU, joined, read, told, write_db3
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings import open_recording
@@ -157,6 +157,23 @@ def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
 
 
+def test_pages_that_lead_back_give_no_message_twice(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    with sqlite3.connect(path) as database:
+        [[root]] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
+    database.close()
+    data = bytearray(path.read_bytes())
+    # The page of a branch: of two cells next to each other, both lead to the first's child.
+    page = (root - 1) * 4096
+    first, second = (page + int.from_bytes(data[page + at:page + at + 2], 'big')
+                     for at in (12, 14))
+    data[second:second + 4] = data[first:first + 4]
+    path.write_bytes(data)
+    after, _ = read(path)
+    assert (np.diff(after.receive_ns) > 0).all()
+    assert 4900 < len(after) < 5000
+
+
 @pytest.mark.parametrize(('data', 'reason'), [
     (b'SQLite format 3\0' + bytes(200), 'file is not a database'),
     (b'SQLite format 3\0', 'file is not a database'),
@@ -192,10 +209,14 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
                           type='sensor_msgs/Imu', first='not a blob of 1,048,576 bytes at most')
 
 
-def test_a_topic_without_messages_is_named(tmp_path):
-    path = write_db3(tmp_path / 'a.db3', block(0))
-    with refused(f'{path}: topic /imu has no messages; record it while the IMU driver runs'):
-        read(path)
+@pytest.mark.parametrize('others', [0, 3])
+def test_a_topic_without_messages_is_named(tmp_path, others):
+    path = write_db3(tmp_path / 'a.db3', block(others), [('/other', IMU)])
+    with open_recording(path) as recording:
+        assert {topic.name: topic.count for topic in recording.topics} == {
+            '/imu': None if others else 0, '/other': 0}
+    with refused(f'{path}: topic /other has no messages; record it while the IMU driver runs'):
+        read(path, '/other')
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
