@@ -221,7 +221,7 @@ def finding(code: str, axes: Sequence[str] = (), *, severity: Severity | None = 
     """
     kinds = CODES[code].values
     wrong = [name for name in {**kinds, **values}
-             if name not in kinds or not _is(values.get(name), kinds[name])]
+             if name not in kinds or not is_of_kind(values.get(name), kinds[name])]
     if wrong:
         raise TypeError(f'{code}: {", ".join(f"{name}={values.get(name)!r}" for name in wrong)}')
     if recording is not None:
@@ -239,7 +239,7 @@ def known(kind: Any) -> Any:
     return get_args(kind)[0] if is_optional(kind) else kind
 
 
-def _is(value: object, kind: Any) -> bool:
+def is_of_kind(value: object, kind: Any) -> bool:
     """Say whether a value is of a type of `CODES`."""
     if value is None:
         return is_optional(kind)
@@ -247,7 +247,8 @@ def _is(value: object, kind: Any) -> bool:
     if origin is Literal:
         return value in args
     if origin is tuple:
-        return isinstance(value, (list, tuple)) and all(_is(item, args[0]) for item in value)
+        return (isinstance(value, (list, tuple))
+                and all(is_of_kind(item, args[0]) for item in value))
     plain = args[0]
     if isinstance(value, bool) or plain not in (int, float):
         return isinstance(value, plain)

@@ -3,8 +3,8 @@
 """
 The words of every code of a finding, in the order of `imu_allan.finding.CODES`.
 
-`f` holds the figures of a finding by name, None where one is not known. A number that differs
-between several axes formats as a span from the lowest to the highest.
+`f` holds the figures of a finding by name, without those that are not known: `'name' in f` asks.
+A number that differs between several axes formats as a span from the lowest to the highest.
 """
 
 from collections.abc import Callable, Mapping
@@ -102,27 +102,27 @@ def _within(factor: float) -> str:
 
 
 def _band(f: Any) -> str:
-    if f.low_hz is not None and f.high_hz is not None:
+    if 'low_hz' in f and 'high_hz' in f:
         return f' between {f.low_hz:g} and {f.high_hz:g} Hz'
-    if f.low_hz is not None:
+    if 'low_hz' in f:
         return f' above {f.low_hz:g} Hz'
-    return f' below {f.high_hz:g} Hz' if f.high_hz is not None else ''
+    return f' below {f.high_hz:g} Hz' if 'high_hz' in f else ''
 
 
 def _not_steady(f: Any) -> str:
-    if f.drift_ratio is not None:
+    if 'drift_ratio' in f:
         return (f'over {_time(f.interval_s)} the {f.higher} half drifts {f.drift_ratio:.1f} times '
                 f'as much as the {"second" if f.higher == "first" else "first"}')
-    if f.spread_share is not None:
+    if 'spread_share' in f:
         return (f'the noise{_band(f)} changes by {_percent(f.spread_share)} (standard deviation) '
                 f'between segments of {_time(f.segment_s)}')
-    until = _time(f.until_s) if f.until_s is not None else 'part'
+    until = _time(f.until_s) if 'until_s' in f else 'part'
     return (f'the noise{_band(f)} is {_percent(f.change_share)} '
             f'{"higher" if f.higher == "first" else "lower"} in the first {until} than after')
 
 
 def _warm_up(f: Any) -> str:
-    within = f' ({_within(_most(f.time_constant_factor))})' if f.time_constant_factor else ''
+    within = f' ({_within(_most(f.time_constant_factor))})' if 'time_constant_factor' in f else ''
     second = ' and a second one' if _most(f.exponentials) > 1 else ''
     return (f'the mean settles by {f.amplitude:.3g} {f.unit} after switching on, with a time '
             f'constant of {_time(f.time_constant_s)}{within}{second}; it is steady after '
@@ -131,7 +131,7 @@ def _warm_up(f: Any) -> str:
 
 def _warm_up_do(f: Any) -> str:
     have = 'numbers for a filter have the warm-up in them'
-    if not f.start:
+    if 'start' not in f:
         return f'{have}; the recording is too short to leave it out: let the sensor warm up first'
     begins = f', which begins after {_time(f.start_s)}' if f.start == 'auto' else ''
     return f'{have}; leave it out with --start {f.start}{begins}'
@@ -139,7 +139,7 @@ def _warm_up_do(f: Any) -> str:
 
 def _rate_changed(f: Any) -> str:
     change = f'the sample rate changed from {f.from_hz:.4g} to {f.to_hz:.4g} Hz'
-    if f.at_s is None:
+    if 'at_s' not in f:
         return f'{change}: the {f.left_out} samples at the first rate are left out'
     return (f'{change} at {f.at_s:.6g} s: the {f.left_out} samples at another rate than the first '
             'are left out')
@@ -159,7 +159,7 @@ def _implausible(f: Any) -> str:
 
 
 def _damaged_recording(f: Any) -> str:
-    lost = f'; lost {f.lost} of {f.of} messages of {f.topic}' if f.lost is not None else ''
+    lost = f'; lost {f.lost} of {f.of} messages of {f.topic}' if 'lost' in f else ''
     if f.fault == 'chunks':
         return (f'left out {counted(f.broken, "damaged chunk")} of {f.chunks} (the first '
                 f'{f.first}){lost}')
@@ -192,14 +192,14 @@ def _truncated_recording(f: Any) -> str:
 
 def _malformed_messages(f: Any) -> str:
     if f.what == 'line':
-        first = f'; the first: {f.first}' if f.first is not None else ''
+        first = f'; the first: {f.first}' if 'first' in f else ''
         return f'left out {counted(f.count, "line")} without readable numbers{first}'
     return (f'left out {counted(f.count, "invalid message")} of {f.topic} ({f.type}); the first: '
             f'{f.first}')
 
 
 def _short_recording(f: Any) -> str:
-    if f.samples is not None:
+    if 'samples' in f:
         return (f'{f.samples} samples in {_time(f.duration_s)} are too few for any coefficient: '
                 f'at least {f.needed} are needed')
     return (f'{TERMS[f.coefficient].symbol} is not visible in {_time(f.duration_s)}: only an '
@@ -226,7 +226,7 @@ def _thermometer(f: Any) -> str:
 
 
 def _power_law(f: Any) -> str:
-    if f.recordings is None:
+    if 'recordings' not in f:
         return ('the slow noise is no flicker: its density goes with 1/f to the power of '
                 f'{f.exponent:.2f} (95 % interval {_least(f.exponent_low):.2f} to '
                 f'{_most(f.exponent_high):.2f})')
@@ -237,7 +237,7 @@ def _power_law(f: Any) -> str:
 
 
 def _power_law_do(f: Any) -> str:
-    if f.recordings is None:
+    if 'recordings' not in f:
         return 'for a filter take the tuned numbers: N and K alone leave this noise out'
     bounded = ('the noise density is their mean, other terms are bounded' if f.density_is_mean
                else 'every term is bounded')
@@ -245,7 +245,7 @@ def _power_law_do(f: Any) -> str:
 
 
 def _temperature_do(f: Any) -> str:
-    lags = '' if f.lag_s is None else (
+    lags = '' if 'lag_s' not in f else (
         f'; the {"thermometer" if _most(f.lag_s) > 0 else "sensor"} lags by '
         f'{_each(f.lag_s, lambda lag: duration(abs(lag)))}')
     return f'coefficients are given without the temperature, numbers for a filter with it{lags}'
@@ -257,7 +257,7 @@ def _start_auto(f: Any) -> str:
     if not f.left_out:
         return (f'the warm-up takes {_time(f.warm_up_s)}, more than half of the recording: '
                 'nothing is left out')
-    longest = f'; one axis takes {_time(f.longest_s)}' if f.longest_s is not None else ''
+    longest = f'; one axis takes {_time(f.longest_s)}' if 'longest_s' in f else ''
     return f'the first {_time(f.warm_up_s)} were left out: the sensor warmed up{longest}'
 
 
@@ -277,9 +277,9 @@ def _uneven_stamps(f: Any) -> str:
 
 
 def _uneven_stamps_do(f: Any) -> str:
-    off = ('' if f.rate_error_share is None else
+    off = ('' if 'rate_error_share' not in f else
            f'the rate may be up to {_percent(f.rate_error_share, 1)} off')
-    if f.hidden_share is None:
+    if 'hidden_share' not in f:
         return off
     return (f'up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
             f'then up to {_percent(f.density_high_share, 1)} too high{off and f"; {off}"}')
@@ -374,7 +374,7 @@ WORDS: Mapping[str, Words] = {
         'The sensor or its driver gave no new values for a while, which is left out.',
         'Whole messages repeat for far longer than noise does.',
         says=lambda f: f'{f.messages} messages repeat one value again and again'
-                       f'{"" if f.since_s is None else f", first at {f.since_s:.6g} s"}: the '
+                       f'{f", first at {f.since_s:.6g} s" if "since_s" in f else ""}: the '
                        'sensor or its driver stood still, they are left out',
         do='look at the cable and the driver'),
     'unknown_rate': Words(
@@ -421,7 +421,7 @@ WORDS: Mapping[str, Words] = {
         says=_not_steady,
         do=lambda f: (
             'numbers for a filter lie between the two; no interval is widened for it'
-            if f.drift_ratio is not None else
+            if 'drift_ratio' in f else
             'the intervals are widened; look for a change of temperature, supply or vibration, '
             'and record again if one is found'),
         live='the intervals are widened; call ~/reset once temperature, supply and vibration '
@@ -495,7 +495,7 @@ WORDS: Mapping[str, Words] = {
         'many missing', 'So many samples are interpolated that N may be off.',
         'Places in the time grid are empty.',
         says=lambda f: f'{_percent(f.share, 1)} of the samples are missing and interpolated' + (
-            '' if f.density_error_share is None else
+            '' if 'density_error_share' not in f else
             f': N may be up to {_percent(f.density_error_share)} off'),
         do='record with a deeper queue or with reliable delivery',
         live='ask for a deeper queue or for reliable delivery with qos_overrides'),
@@ -566,7 +566,7 @@ WORDS: Mapping[str, Words] = {
         'Spectrum or curve leave the model by more than chance.',
         says=lambda f: (
             'no sum of noise terms describes this spectrum: its worst half-octave is off by '
-            f'{_percent(f.misfit_share)}' if f.leaves_at_s is None else
+            f'{_percent(f.misfit_share)}' if 'leaves_at_s' not in f else
             f'from averaging times of {_time(f.leaves_at_s)} on the measured curve leaves the '
             'band of the model'),
         do='the intervals are widened; look for vibration, or a filter in the sensor or driver'),
@@ -598,7 +598,7 @@ WORDS: Mapping[str, Words] = {
         'The spectrum falls towards the highest frequencies.',
         says=lambda f: (
             'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
-            f'driver): its effective window is {f.window_s:.3g} s' if f.edge_hz is None else
+            f'driver): its effective window is {f.window_s:.3g} s' if 'edge_hz' not in f else
             f'the spectrum falls above {f.edge_hz:.3g} Hz (a low-pass in sensor or driver, or '
             'noise that no term describes); the coefficients are fitted below')),
     'gauss_markov': Words(
@@ -669,7 +669,7 @@ WORDS: Mapping[str, Words] = {
         'Header stamps are zero, constant or coarse.',
         says=lambda f: (
             'header stamps come in ticks or batches: receive stamps, which come evenly, are used'
-            if f.flaw is None else f'header stamps are {f.flaw}: receive stamps are used')),
+            if 'flaw' not in f else f'header stamps are {f.flaw}: receive stamps are used')),
     'counted_samples': Words(
         'counted samples', 'No stamps are used: missing samples cannot be seen.',
         'Neither clock is usable, or none was asked for.',
@@ -728,8 +728,8 @@ WORDS: Mapping[str, Words] = {
         'repeated half', 'One sensor repeats its values between new ones of the other.',
         'Its values change at a rate of their own.',
         says=lambda f: (
-            f'topic {f.topic} repeats its {_sensor(f.half)} samples between new ones' if f.half
-            else f'each message of topic {f.topic} repeats one of its halves'),
+            f'topic {f.topic} repeats its {_sensor(f.half)} samples between new ones'
+            if 'half' in f else f'each message of topic {f.topic} repeats one of its halves'),
         do='each sensor is analyzed at its own rate'),
     'chosen_topic': Words(
         'chosen topic', 'Of several IMU topics one was chosen.',
@@ -769,7 +769,7 @@ WORDS: Mapping[str, Words] = {
         'It is missing or cannot be parsed.',
         says=lambda f: (
             'no metadata.yaml (was the recorder killed?); the files found were read'
-            if f.reason is None else
+            if 'reason' not in f else
             f'metadata.yaml is damaged ({f.reason}); the files found were read')),
     'unfinished_recording': Words(
         'unfinished recording', 'The recorder was killed; its last messages may be missing.',

@@ -13,7 +13,7 @@ from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.characterization.verdict import verdicts
 from imu_allan.errors import printable
-from imu_allan.finding import CODES, Finding, is_optional, known
+from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known
 from imu_allan.result import Result
 from imu_allan.wording import named
 from imu_allan.writers.sentences import Span, Text, WORDS
@@ -29,7 +29,7 @@ def title_of(found: Finding) -> str:
 
 def says(found: Finding) -> str:
     """Return the sentence with the figures of a finding, with what it is about before it."""
-    if 'more' in found.values:
+    if _counts_others(found):
         return f'{_about(found)}{found.values["more"]} more like these'
     made = _made(WORDS[found.code].says, found) if found.code in WORDS else ''
     if made:
@@ -40,9 +40,13 @@ def says(found: Finding) -> str:
 def advice(found: Finding, *, live: bool = False) -> str:
     """Return what to do about a finding, with a recording or at a running node; or nothing."""
     words = WORDS.get(found.code)
-    if words is None or 'more' in found.values or not _made(words.says, found):
+    if words is None or _counts_others(found) or not _made(words.says, found):
         return ''
     return _made(words.live if live and words.live is not None else words.do, found)
+
+
+def _counts_others(found: Finding) -> bool:
+    return isinstance(found.values.get('more'), int)
 
 
 def _made(text: Text, found: Finding) -> str:
@@ -53,13 +57,27 @@ def _made(text: Text, found: Finding) -> str:
         return ''
 
 
-def _figures(found: Finding) -> SimpleNamespace:
-    """Return the figures of a finding by name; one that must be known and is not, is missing."""
-    kinds = CODES[found.code].values
-    figures = SimpleNamespace(**{name: None for name in kinds if is_optional(kinds[name])})
-    vars(figures).update({
-        name: Span(value) if is_of_axes(found, name) else value
-        for name, value in found.values.items() if value is not None})
+class _Figures(SimpleNamespace):
+    """
+    The figures of a finding by name, of which ``'name' in figures`` says whether one is known.
+
+    What asks for another has no sentence to say, so that none ever says None.
+    """
+
+    def __contains__(self, name: str) -> bool:
+        return name in vars(self)
+
+
+def _figures(found: Finding) -> _Figures:
+    """Return the figures that are as `CODES` has them: a file may hold anything."""
+    figures = _Figures()
+    for name, kind in CODES[found.code].values.items():
+        value: Any = found.values.get(name)
+        if name in found.values and is_of_axes(found, name):
+            value = Span(value)
+        each = value if isinstance(value, Span) else (value,)
+        if all(one is not None and is_of_kind(one, kind) for one in each):
+            setattr(figures, name, value)
     return figures
 
 
@@ -165,5 +183,5 @@ def _is_number(value: object) -> bool:
 def _about(found: Finding) -> str:
     """Return the recording and the axes that a finding is about, as they come before it."""
     recording = found.values.get('recording')
-    where = f'{printable(str(recording))}: ' if recording else ''
+    where = f'{printable(recording)}: ' if recording and isinstance(recording, str) else ''
     return f'{where}{named([printable(axis) for axis in found.axes])}: ' if found.axes else where

@@ -4,6 +4,7 @@
 
 import ast
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 import re
@@ -140,6 +141,18 @@ def test_a_finding_of_another_version_keeps_its_message() -> None:
         'gyro_x: it does not fit')
     assert message_of(Finding('of_the_future', message='news\x1b')) == 'news\\x1b'
     assert message_of(Finding('of_the_future')) == 'of the future'
+
+
+@pytest.mark.parametrize('value', [None, [None, 1.0], {'of': 'the future'}], ids=str)
+def test_a_figure_that_a_file_does_not_have_is_not_said(value: object) -> None:
+    for found in SAID:
+        for name in found.values:
+            lacking = replace(found, values={**found.values, name: value}, message='as stored')
+            for live in (False, True):
+                said = message_of(lacking, live=live)
+                assert not re.search(r'\bNone\b|future', said), lacking
+    of_some_topic = finding('filtered', by='orientation', topic=None, raw='/imu/data_raw')
+    assert message_of(replace(of_some_topic, message='as stored')) == 'as stored'
 
 
 def test_the_page_of_findings_is_made_from_the_table() -> None:
