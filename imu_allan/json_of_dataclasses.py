@@ -7,9 +7,14 @@ from dataclasses import fields, MISSING
 import json
 import math
 import types
-from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
+from typing import Annotated, Any, get_args, get_origin, get_type_hints, Literal, Union
 
 from imu_allan.errors import ImuAllanError, shorten
+
+ABOVE_ZERO, NOT_NEGATIVE = 'above zero', 'zero or above'
+"""Annotations of numbers that a logarithm or a root is taken of."""
+_LARGEST = 1e60
+"""Nothing that is measured comes near; squares and sums of what is smaller stay finite."""
 
 
 def json_text(value: Any, line: str = '\n') -> str:
@@ -72,6 +77,12 @@ def typed(kind: Any, value: Any, where: str) -> Any:
     if kind is Any:
         return _any(value, where)
     origin = get_origin(kind)
+    if origin is Annotated:
+        number, bound = get_args(kind)
+        value = typed(number, value, where)
+        if not (value > 1 / _LARGEST or (value == 0 and bound == NOT_NEGATIVE)):
+            raise ImuAllanError(f'{where}: expected {bound}')
+        return value
     if origin in (Union, types.UnionType):
         if value is None:
             return None
@@ -101,7 +112,8 @@ def typed(kind: Any, value: Any, where: str) -> Any:
         if not isinstance(value, Mapping):
             raise ImuAllanError(f'{where}: expected an object')
         given = {name: typed(hint, value[name], f'{where}.{name}')
-                 for name, hint in get_type_hints(kind).items() if name in value}
+                 for name, hint in get_type_hints(kind, include_extras=True).items()
+                 if name in value}
         missing = [field.name for field in fields(kind) if field.name not in given
                    and field.default is MISSING and field.default_factory is MISSING]
         if missing:
@@ -110,6 +122,8 @@ def typed(kind: Any, value: Any, where: str) -> Any:
     if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
         if not math.isfinite(value):
             raise ImuAllanError(f'{where}: {value} is not a finite number')
+        if abs(value) >= _LARGEST:
+            raise ImuAllanError(f'{where}: {value} is beyond {_LARGEST:g}')
         return float(value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value

@@ -12,15 +12,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import pi, sqrt
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.json_of_dataclasses import json_text, plain, typed
+from imu_allan.json_of_dataclasses import (
+    ABOVE_ZERO,
+    json_text,
+    NOT_NEGATIVE,
+    plain,
+    typed,
+)
 
 SCHEMA = 'imu_allan.result/1'
 
 Interval = tuple[float, float]
+AboveZero = Annotated[float, ABOVE_ZERO]
+NotNegative = Annotated[float, NOT_NEGATIVE]
 
 
 @dataclass(frozen=True)
@@ -58,9 +66,9 @@ class Coefficient:
     value: float | None
     ci95: Interval | None
     upper95: float | None
-    observable_in_s: float | None = None
-    ci_halves_in_s: float | None = None
-    between: float | None = None
+    observable_in_s: NotNegative | None = None
+    ci_halves_in_s: NotNegative | None = None
+    between: NotNegative | None = None
     presence: float | None = None
 
     def __str__(self) -> str:
@@ -89,9 +97,9 @@ class Tone:
 
     """
 
-    frequency_hz: float
-    amplitude: float
-    lines: int = 1
+    frequency_hz: AboveZero
+    amplitude: NotNegative
+    lines: Annotated[int, ABOVE_ZERO] = 1
 
 
 @dataclass(frozen=True)
@@ -102,8 +110,8 @@ class GaussMarkov:
     Their 95 % intervals are known where the process was measured.
     """
 
-    sigma: float
-    correlation_time_s: float
+    sigma: NotNegative
+    correlation_time_s: AboveZero
     sigma_ci95: Interval | None = None
     correlation_time_ci95: Interval | None = None
 
@@ -125,7 +133,7 @@ class PowerLaw:
 
     exponent: float
     exponent_ci95: Interval
-    psd_1hz: float
+    psd_1hz: AboveZero
 
     @property
     def amplitude(self) -> float:
@@ -149,11 +157,11 @@ class DriftModel:
 
     """
 
-    noise_density: float
-    rate_random_walk: float
+    noise_density: NotNegative
+    rate_random_walk: NotNegative
     processes: tuple[GaussMarkov, ...]
-    from_s: float
-    to_s: float
+    from_s: AboveZero
+    to_s: AboveZero
 
 
 @dataclass(frozen=True)
@@ -182,7 +190,7 @@ class WarmUp:
     """
 
     amplitude: float
-    time_constant_s: float
+    time_constant_s: AboveZero
     ci95: Interval
     time_constant_ci95: Interval | None = None
 
@@ -263,12 +271,12 @@ class Segment:
 
     """
 
-    start_s: float
-    duration_s: float
+    start_s: NotNegative
+    duration_s: AboveZero
     mean: float
-    noise_density: float | None
+    noise_density: AboveZero | None
     ci95: Interval | None
-    drift_sigma: float | None
+    drift_sigma: NotNegative | None
     drift_ci95: Interval | None = None
 
 
@@ -290,9 +298,9 @@ class Innovations:
     the second under the model of the first.
     """
 
-    interval_s: float
-    nis: float
-    steps: int
+    interval_s: AboveZero
+    nis: NotNegative
+    steps: Annotated[int, ABOVE_ZERO]
     of_halves: Interval | None = None
 
 
@@ -300,17 +308,17 @@ class Innovations:
 class Coast:
     """Predicted and observed deviation of the mean over a horizon without correction."""
 
-    horizon_s: float
-    predicted_sigma: float
-    observed_rms: float
+    horizon_s: AboveZero
+    predicted_sigma: AboveZero
+    observed_rms: NotNegative
 
 
 @dataclass(frozen=True)
 class Backtest:
     """The drift model of one part of the record held against the rest of it."""
 
-    trained_s: float
-    tested_s: float
+    trained_s: AboveZero
+    tested_s: AboveZero
     innovations: tuple[Innovations, ...]
     coast: tuple[Coast, ...]
 
@@ -333,20 +341,20 @@ class Curve:
     where nothing is.
     """
 
-    tau_s: tuple[float, ...]
-    adev: tuple[float, ...]
-    edf: tuple[float, ...]
+    tau_s: tuple[AboveZero, ...]
+    adev: tuple[NotNegative, ...]
+    edf: tuple[AboveZero, ...]
     ci68: tuple[Interval, ...]
     ci95: tuple[Interval, ...]
-    model_adev: tuple[float, ...]
+    model_adev: tuple[NotNegative, ...]
 
 
 @dataclass(frozen=True)
 class Spectrum:
     """Two-sided power spectral density in bands of an eighth of an octave, lines included."""
 
-    frequency_hz: tuple[float, ...]
-    psd: tuple[float, ...]
+    frequency_hz: tuple[AboveZero, ...]
+    psd: tuple[NotNegative, ...]
 
 
 @dataclass(frozen=True)
@@ -364,7 +372,7 @@ class Signal:
 
     """
 
-    step_s: float
+    step_s: AboveZero
     low: tuple[float | None, ...]
     mean: tuple[float | None, ...]
     high: tuple[float | None, ...]
@@ -413,7 +421,7 @@ class AxisResult:
     quantity: str
     unit: str
     mean: float | None
-    band_limit_s: float | None
+    band_limit_s: NotNegative | None
     tones: tuple[Tone, ...]
     coefficients: Mapping[str, Coefficient] = field(hash=False)
     goodness_of_fit: GoodnessOfFit
@@ -425,10 +433,10 @@ class AxisResult:
     stationarity: Stationarity | None = None
     backtest: Backtest | None = None
     signal: Signal | None = None
-    sample_rate_hz: float | None = None
-    band_edge_hz: float | None = None
+    sample_rate_hz: AboveZero | None = None
+    band_edge_hz: AboveZero | None = None
     stood_still: Span | None = None
-    high_passed_hz: float | None = None
+    high_passed_hz: AboveZero | None = None
     saturated: Saturation | None = None
     deadband: Deadband | None = None
     coarse_step: float | None = None
@@ -476,9 +484,9 @@ class AxisResult:
 class Timeline:
     """What was seen of the clock and of the samples."""
 
-    sample_rate_hz: float | None
+    sample_rate_hz: AboveZero | None
     samples: int
-    duration_s: float
+    duration_s: NotNegative
     missing: int = 0
     duplicates: int = 0
     out_of_order: int = 0
