@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is in the drift model, and so in the numbers for a filter, but not in the coefficients."""
+"""What numbers for a filter have in them that coefficients have not, and why an axis has none."""
 
 from collections.abc import Mapping
 
 from imu_allan.result import AxisResult
-from imu_allan.wording import about, listed, named
+from imu_allan.wording import about, duration, listed, named
 
 
 def included(axes: Mapping[str, AxisResult]) -> list[str]:
@@ -33,3 +33,18 @@ def included(axes: Mapping[str, AxisResult]) -> list[str]:
         said.append(f'What temperature does to {named(heated)} is in these numbers, unlike in the '
                     'coefficients: a recording at one temperature is without it.')
     return said
+
+
+def why_left_out(axis: AxisResult) -> str:
+    """Say why an axis has no numbers for a filter; empty for one that measures."""
+    if axis.high_passed_hz is not None:
+        return 'a filter has taken out its slow part'
+    if axis.constant:
+        return 'every sample is the same'
+    if axis.stood_still is not None:
+        return f'it stood still for {duration(axis.stood_still.duration_s)}'
+    if axis.saturated is not None:
+        return f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
+    if axis.deadband is not None:
+        return 'small values are given as zero'
+    return '' if axis.copy_of is None else 'it repeats another axis'

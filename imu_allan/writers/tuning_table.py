@@ -20,7 +20,7 @@ from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
-from imu_allan.writers.included import included
+from imu_allan.writers.included import included, why_left_out
 from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.words import presented, says
 import numpy as np
@@ -163,12 +163,8 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
 
 def _left_out(result: Result) -> list[str]:
     """Name the axes that have no numbers, and why where that is known."""
-    why = {'constant': 'it is constant', 'dead': 'it stood still',
-           'saturated': 'it is cut off at the end of its range', 'zeroed': 'it has a deadband'}
-    return [f'{spoken(name)} is left out: '
-            + ('a filter has taken out its slow part' if axis.high_passed_hz is not None
-               else why[axis.fault] if axis.fault is not None
-               else 'too short for a drift model, or from an older version') + '.'
+    unknown = 'too short for a drift model, or from an older version'
+    return [f'{spoken(name)} is left out: {why_left_out(axis) or unknown}.'
             for name, axis in result.axes.items() if axis.drift_model is None]
 
 

@@ -133,12 +133,14 @@ def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path,
     axes = dict(result.axes) | {
         'gyro_y': replace(result.axes['gyro_y'], drift_model=None,
                           saturated=Saturation(0.01, 0.2)),
+        'gyro_z': replace(result.axes['gyro_z'], drift_model=None, copy_of='gyro_x'),
         'accel_z': replace(result.axes['accel_z'], drift_model=None, high_passed_hz=0.2)}
     path = tmp_path / 'faulty.json'
     save_result(replace(result, axes=axes), path)
     assert main(['tune', str(path)]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert 'gyro y is left out: it is cut off at the end of its range.' in out
+    assert 'gyro y is left out: its output is cut off at 0.01 rad/s.' in out
+    assert 'gyro z is left out: it repeats another axis.' in out
     assert 'accel z is left out: a filter has taken out its slow part.' in out
 
 

@@ -16,7 +16,7 @@ from imu_allan.writers.filters.chosen_numbers import (
     SENSORS,
     TIME,
 )
-from imu_allan.writers.included import included
+from imu_allan.writers.included import included, why_left_out
 
 
 def provenance(numbers: Numbers) -> list[str]:
@@ -135,21 +135,12 @@ def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
     if not numbers.axes(sensor):
         return [f'This result has no {SENSOR_NAMES[sensor]}: its numbers are left out.']
     said = []
-    for letter in 'xyz':
-        name = f'{sensor}_{letter}'
-        axis = numbers.result.axes.get(name)
-        if axis is None:
-            continue
+    for name, axis in numbers.axes(sensor).items():
         if axis.high_passed_hz is not None:
             said.append(f'{name} has come through a FILTER that takes out its slow part: it '
                         'is in none of the numbers below; take the raw topic')
         elif not numbers.of_axis[name]:
-            why = ('every sample is the same' if axis.constant else
-                   f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
-                   if axis.saturated is not None else 'small values are given as zero'
-                   if axis.deadband is not None else 'too few samples'
-                   if axis.stood_still is None else
-                   f'it stood still for {duration(axis.stood_still.duration_s)}')
-            said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '
+            said.append(f'{name} is DEAD in this recording '
+                        f'({why_left_out(axis) or "too few samples"}): it is in none of the '
                         'numbers below')
     return said
