@@ -253,7 +253,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     None where the result does not have the signal.
     """
     known = {name: axis for name, axis in axes.items()
-             if axis.signal is not None and axis.signal.mean and not axis.constant}
+             if not axis.constant and len(curves.over_time(axis.signal)[0])}
     if not known:
         return None
     unit = next(iter(known.values())).unit
@@ -261,16 +261,15 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     factor = convert(1.0, unit, shown)
     length = max(result.timeline.duration_s, 1e-9)
     scale, units = curves.time_unit(length)
-    warmth = result.temperature
-    extents = [(name[-1], f'axis-{name[-1]}', axis.signal, factor)
-               for name, axis in known.items() if axis.signal is not None]
-    if warmth is not None:
-        extents.append(('°C', 'warmth', warmth, 1.0))
+    warm = len(curves.over_time(result.temperature)[0]) > 0
+    strips = [(name[-1], f'axis-{name[-1]}', axis.signal, factor) for name, axis in known.items()]
+    if warm:
+        strips.append(('°C', 'warmth', result.temperature, 1.0))
 
     def draw(drawing: Drawing, narrow: bool) -> None:
         left, top, right, _ = box_of(drawing, narrow)
         strip = 52.0
-        split = drawing.height - 46 - strip * (len(known) + (warmth is not None)) - 26
+        split = drawing.height - 46 - strip * len(strips) - 26
         main = drawing.panel((left, top, right, split), (0, length / scale, False),
                              _wander(known, factor))
         _shade(main, result.timeline, scale, known)
@@ -286,21 +285,20 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         drawing.add(main, [*lines, *marks])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
-        for place, (tag, kind, signal, times) in enumerate(extents):
+        for place, (tag, kind, signal, times) in enumerate(strips):
             y0 = split + 26 + place * strip
-            low, high = (np.array([np.nan if v is None else v for v in values]) * times
-                         for values in (signal.low, signal.high))
+            time, rows = curves.over_time(signal)
+            low, _, high = rows * times
             ends = float(np.nanmin(low)), float(np.nanmax(high))
             part = drawing.panel((left, y0 + 2, right, y0 + strip - 12),
                                  (0, length / scale, False), padded(*ends))
             _shade(part, result.timeline, scale, known)
-            last = place == len(extents) - 1
+            last = place == len(strips) - 1
             part.frame(f'time [{units}]' if last else '', '', x_labels=last, most_y=3)
-            time = (np.arange(len(low)) + 0.5) * signal.step_s / scale
-            shape = part.line(time, (low + high) / 2, 'curve') if signal is warmth else \
-                part.band(time, low, high, 'extent')
+            shape = part.line(time / scale, (low + high) / 2, 'curve') if kind == 'warmth' else \
+                part.band(time / scale, low, high, 'extent')
             drawing.add(part, [group(tag, kind, [shape])])
-            if signal is warmth:
+            if kind == 'warmth':
                 drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
             else:
                 # On the paper: on the band of its own colour it would hardly be seen.
@@ -311,9 +309,9 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
                                          ('Yellow: motion, left out.', result.timeline.motion))
               if spans]
-    if warmth is not None:
+    if warm:
         shades.append('°C: of the thermometer beside the sensor.')
-    height = 354 if warmth is None else 406
+    height = 406 if warm else 354
     return sensor_chart(sensor, 'signal', 'the signal', 'mean and extremes over time',
                         ' '.join([text, *shades]), (height, height), draw, known)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
 from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
-from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
+from imu_allan.result import AxisResult, Coefficient, Result, Signal, Spectrum, Timeline
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
@@ -248,6 +248,22 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
     return (low / 4, high * 8) if high > 0 else (0.1, 10.0)
 
 
+def over_time(signal: Signal | None) -> tuple[Array, Array]:
+    """
+    Return a signal as arrays: seconds, and in rows its lowest, mean and highest values.
+
+    Time in the middle of each stretch; a stretch that lacks one of the three is NaN. Nothing where
+    there is no signal, or none of its stretches has all three.
+    """
+    if signal is None:
+        return np.zeros(0), np.zeros((3, 0))
+    rows: Array = np.array([signal.low, signal.mean, signal.high], dtype=np.float64)
+    rows[:, ~np.isfinite(rows).all(axis=0)] = np.nan
+    if np.isnan(rows).all():
+        rows = np.zeros((3, 0))
+    return np.asarray((np.arange(rows.shape[1]) + 0.5) * signal.step_s), rows
+
+
 def wander(axis: AxisResult) -> tuple[Array, Array]:
     """
     Return how the mean of an axis wandered: that of each stretch less that of all.
@@ -255,13 +271,8 @@ def wander(axis: AxisResult) -> tuple[Array, Array]:
     Time in the middle of each stretch in seconds, and the mean in the unit of a sample: NaN where
     there were no samples, and nothing where the result does not have the signal.
     """
-    if axis.signal is None:
-        return np.zeros(0), np.zeros(0)
-    mean: Array = np.array([np.nan if v is None else v for v in axis.signal.mean])
-    time = np.asarray((np.arange(len(mean)) + 0.5) * axis.signal.step_s, np.float64)
-    if not np.isfinite(mean).any():
-        return np.zeros(0), np.zeros(0)
-    return time, np.asarray(mean - np.nanmean(mean))
+    time, (_, mean, _) = over_time(axis.signal)
+    return time, np.asarray(mean - np.nanmean(mean)) if len(mean) else mean
 
 
 def marked(mean: Array, place: int) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from math import inf
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
-from imu_allan.result import AxisResult, Result, Signal, Timeline
+from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
 from imu_allan.wording import duration
 from imu_allan.writers import curves
@@ -255,17 +255,11 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
         if spans:
             total = duration(sum(span.duration_s for span in spans))
             parts.append((f'■ {len(spans)} × {name} ({total})', colour))
-    if result.temperature is not None:
-        _draw_temperature(panel, result.temperature, scale)
+    time, (_, warmth, _) = curves.over_time(result.temperature)
+    if len(time):
+        right = panel.twinx()
+        right.plot(time / scale, warmth, linewidth=1.2, linestyle=(0, (4, 2)),
+                   color=colours['soft'])
+        right.locator_params(axis='y', nbins=4)
         parts.append(('- - temperature [°C]', colours['soft']))
     write_in_a_row(panel, parts)
-
-
-def _draw_temperature(panel: 'Axes', signal: Signal, scale: float) -> None:
-    mean = np.array([np.nan if v is None else v for v in signal.mean])
-    if not np.isfinite(mean).any():
-        return
-    right = panel.twinx()
-    right.plot((np.arange(len(mean)) + 0.5) * signal.step_s / scale, mean, linewidth=1.2,
-               linestyle=(0, (4, 2)), color=COLOURS['soft'])
-    right.locator_params(axis='y', nbins=4)

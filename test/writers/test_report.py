@@ -30,6 +30,7 @@ from imu_allan.result import (
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import measured
 from imu_allan.writers.filters import export
+from imu_allan.writers.plot import overview_figure, render
 from imu_allan.writers.report import comparison_html, report_html
 from imu_allan.writers.svg import Scale
 from imu_allan.writers.table import print_result
@@ -147,6 +148,19 @@ def test_the_temperature_stands_under_the_signal(filtered):
     # A strip under each sensor, at the desk and on the phone.
     assert page.count('>°C<') == 4
     assert 'of the thermometer beside the sensor' in page
+
+
+@pytest.mark.parametrize('nothing', [(), (None,) * 5])
+def test_a_signal_without_a_value_is_not_drawn(filtered, nothing):
+    unseen = Signal(10.0, nothing, nothing, nothing)
+    one, all_of_them = (replace(filtered, temperature=unseen, axes={
+        name: replace(axis, signal=unseen) if name.startswith(without) else axis
+        for name, axis in filtered.axes.items()}) for without in ('gyro_x', ''))
+    page = report_html(one)
+    assert '>°C<' not in page
+    assert 'gyro-signal' in page
+    assert '-signal' not in report_html(all_of_them)
+    assert b'temperature' not in render(overview_figure(all_of_them), 'svg', 30)
 
 
 def test_frequencies_that_were_left_out_of_the_fit_are_shaded(filtered):
