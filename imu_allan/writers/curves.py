@@ -8,7 +8,7 @@ Curves, spectra and their limits; nothing here knows how they are drawn.
 
 from collections.abc import Iterable, Mapping
 from math import inf
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Kind = TypeVar('Kind')
 
 _FINE, _BETWEEN = 161, 8
 """Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
@@ -40,8 +41,12 @@ def sensors_of(result: Result) -> list[str]:
 
 def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
     """Return the axes of gyro or accel by name, in order."""
-    return {name: result.axes[name] for name in AXES
-            if name.startswith(sensor) and name in result.axes}
+    return of_sensor(result.axes, sensor)
+
+
+def of_sensor(by_axis: Mapping[str, Kind], sensor: str) -> dict[str, Kind]:
+    """Return what there is of the axes of gyro or accel, in order."""
+    return {name: by_axis[name] for name in AXES if name.startswith(sensor) and name in by_axis}
 
 
 def coefficients_of(axis: AxisResult) -> dict[str, float]:

@@ -188,7 +188,7 @@ def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
     low, high = np.log((bottom, top))
     tall = 72 * panel.bbox.height / panel.figure.dpi
     apart = max(0.055, 1.3 * float(panel.yaxis.label.get_fontsize()) / tall) * (high - low)
-    heights = _spread([float(np.log(value)) for _, value, _ in ends], apart)
+    heights = spread([float(np.log(value)) for _, value, _ in ends], apart)
     # The outermost stay clear of the frame, all by the same shift.
     shift = max(0.0, low + apart - min(heights)) - max(0.0, max(heights) - (high - apart))
     edge = max(axis.curve.tau_s[-1] for axis in axes.values())
@@ -201,7 +201,7 @@ def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
                                    'linewidth': 0.7, 'shrinkA': 1, 'shrinkB': 3})
 
 
-def _spread(values: list[float], apart: float) -> list[float]:
+def spread(values: list[float], apart: float) -> list[float]:
     """Return `values` moved so that neighbours in order are at least `apart`."""
     order = sorted(range(len(values)), key=values.__getitem__)
     moved = [values[i] for i in order]

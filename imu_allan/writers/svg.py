@@ -10,7 +10,7 @@ drawings of a report take 0.2 s of CPU; matplotlib takes 0.8 for half of them, a
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from math import ceil, floor, inf, log10
 import re
@@ -121,18 +121,18 @@ class Panel:
 
     Attributes
     ----------
+    box : Box
+        Left, top, right and bottom in pixels.
     x, y : Scale
     parts : list of str
         What has been drawn.
-    taken : list of Box
-        Where labels stand, in pixels.
 
     """
 
+    box: Box
     x: Scale
     y: Scale
     parts: list[str] = field(default_factory=list)
-    taken: list[Box] = field(default_factory=list)
 
     def frame(self, x_title: str, y_title: str, second: tuple[float, str] | None = None, *,
               x_labels: bool = True, most_y: int = 8) -> None:
@@ -142,8 +142,7 @@ class Panel:
         `second` holds the factor from the values on the left to those on the right, and the title
         there.
         """
-        left, right = sorted((self.x.start, self.x.end))
-        top, bottom = sorted((self.y.start, self.y.end))
+        left, top, right, bottom = self.box
         written = inf
         for value, text in self.y.ticks(most_y):
             at = float(self.y(value))
@@ -165,8 +164,7 @@ class Panel:
             self.parts.append(_text(left - 50, top - 9, y_title, 'title', 'start'))
         if second is not None:
             factor, title = second
-            other = Scale(self.y.low * factor, self.y.high * factor, self.y.log, self.y.start,
-                          self.y.end)
+            other = replace(self.y, low=self.y.low * factor, high=self.y.high * factor)
             for value, text in other.ticks(most_y):
                 at = float(other(value))
                 self.parts.append(_line('tickmark', right, at, right + 5, at))
@@ -194,7 +192,7 @@ class Panel:
     def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
                hollow: Sequence[bool]) -> str:
         """Return marks with what they tell under the pointer; an arrow for those outside."""
-        _, top, _, bottom = self._box
+        _, top, _, bottom = self.box
         marks = []
         for px, py, title, empty in zip(self.x(x), self.y(y), titles, hollow, strict=True):
             if self._inside(px, py):
@@ -208,8 +206,7 @@ class Panel:
 
     def span(self, x0: float, x1: float, kind: str, title: str) -> str:
         """Return the shade of a stretch of x, one pixel wide at least."""
-        left, right = sorted((self.x.start, self.x.end))
-        top, bottom = sorted((self.y.start, self.y.end))
+        left, top, right, bottom = self.box
         begin, end = np.clip(self.x([x0, x1]), left, right)
         return (f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
                 f'width="{max(1.0, end - begin):.1f}" height="{bottom - top:g}">'
@@ -218,7 +215,7 @@ class Panel:
     def upright(self, x: float, kind: str, title: str) -> str:
         """Return a vertical line from top to bottom."""
         at = float(self.x(x))
-        top, bottom = sorted((self.y.start, self.y.end))
+        _, top, _, bottom = self.box
         return (f'<path class="{kind}" d="M{at:.1f} {top:g}V{bottom:g}">'
                 f'<title>{escape(title)}</title></path>')
 
@@ -234,7 +231,7 @@ class Panel:
             return ''
         width = LETTER * FONT * max(map(len, lines)) + 8
         height = FONT * 1.25 * len(lines) + 4
-        place = best_place((px, py), (width, height), self._box, avoid, taken)
+        place = best_place((px, py), (width, height), self.box, avoid, taken)
         taken.append(place)
         left, top, _, _ = place
         end_x = left if left > px else left + width
@@ -249,19 +246,13 @@ class Panel:
         """Return points as pixels, shape (n, 2)."""
         return np.column_stack([self.x(x), self.y(y)])
 
-    @property
-    def _box(self) -> Box:
-        left, right = sorted((self.x.start, self.x.end))
-        top, bottom = sorted((self.y.start, self.y.end))
-        return left, top, right, bottom
-
     def _inside(self, px: float, py: float) -> bool:
-        left, top, right, bottom = self._box
+        left, top, right, bottom = self.box
         return left - 0.5 <= px <= right + 0.5 and top - 0.5 <= py <= bottom + 0.5
 
     def _clipped(self, y: ArrayLike) -> Array:
         """Pixels of y, held a little beyond the panel; the clip path cuts them at its edge."""
-        top, bottom = sorted((self.y.start, self.y.end))
+        _, top, _, bottom = self.box
         return np.clip(self.y(y), top - 40, bottom + 40)
 
 
@@ -305,13 +296,12 @@ class Drawing:
         scale is logarithmic.
         """
         left, top, right, bottom = box
-        return Panel(Scale(*x, left, right), Scale(*y, bottom, top))
+        return Panel(box, Scale(*x, left, right), Scale(*y, bottom, top))
 
     def add(self, panel: Panel, inside: Iterable[str]) -> None:
         """Add a panel's own parts, and what is cut off at its edge."""
         number = len(self.parts)
-        left, right = sorted((panel.x.start, panel.x.end))
-        top, bottom = sorted((panel.y.start, panel.y.end))
+        left, top, right, bottom = panel.box
         name = f'{self.name}-clip{number}'
         self.parts.append(
             f'<clipPath id="{name}"><rect x="{left:g}" y="{top:g}" width="{right - left:g}" '

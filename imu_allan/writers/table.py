@@ -29,7 +29,7 @@ from imu_allan.writers.answer import (
     UNCERTAIN,
     written_mean,
 )
-from imu_allan.writers.curves import reported
+from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.terminal import console_of
 from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of
@@ -82,9 +82,8 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     known = [one for one in findings if one not in full]
     blocks = [list(_filled(verdict_lines(result, units), width, 'bold')),
               _for_a_filter(result, found, width), _heading(result, width)]
-    rows = [list(_rows({name: result.axes[name] for name in AXES
-                        if name.startswith(answer.sensor) and name in result.axes},
-                       units, result.timeline.rest_s, verbose=verbose)) for answer in found]
+    rows = [list(_rows(axes_of(result, answer.sensor), units, result.timeline.rest_s,
+                       verbose=verbose)) for answer in found]
     blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
     blocks.append(list(_filled(_notes(result), width, 'dim')) if verbose else [])
     last = list(_filled(_good_to_know(known), width, 'dim'))

@@ -20,6 +20,7 @@ from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
+from imu_allan.writers.curves import axes_of, of_sensor
 from imu_allan.writers.included import included, why_left_out
 from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.words import presented, says
@@ -115,9 +116,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
 
 
 def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult]]:
-    found = {title: {name: axis for name, axis in axes.items() if name.startswith(sensor)}
-             for sensor, title in SENSORS.items()}
-    return {title: those for title, those in found.items() if those}
+    return {title: own for sensor, title in SENSORS.items() if (own := of_sensor(axes, sensor))}
 
 
 def _cells(choice: Choice, bias: Bias) -> list[str]:
@@ -218,8 +217,8 @@ def _forecast(result: Result, calibration_s: float) -> list[str]:
     for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),
                                        ('accel', 'position', 1.0, ' m')):
         forecasts = {name: predicted_drift(axis, (60.0,), calibration_s)
-                     for name, axis in result.axes.items()
-                     if name.startswith(sensor) and axis.drift_model is not None}
+                     for name, axis in axes_of(result, sensor).items()
+                     if axis.drift_model is not None}
         known = [((forecast.position or forecast.integral)[0],
                   *(forecast.position_ci95 or forecast.integral_ci95)[0], name)
                  for name, forecast in forecasts.items() if _is_known(forecast, 60.0)]

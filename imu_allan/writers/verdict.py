@@ -9,6 +9,7 @@ from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S
 from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
+from imu_allan.writers.curves import axes_of
 from imu_allan.writers.sentences import WORDS
 from imu_allan.writers.words import presented, title_of
 
@@ -29,7 +30,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     lines = []
     for sensor, verdict in verdicts_of(result).items():
-        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+        axes = axes_of(result, sensor)
         title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':
             lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
@@ -80,8 +81,8 @@ def _reason(result: Result, sensor: str, because: tuple[str, ...]) -> str:
         if one.code in because and concerns(one, sensor):
             reasons.setdefault(title_of(one), set()).update(
                 axis[-1] for axis in one.axes if axis.startswith(sensor))
-    for name, axis in result.axes.items():
-        if name.startswith(sensor) and axis.fault is not None and FAULTS[axis.fault] in because:
+    for name, axis in axes_of(result, sensor).items():
+        if axis.fault is not None and FAULTS[axis.fault] in because:
             reasons[WORDS[FAULTS[axis.fault]].title].add(name[-1])
     return ', '.join(f'{title} ({listed(sorted(axes))})' if axes else title
                      for title, axes in reasons.items()) or 'N does not show'

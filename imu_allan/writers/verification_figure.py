@@ -10,6 +10,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.wording import duration, SAMPLES, SENSORS
+from imu_allan.writers.curves import of_sensor
 from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style
 import numpy as np
 
@@ -31,8 +32,8 @@ def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
     drift model, and 95 % of the points should lie in the bands. ImuAllanError if nothing was at
     rest for long enough to be left unaided.
     """
-    sensors = [sensor for sensor in SENSORS
-               if any(name.startswith(sensor) and one.full.coasts for name, one in found.items())]
+    shown = {name: one for name, one in found.items() if one.full.coasts}
+    sensors = [sensor for sensor in SENSORS if of_sensor(shown, sensor)]
     if not sensors:
         raise ImuAllanError('nothing is at rest for long enough to show a drift: no picture')
     with plot_style():
@@ -44,8 +45,7 @@ def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
         for column, sensor in enumerate(sensors):
             panel = figure.add_axes(((column + 0.135) / len(sensors), 0.13,
                                      0.84 / len(sensors), 0.68))
-            _draw(panel, sensor, {name: one for name, one in found.items()
-                                  if name.startswith(sensor) and one.full.coasts})
+            _draw(panel, sensor, of_sensor(shown, sensor))
     return figure
 
 

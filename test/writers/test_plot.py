@@ -194,12 +194,6 @@ def test_the_overview_says_in_the_place_of_b_which_axis_has_another_exponent(res
     assert cell.get_window_extent().width < quarter
 
 
-def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
-    axis = make_axis('gyro_x', {'noise_density': 3e-3})
-    density = curves.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
-    assert density == pytest.approx([9e-6] * 3)
-
-
 def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
     axis = replace(result.axes['gyro_x'], band_edge_hz=5.0)
     density = curves.model_density(axis, np.array([0.1, 5.0, 5.1, 50.0]), 200.0)
@@ -261,13 +255,6 @@ def test_an_axis_of_which_only_bounds_are_known_is_drawn_with_its_bounds(result,
     assert 'class="bound"' in chart.svg
     assert 'class="curve model"' not in chart.svg
     plot.render(plot.overview_figure(replace(result, axes=axes)))
-
-
-def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
-    axis = make_axis('gyro_x', {'bias_instability': 2e-4, 'rate_random_walk': 1e-5})
-    frequency = np.array([1e-3, 1e-2])
-    expected = (2e-4)**2 / (2 * np.pi * frequency) + (1e-5)**2 / (2 * np.pi * frequency)**2
-    assert curves.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):

@@ -20,6 +20,7 @@ from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import Consumer
+from imu_allan.writers.curves import axes_of
 
 Key = Literal['N', 'K', 'sigma', 'Tc']
 Sensor = Literal['accel', 'gyro']
@@ -172,8 +173,7 @@ class Numbers:
 
     def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
         """Return the axes of a sensor that the result has."""
-        names = [f'{sensor}_{letter}' for letter in 'xyz']
-        return {name: self.result.axes[name] for name in names if name in self.result.axes}
+        return axes_of(self.result, sensor)
 
     def known(self, sensor: Sensor, key: Key) -> dict[str, Number]:
         """Return the axes of a sensor that have a number."""

@@ -16,7 +16,14 @@ from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
 from imu_allan.writers.comparison import MARKERS
-from imu_allan.writers.figure_style import allan_panels, COLOURS, empty_figure, plot_style, SERIES
+from imu_allan.writers.figure_style import (
+    allan_panels,
+    COLOURS,
+    empty_figure,
+    plot_style,
+    SERIES,
+    spread,
+)
 from imu_allan.writers.fleet.findings import Fleet
 import numpy as np
 from numpy.typing import NDArray
@@ -87,22 +94,12 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
     low, high = np.log10(panel.get_ylim())
     points_a_decade = float(72 * panel.bbox.height / panel.figure.dpi / (high - low))
     # Points from one name to the next, that they do not lie on one another.
-    heights = _apart([adev for _, adev in ends.values()], 11.0 / points_a_decade)
+    heights = spread([float(np.log10(adev)) for _, adev in ends.values()], 11.0 / points_a_decade)
     for (unit, (tau_s, _)), height in zip(ends.items(), heights, strict=True):
-        panel.annotate(_short(unit), (tau_s, height), xytext=(-3, 5),
+        panel.annotate(_short(unit), (tau_s, 10**height), xytext=(-3, 5),
                        textcoords='offset points', color=ink, fontsize=8, ha='right', zorder=6,
                        bbox={'boxstyle': 'square,pad=0', 'linewidth': 0, 'alpha': 0.5,
                              'facecolor': panel.get_facecolor()})
-
-
-def _apart(values: Sequence[float], decades: float) -> list[float]:
-    """Move values up until none is nearer to the next than so many decades."""
-    moved = list(values)
-    below = -np.inf
-    for place in np.argsort(values):
-        below = max(float(np.log10(values[place])), below + decades)
-        moved[place] = 10**below
-    return moved
 
 
 def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
