@@ -86,7 +86,9 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
             variance += (amplitude**2 * bins.design[:, FLICKER]
                          * spectrum.power_law(nu, dt, exponent) / spectrum.flicker(nu, dt))
         if low_pass is not None:
-            variance *= np.abs(freqz(*low_pass, 2 * np.pi * nu)[1])**2
+            white = theta[WHITE] * bins.design[:, WHITE]
+            variance = ((variance - white) * np.abs(freqz(*low_pass, 2 * np.pi * nu)[1])**2
+                        + white * _folded(low_pass, nu, piece.step))
         if piece.coefficients is None:
             dof = piece.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
@@ -102,3 +104,11 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         drawn.append(replace(piece, power=signed**2, coefficients=signed))
     bins = bins_of(drawn, dt)
     return [RecordSpectrum(drawn, bins, axis, dt) for axis in range(records)]
+
+
+def _folded(low_pass: tuple[Sequence[float], Sequence[float]], nu: Array, step: int) -> Array:
+    """Share of white noise behind a filter that means of so many samples see."""
+    other = nu[:, None] + np.arange(step) / step
+    share = (np.sin(np.pi * step * nu)[:, None] / (step * np.sin(np.pi * other)))**2
+    through = np.abs(freqz(*low_pass, 2 * np.pi * other.ravel())[1])**2
+    return np.asarray((share * through.reshape(other.shape)).sum(axis=1))

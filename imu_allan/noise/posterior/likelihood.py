@@ -129,7 +129,7 @@ class Spectra:
     def worth(self, dof: Array) -> 'Spectra':
         """Return the same spectra with other degrees of freedom."""
         spectra = replace(self, dof=dof)
-        return replace(spectra, left=left_to_itself(self.frequency, dof, self.power, self.whole))
+        return replace(spectra, left=left_to_itself(self.frequency, dof, self.power))
 
 
 def regressors(groups: Sequence[Groups]) -> Array:
@@ -150,7 +150,7 @@ def half_octaves(frequency: Array) -> Index:
     return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1])), np.int64)
 
 
-def left_to_itself(frequency: Array, dof: Array, power: Array, whole: Array) -> Array:
+def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
     """Loss of groups from an edge on, each half-octave with a free level, shape (n, groups+1)."""
     half = half_octaves(frequency)
     new = np.concatenate(([True], half[1:] != half[:-1]))
@@ -159,13 +159,13 @@ def left_to_itself(frequency: Array, dof: Array, power: Array, whole: Array) -> 
     eighth = np.round(8 * np.log2(frequency / frequency[-1]))
     band = np.cumsum(new | np.concatenate(([False], np.diff(eighth) != 0))) - 1
     own = np.empty_like(dof)
-    for row, known, each, count in zip(own, dof, power, whole, strict=True):
+    for row, known, each in zip(own, dof, power, strict=True):
         shared = np.maximum(np.bincount(band, known), _SOME)
         level = np.bincount(band, known * each) / shared
         # A level of its own gains a band so much in the mean, half a nat where it is well known.
         gain = np.log(shared / 2) - digamma(shared / 2)
         row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + gain)[band]
-        octave = np.bincount(number, count)[number]
+        octave = np.bincount(number, known)[number]
         prior = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
         row -= np.where(new & (octave > 0), prior, 0.0)
     ends = np.zeros((len(own), 1))

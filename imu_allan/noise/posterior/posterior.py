@@ -49,7 +49,7 @@ _SMOOTH = 1.5
 """Half-octaves over which the misfit of a model is averaged: it is worth that much less there."""
 _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
-_NAMED, _UNNAMED = 0.03, 0.2
+_NAMED, _UNNAMED = 0.01, 0.2
 """Share of what it takes to which a filter is known, with a name and without one."""
 _DOUBTED = 1.1
 """By how much less a group is worth where an axis is searched again."""

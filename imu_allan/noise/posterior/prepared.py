@@ -35,7 +35,7 @@ _COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERMS]
 """Of a design, by term: its own, or that of the term it is like."""
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
-_LEAK_KNOWN = 2e-3
+_LEAK_KNOWN = 2e-4
 """Share of the pass band to which the power in a stop band is known: blocks leak."""
 _STOPPED = 0.5
 """Share of the pass band below which a group lies behind a filter."""
@@ -116,7 +116,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
         np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, _WHITE], information, whole),
         regressors(groups), groups[0].records, table,
-        left_to_itself(groups[0].frequency, dof, np.stack(power), whole))
+        left_to_itself(groups[0].frequency, dof, np.stack(power)))
     for number, one in enumerate(groups):
         starts.append(_start(one, unit[number], level[number]))
     return spectra, starts

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
 
-LEAK = 6e-5
+LEAK = 1e-6
 """Share of the pass band below which power in a stop band is not held against a low-pass."""
 LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
@@ -82,11 +82,11 @@ class Shape:
     like: str = ''
 
 
-def _of_corner(highest: float) -> Callable[[Band], Grid]:
+def _of_corner(highest: float, step: float = 0.1) -> Callable[[Band], Grid]:
     """Corners from where the band below is just wide enough, up to a last one."""
     def grid(band: Band) -> Grid:
         lowest = max(band.shortest_edge, LOWEST_CORNER)
-        return Grid(np.log(min(lowest, highest / 2)), np.log(highest), 0.1)
+        return Grid(np.log(min(lowest, highest / 2)), np.log(highest), step)
     return grid
 
 
@@ -135,7 +135,7 @@ LOW_PASSES = (
     Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
     Shape('moving_mean', 0.05,
-          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2, _of_corner(0.9)),
+          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2, _of_corner(0.9, 0.02)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
     Shape('butterworth_3', 0.05, _butterworth(3), _of_corner(4.0)),
