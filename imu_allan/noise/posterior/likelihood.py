@@ -19,6 +19,7 @@ P. Whittle, Ark. Mat. 2 (1953). H. D. Patterson and R. Thompson, Biometrika 58 (
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.noise.posterior.regression import RIDGE
 from imu_allan.noise.posterior.shapes import (
     cubic,
     FREE_TERMS,
@@ -54,8 +55,6 @@ _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
 _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
-_RIDGE = 1e-10
-"""Relative; far above rounding and far below what any two different regressors leave."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that a batch is computed the faster without."""
 _SOME = 1e-3
@@ -314,7 +313,7 @@ def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Arra
     norm = np.einsum('...ii->...i', gram)
     scale = np.sqrt(np.where(norm > 0, norm, 1.0))
     # What no group sees, or nothing but rounding, is left out.
-    ridge = np.where(norm > 0, _RIDGE, 1.0)[..., None] * np.eye(count)
+    ridge = np.where(norm > 0, RIDGE, 1.0)[..., None] * np.eye(count)
     unit = gram / (scale[..., :, None] * scale[..., None, :]) + ridge
     covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
     size = np.einsum('...ij,...j->...i', covariance, target)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether a random walk shows in any part of a record, or is what a mean has done once.
+Whether a random walk goes on all through a record, or is what a mean has done once.
 
 A mean may settle, bend or jump in more ways than any list of courses has. Whatever it does, it
-does at some time; a walk goes on. In parts of the record, each with a mean and a ramp of its own,
-it shows as well, if at all then without any one of them, too, and is as strong in each.
+does at some time; a random walk goes on. Parts of the record, each with a mean and a ramp of its
+own, must agree on its strength; where they show it together, they do without any one of them.
 """
 
 from collections.abc import Sequence
@@ -42,6 +42,7 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
     Returns
     -------
     bool
+        Whether parts agree on the random walk, and none is all that shows it.
 
     """
     every = [groups for part in parts for groups in part]

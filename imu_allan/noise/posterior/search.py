@@ -40,7 +40,7 @@ _MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
 """Fast ends kept for the slow noise, slow noises crossed with them, and models in all."""
 FAST = (Q, OUTPUT, LOW)
 """Slots of what bends the fast end."""
-_SMOOTH = (1.0, 4.0)
+_SMOOTH_STARTS = (1.0, 4.0)
 """Logarithms of the amplitude of a smooth drift at which a climb begins."""
 _BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
 """Filters that may fall below an edge already."""
@@ -258,7 +258,7 @@ def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
     for walk in ((), (K,)):
         for flicker in ((), (B,)):
             add(*flicker, *walk)
-            for smooth in _SMOOTH:
+            for smooth in _SMOOTH_STARTS:
                 add(*flicker, SMOOTH, *walk, smooth=smooth)
         for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
             add(PROCESS, TIME, *walk, time=time, process=1.5)

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
 
-LEAK = 1e-6
-"""Share of the pass band below which power in a stop band is not held against a low-pass."""
+_LEAK = 1e-6
+"""Share of the pass band that blocks leak into a stop band, at most where it is deep."""
 LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
@@ -135,7 +135,9 @@ LOW_PASSES = (
     Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
     Shape('moving_mean', 0.05,
-          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2, _of_corner(0.9, 0.02)),
+          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2,
+          # Its notches are narrower than the steps of the others.
+          _of_corner(0.9, 0.02)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
     Shape('butterworth_3', 0.05, _butterworth(3), _of_corner(4.0)),
@@ -265,7 +267,7 @@ class Response:
     def of(self, power: Power, corner: float) -> Array:
         """Return it of a low-pass; blocks leak into what it stops."""
         return np.asarray(np.add.reduceat(
-            power(self._at, corner) * self._weight, self._first) + LEAK)
+            power(self._at, corner) * self._weight, self._first) + _LEAK)
 
 
 def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None
