@@ -3,9 +3,11 @@
 """The noise density behind a low-pass is the level of the pass band."""
 
 from characterized import characterized, holds
-from imu_allan.noise.posterior.shapes import LOW_PASSES, tables
+from imu_allan.noise.posterior.shapes import LOW_PASSES, Response, tables
 import numpy as np
 import pytest
+from scipy.fft import dct
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 
@@ -29,9 +31,28 @@ def test_means_of_filtered_samples_have_what_they_fold():
     kept = lags % 4 == 0
     # Of white noise without a filter, means of 4 have a quarter of the variance.
     power = 4 * (means[kept] * np.cos(2 * np.pi * nu[:, None] * lags[kept])).sum(axis=1)
-    table = tables(nu, np.full(30, 4.0)).low_pass
+    table = tables(nu, np.full(30, 4.0), np.full(30, 1e9)).low_pass
     family = [shape.key for shape in LOW_PASSES].index('moving_mean')
     at = table.start[family] + np.arange(table.count[family])
     corner = table.first[family] + table.step[family] * np.arange(table.count[family])
     found = np.array([np.interp(np.log(1 / 8), corner, row) for row in table.rows[at].T])
     np.testing.assert_allclose(np.exp(found), power, rtol=0.02, atol=2e-3)
+
+
+@pytest.mark.parametrize(('key', 'error'), [
+    ('recursive_mean', 0.02), ('butterworth_2', 0.03), ('gauss', 0.03), ('butterworth_4', 0.15)])
+def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
+    """Power of the coefficients of blocks of 64, by the covariance of the samples."""
+    [shape] = [shape for shape in LOW_PASSES if shape.key == key]
+    corner, length = np.log(0.01), 64
+    every = np.linspace(0, 0.5, 40_001)[1::2]
+    spectrum = shape.power(every, corner)
+    covariance = toeplitz([np.mean(spectrum * np.cos(2 * np.pi * every * lag))
+                           for lag in range(length)])
+    exact = np.diag(dct(dct(covariance, axis=0, norm='ortho'), axis=1, norm='ortho'))
+    # Even and odd ones leak by turns.
+    index = np.arange(20, 60, 2)
+    pairs = (exact[index] + exact[index + 1]) / 2
+    nu = (index + 0.5) / (2 * length)
+    seen = Response(nu, np.ones(len(nu)), np.full(len(nu), float(length)))
+    np.testing.assert_allclose(seen.of(shape.power, corner), pairs, rtol=error)

@@ -50,6 +50,8 @@ _SLOWER = [_WALK, _KEYS.index(SMOOTH_DRIFT), PLAIN, PLAIN + 2]
 """Slots of what is slower than flicker, and of another exponent."""
 _REGRESSED = 64
 """Draws of a model about which the mean is regressed."""
+_FAINT = -10.0
+"""Logarithm of an amplitude that is far too weak to be seen."""
 _QUANTILE = -float(ndtri(_ENDS[0]))
 """Standard errors that an interval has to either side."""
 _QUANTILES = ndtri((np.arange(16) + 0.5) / 16)
@@ -232,8 +234,11 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
     law = has[:, PLAIN]
     if law.any():
         # The flicker that is as strong where most of it is seen.
-        lam, _, _ = spectrum(spectra, best.row, best.row.x, slopes=False)
-        known = np.cumsum(spectra.dof[of] * (spectra.columns[of, _FLICKER] / lam[0])**2)
+        beside, faint = best.row.has.copy(), best.row.x.copy()
+        beside[0, _FLICKER], faint[0, _FLICKER] = True, _FAINT
+        lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), faint)
+        seen = slopes[np.searchsorted(used, _FLICKER), 0] / lam[0]
+        known = np.cumsum(spectra.dof[of] * seen**2)
         pivot = int(np.searchsorted(known, known[-1] / 2))
         table = spectra.tables.terms[0]
         place = table.place(np.zeros(int(law.sum()), np.int64), x[law, PLAIN + 1])

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
 
-_LEAK = 1e-6
-"""Share of the pass band that blocks leak into a stop band, at most where it is deep."""
+_ROUNDING = 1e-15
+"""Share of the pass band that is left of the deepest stop band."""
 LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
@@ -29,6 +29,8 @@ FEWEST_GROUPS = 24
 # Points and weights over a band of an eighth of an octave (Gauss-Legendre).
 _EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
+_SLOWEST = LOWEST_CORNER / 4
+"""In cycles per sample: of what is slower, nothing leaks."""
 _FOLDED = 0.02
 """Of the rate of means of samples, from which on what they fold counts."""
 _FOLDS = 4
@@ -137,7 +139,7 @@ LOW_PASSES = (
     Shape('moving_mean', 0.05,
           lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2,
           # Its notches are narrower than the steps of the others.
-          _of_corner(0.9, 0.02)),
+          _of_corner(0.9, 0.04)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
     Shape('butterworth_3', 0.05, _butterworth(3), _of_corner(4.0)),
@@ -200,9 +202,9 @@ def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
-def tables(nu: Array, step: Array) -> 'Tables':
-    """Tables of all shapes with a nuisance at the groups' frequencies, of means of samples."""
-    return _tables(np.stack((nu, step)).tobytes())
+def tables(nu: Array, step: Array, length: Array) -> 'Tables':
+    """Tables of all shapes with a nuisance at the groups' frequencies, in blocks of means."""
+    return _tables(np.stack((nu, step, length)).tobytes())
 
 
 @dataclass(frozen=True)
@@ -228,46 +230,57 @@ class Tables:
 
 @lru_cache(maxsize=8)
 def _tables(layout: bytes) -> Tables:
-    nu, step = np.frombuffer(layout).reshape(2, -1)
+    nu, step, length = np.frombuffer(layout).reshape(3, -1)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
     return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_TERMS),
-                  table_of(LOW_PASSES, nu, band, Response(nu, step)),
+                  table_of(LOW_PASSES, nu, band, Response(nu, step, length)),
                   table_of(HIGH_PASSES, nu, band))
 
 
 class Response:
     """
-    What groups see of a filter: its mean over their band, and what means of samples fold there.
+    What groups see of a filter: the mean over their band, and what is folded and leaks there.
 
     A mean over m samples passes (sin(pi m nu)/(m sin(pi nu)))^2 of what is m times as fast as its
-    rate allows; of white noise all that is folded adds up to 1, behind a filter it does not.
+    rate allows; of white noise all that is folded adds up to 1, behind a filter it does not. The
+    ends of a block of L points leak what is slower, f, into the coefficients about kappa: over an
+    even and an odd one (1/sin(pi (kappa - f)) - 1/sin(pi (kappa + f)))^2 / 2L a unit of f.
     """
 
-    def __init__(self, nu: Array, step: Array) -> None:
+    def __init__(self, nu: Array, step: Array, length: Array) -> None:
         at, weight, first = [], [], []
         count = 0
-        for each, means in zip(nu.tolist(), step.tolist(), strict=True):
-            inside = np.minimum(each * _EIGHTH, 0.4999)
+        for each, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
+            inside, share = _folded(each, means)
+            slower = each * 0.5 ** np.arange(1.5, max(np.log2(each / _SLOWEST), 2))
+            kappa, f = means * each, means * slower
+            leak = (f * np.log(2) / (2 * points)
+                    * (1 / np.sin(np.pi * (kappa - f)) - 1 / np.sin(np.pi * (kappa + f)))**2)
             first.append(count)
-            if each * means < _FOLDED:
-                at.append(inside)
-                weight.append(_GAUSS)
-            else:
-                fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
-                folded = inside[:, None] + fold / means
-                share = (np.sin(np.pi * means * inside)[:, None]
-                         / (means * np.sin(np.pi * folded)))**2
-                # What is folded more often is taken to be as strong as at the last.
-                share[:, -1] += np.maximum(1 - share.sum(axis=1), 0.0)
-                at.append(np.minimum(np.minimum(abs(folded), 1 - folded), 0.4999).ravel())
-                weight.append((_GAUSS[:, None] * share).ravel())
-            count += len(at[-1])
+            at += [inside, slower]
+            # Of white noise a coefficient holds as much as without leaks.
+            weight += [share * (1 - leak.sum()), leak]
+            count += len(inside) + len(slower)
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
 
     def of(self, power: Power, corner: float) -> Array:
-        """Return it of a low-pass; blocks leak into what it stops."""
+        """Return it of a low-pass."""
         return np.asarray(np.add.reduceat(
-            power(self._at, corner) * self._weight, self._first) + _LEAK)
+            power(self._at, corner) * self._weight, self._first) + _ROUNDING)
+
+
+def _folded(nu: float, means: float) -> tuple[Array, Array]:
+    """Give places whose power means over a band see, and how much of it."""
+    inside = np.minimum(nu * _EIGHTH, 0.4999)
+    if nu * means < _FOLDED:
+        return inside, _GAUSS
+    fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
+    places = inside[:, None] + fold / means
+    share = (np.sin(np.pi * means * inside)[:, None] / (means * np.sin(np.pi * places)))**2
+    # What is folded more often is taken to be as strong as at the last.
+    share[:, -1] += np.maximum(1 - share.sum(axis=1), 0.0)
+    return (np.minimum(np.minimum(abs(places), 1 - places), 0.4999).ravel(),
+            (_GAUSS[:, None] * share).ravel())
 
 
 def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None

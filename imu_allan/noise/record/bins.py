@@ -43,8 +43,8 @@ class Bins:
         Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
     whole : ndarray of bool, shape (bins,)
         Whether a bin is a single coefficient of a whole-record part.
-    step : ndarray, shape (bins,)
-        Samples averaged into one point.
+    step, length : ndarray, shape (bins,)
+        Samples averaged into one point, and points of the block.
     piece, index : ndarray of int, shape (bins,)
         Which piece a bin is from, and its DCT index there.
 
@@ -59,6 +59,7 @@ class Bins:
     ramp: Array
     whole: NDArray[np.bool_]
     step: Array
+    length: Array
     piece: NDArray[np.int64]
     index: NDArray[np.int64]
 
@@ -120,7 +121,8 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
             index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
             piece.power[:, part], design, signed * ramp, signed, squared,
             np.full(len(index), piece.coefficients is not None),
-            np.full(len(index), float(piece.step)), np.full(len(index), number), index))
+            np.full(len(index), float(piece.step)), np.full(len(index), float(piece.length)),
+            np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'cross', 'coefficient')))
                   for field in fields(Bins)))

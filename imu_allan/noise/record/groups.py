@@ -31,7 +31,7 @@ class Groups:
 
     Attributes
     ----------
-    frequency, dof, power, cross, ramp, step : ndarray, shape (groups,)
+    frequency, dof, power, cross, ramp, step, length : ndarray, shape (groups,)
     design : ndarray, shape (groups, columns)
     along : ndarray, shape (groups, regressors), optional
         Mean of coefficient times regressor; zero where the sign is lost.
@@ -49,6 +49,7 @@ class Groups:
     cross: Array
     ramp: Array
     step: Array
+    length: Array
     along: Array | None = None
     among: Array | None = None
     record: NDArray[np.int64] | None = None
@@ -112,7 +113,8 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step))
+                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step),
+                   bands.mean(bins.length))
     return _regressed(still, bands, bins, axis, regressors)
 
 

@@ -133,8 +133,8 @@ class Part:
             nothing = np.zeros(len(bands))
             parts.append((frequency[keep], dof[bands].astype(np.float64),
                           power[bands] / dof[bands], design[keep], nothing, ramp[keep],
-                          np.full(len(bands), float(step)), nothing[:, None],
-                          nothing[:, None, None]))
+                          np.full(len(bands), float(step)), np.full(len(bands), float(length)),
+                          nothing[:, None], nothing[:, None, None]))
         return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
