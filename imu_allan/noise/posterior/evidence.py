@@ -18,8 +18,8 @@ from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
     batches,
     beyond,
-    loss_alone,
     losses,
+    losses_alone,
     LOW,
     NUISANCES,
     Rows,
@@ -68,10 +68,8 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
     # What is known of the rows so far is not carried along.
     rows = replace(rows, hessian=np.empty((count, 0)))
     kind = _kinds(rows)
-    x, loss = rows.x.copy(), np.empty(count)
-    gradient, information = np.empty((count, SLOTS)), np.empty((count, SLOTS, SLOTS))
-    for part in batches(rows):
-        loss[part], gradient[part], information[part] = losses(spectra, rows.take(part), x[part])
+    x = rows.x.copy()
+    loss, gradient, information = losses(spectra, rows, x)
     damping, live = np.full(count, 1e-3), np.arange(count)
     other = np.ones(count, dtype=bool)
     for step in range(steps):
@@ -83,10 +81,8 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
         promised = -0.5 * np.einsum('ri,ri->r', move, gradient[live])
         move /= np.maximum(1, np.max(np.abs(move) / _LONGEST, axis=1))[:, None]
         there = x[live] + move
-        new, slope, bend = np.empty(len(live)), gradient[live], information[live]
         some = rows.take(live)
-        for part in batches(some):
-            new[part], slope[part], bend[part] = losses(spectra, some.take(part), there[part])
+        new, slope, bend = losses(spectra, some, there)
         good = new <= loss[live] + 1e-9
         gained = np.where(good, loss[live] - new, np.inf)
         better = live[good]
@@ -217,9 +213,7 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
             - d * np.log(_WIDER) + spread[number]
             - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * stretch**2 / _TAILS))
-    log_w = -log_t
-    for part in batches(many):
-        log_w[part] -= loss_alone(spectra, many.take(part), many.x[part])
+    log_w = -log_t - losses_alone(spectra, many, many.x)
     drawn = []
     for number, (x, each) in enumerate(zip(
             np.split(many.x, ends[:-1]), np.split(log_w, ends[:-1]), strict=True)):

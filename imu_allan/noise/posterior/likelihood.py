@@ -333,30 +333,36 @@ def residual_power(spectra: Spectra, of: Index, size: Array, covariance: Array) 
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
     """Minus the logarithm of the posterior of rows, gradient and information."""
-    lam, jacobian, used = spectrum(spectra, rows, x)
-    weight, misfit = _weighed(spectra, rows, lam)
-    gain, size, covariance = mean(spectra, rows.of, weight)
     value, slope, bend = log_prior(spectra, rows, x)
-    half = 0.5 * weight / lam
-    about = residual_power(spectra, rows.of, size, covariance)
-    weighed = (jacobian * half).transpose(1, 0, 2)
-    gradient, information = -slope, np.zeros((len(x), SLOTS, SLOTS))
-    gradient[:, used] += np.matmul(weighed, (lam - about)[:, :, None])[..., 0]
-    information[:, used[:, None], used] = np.matmul(weighed, jacobian.transpose(1, 2, 0))
+    loss, gradient, information = -value, -slope, np.zeros((len(x), SLOTS, SLOTS))
+    for part in batches(rows):
+        some = rows.take(part)
+        lam, jacobian, used = spectrum(spectra, some, x[part])
+        weight, misfit = _weighed(spectra, some, lam)
+        gain, size, covariance = mean(spectra, some.of, weight)
+        about = residual_power(spectra, some.of, size, covariance)
+        weighed = (jacobian * (0.5 * weight / lam)).transpose(1, 0, 2)
+        loss[part] += misfit - gain
+        gradient[part[:, None], used] += np.matmul(weighed, (lam - about)[:, :, None])[..., 0]
+        information[part[:, None, None], used[:, None], used] = np.matmul(
+            weighed, jacobian.transpose(1, 2, 0))
     diagonal = np.einsum('rii->ri', information)
     diagonal += bend
     gradient[~rows.has] = 0.0
     information *= rows.has[:, :, None] & rows.has[:, None, :]
     diagonal += ~rows.has
-    return misfit - gain - value, gradient, information
+    return loss, gradient, information
 
 
-def loss_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
+def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
     """Minus the logarithm of the posterior of rows."""
-    lam, _, _ = spectrum(spectra, rows, x, slopes=False)
-    weight, misfit = _weighed(spectra, rows, lam)
-    gain, _, _ = mean(spectra, rows.of, weight)
-    return np.asarray(misfit - gain - log_prior(spectra, rows, x)[0])
+    loss = -log_prior(spectra, rows, x)[0]
+    for part in batches(rows):
+        some = rows.take(part)
+        lam, _, _ = spectrum(spectra, some, x[part], slopes=False)
+        weight, misfit = _weighed(spectra, some, lam)
+        loss[part] += misfit - mean(spectra, some.of, weight)[0]
+    return loss
 
 
 def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
