@@ -147,6 +147,8 @@ def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
             len(axis.signal.low) == len(axis.signal.mean) == len(axis.signal.high)):
         raise ImuAllanError(f'{where}.signal: low, mean and high differ in length')
     model = axis.drift_model
+    if model is not None and not curve.tau_s:
+        raise ImuAllanError(f'{where}.drift_model: there is no curve of it')
     if model is not None and model.from_s > model.to_s:
         raise ImuAllanError(f'{where}.drift_model.from_s: beyond to_s')
     if axis.power_law is not None and not 0 <= axis.power_law.exponent <= 2:

@@ -18,8 +18,8 @@ SAID = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'
 
 
 def verdicts_of(result: Result) -> dict[str, SensorVerdict]:
-    """Return the verdict on each sensor, which a file may hold already."""
-    return dict(result.sensors) or verdicts(result)
+    """Return the verdict on each sensor that a result has axes of; a file may hold it already."""
+    return {sensor: result.sensors.get(sensor, own) for sensor, own in verdicts(result).items()}
 
 
 def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
@@ -51,7 +51,7 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
     """Say how well N is known, and what B and K are."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
               if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
-    parts = [f'N is good (+-{100 * max(widths):.2g} %)']
+    parts = [f'N is good (+-{100 * max(widths):.2g} %)' if widths else 'N does not show']
     for key in ('bias_instability', 'rate_random_walk'):
         cells = [axis.coefficients[key] for axis in axes.values()]
         shown = [(c.value, c.ci95) for c in cells if c.value is not None and c.ci95 is not None]

@@ -81,6 +81,8 @@ def changed(document, path, value):
     ('axes.gyro_x.curve.tau_s.0', -1.0, 'axes.gyro_x.curve.tau_s[0]: expected above zero'),
     ('axes.gyro_x.curve.adev.0', -1.0, 'axes.gyro_x.curve.adev[0]: expected zero or above'),
     ('axes.gyro_x.curve.edf.0', 0, 'axes.gyro_x.curve.edf[0]: expected above zero'),
+    ('axes.gyro_x.curve', dict.fromkeys(('tau_s', 'adev', 'edf', 'ci68', 'ci95', 'model_adev'),
+                                        ()), 'axes.gyro_x.drift_model: there is no curve of it'),
     ('axes.gyro_x.drift_model.to_s', 1e-9, 'axes.gyro_x.drift_model.from_s: beyond to_s'),
     ('axes.gyro_x.drift_model.rate_random_walk', -1.0,
      'axes.gyro_x.drift_model.rate_random_walk: expected zero or above'),

@@ -11,6 +11,7 @@ import sys
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Curve, Saturation, Source, Span, Timeline
 from imu_allan.writers.table import print_result, result_text
+from imu_allan.writers.words import with_words
 import pytest
 from rich.console import Console
 
@@ -133,6 +134,13 @@ def test_the_first_lines_are_the_verdict_on_each_sensor(
             assert line == f'{sensor}: {said[sensor]}'
         else:
             assert line.startswith(good)
+
+
+def test_a_stored_verdict_is_that_of_a_sensor_that_is_there(filtered):
+    judged = with_words(filtered)
+    text = printed(replace(judged, axes={'gyro_x': judged.axes['gyro_x']}))
+    assert text.startswith(GOOD['Gyroscope'])
+    assert 'Accelerometer' not in text
 
 
 def test_the_mean_has_the_digits_that_its_error_leaves(result):
