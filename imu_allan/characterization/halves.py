@@ -12,18 +12,9 @@ from imu_allan.result import Result
 
 @dataclass(frozen=True)
 class HalfResult:
-    """
-    What was found of one of the two sensors.
+    """What was found of one of the two sensors."""
 
-    Attributes
-    ----------
-    half : {'gyro', 'accel'}
-    topic : str
-    result : Result
-
-    """
-
-    half: Literal['gyro', 'accel']
+    half: Literal['gyro', 'accel']    # 'gyro', 'accel'
     topic: str
     result: Result
 

@@ -28,29 +28,16 @@ _ABSURD = 2.0**62
 
 @dataclass
 class Mark(Record):
-    """
-    Where a run stood when a power-on ended.
+    """Where a run stood when a power-on ended."""
 
-    Attributes
-    ----------
-    samples : dict of str to int
-        Used so far, by axis.
-    means : dict of str to float
-        Of all of them.
-    first : float
-        The first of them, of the first axis: where a run that has begun on a moving robot has
-        begun anew with its first stop, the first is another.
-    ends : dict of str to tuple
-        By axis the lowest and the highest value so far, each with how many samples stand there.
-    cut_off : list of str
-        The axes whose samples of this power-on were cut off at an end: their mean is none.
-
-    """
-
-    samples: dict[str, int]
-    means: dict[str, float]
+    samples: dict[str, int]    # used so far, by axis
+    means: dict[str, float]    # of all of them
+    # The first of them, of the first axis: where a run that has begun on a moving robot has begun
+    # anew with its first stop, the first is another
     first: float
+    # By axis the lowest and the highest value so far, each with how many samples stand there
     ends: dict[str, tuple[tuple[float, int], tuple[float, int]]]
+    # The axes whose samples of this power-on were cut off at an end: their mean is none
     cut_off: list[str]
 
     def check(self) -> None:

@@ -48,27 +48,15 @@ Backtests = Mapping[str, Backtest | None]
 
 @dataclass
 class _Memory(Record):
-    """
-    What a characterization remembers beside its timeline.
-
-    Attributes
-    ----------
-    epoch_ns : int or None
-        Stamp of the clock in use at time zero of the timeline.
-    groups : list of Group
-    power_ons : list of Mark
-        Those that have ended, in their order.
-    before : Thermometer
-        What was read before the first sample came.
-
-    """
+    """What a characterization remembers beside its timeline."""
 
     kind: Kind
     path: str | None
     topic: str | None
-    epoch_ns: int | None = None
+    epoch_ns: int | None = None    # stamp of the clock in use at time zero of the timeline
     groups: list[Group] = field(default_factory=list)
-    power_ons: list[Mark] = field(default_factory=list)
+    power_ons: list[Mark] = field(default_factory=list)    # those that have ended, in their order
+    # What was read before the first sample came
     before: Thermometer = field(default_factory=Thermometer)
 
     def check(self) -> None:

@@ -20,31 +20,14 @@ from numpy.typing import NDArray
 
 @dataclass
 class Group(Record):
-    """
-    Axes that have always been there together.
+    """Axes that have always been there together."""
 
-    Attributes
-    ----------
-    columns : ndarray of int64
-        Their numbers among the six.
-    estimator : Estimator
-    thermometer : Thermometer
-        With the places of the samples of these axes.
-    end : int
-        Place on the grid behind the newest sample.
-    new_run : bool
-        A run has begun since.
-    away : bool
-        The newest block did not have these axes.
-
-    """
-
-    columns: NDArray[np.int64]
+    columns: NDArray[np.int64]    # their numbers among the six
     estimator: Estimator
-    thermometer: Thermometer
-    end: int = 0
-    new_run: bool = False
-    away: bool = False
+    thermometer: Thermometer    # with the places of the samples of these axes
+    end: int = 0    # place on the grid behind the newest sample
+    new_run: bool = False    # a run has begun since
+    away: bool = False    # the newest block did not have these axes
 
     def check(self) -> None:
         """Raise ValueError where axes and their names differ in number."""
@@ -97,22 +80,11 @@ class Group(Record):
 
 @dataclass(frozen=True)
 class FinishedGroup:
-    """
-    Axes that were always there together.
-
-    Attributes
-    ----------
-    names : list of str
-    estimator : Estimator
-        Finished, of these axes.
-    heat : Temperature or None
-        Over the same samples.
-
-    """
+    """Axes that were always there together."""
 
     names: list[str]
-    estimator: Estimator
-    heat: Temperature | None = None
+    estimator: Estimator    # finished, of these axes
+    heat: Temperature | None = None    # over the same samples
 
     @property
     def temperature(self) -> TemperatureCourse | None:
@@ -127,22 +99,11 @@ class FinishedGroup:
 
 @dataclass(frozen=True)
 class FinishedRecord:
-    """
-    What was taken in, ready to be fitted and put together with other records.
-
-    Attributes
-    ----------
-    summary : TimelineSummary
-    rate_hz : float
-        Samples per second.
-    groups : tuple of FinishedGroup
-        All but always one.
-
-    """
+    """What was taken in, ready to be fitted and put together with other records."""
 
     summary: TimelineSummary
-    rate_hz: float
-    groups: tuple[FinishedGroup, ...]
+    rate_hz: float    # samples per second
+    groups: tuple[FinishedGroup, ...]    # all but always one
 
     @property
     def names(self) -> list[str]:

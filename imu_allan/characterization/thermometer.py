@@ -46,47 +46,19 @@ _SHOWN = 128
 
 @dataclass(frozen=True)
 class Temperature:
-    """
-    The temperature over a record.
+    """The temperature over a record."""
 
-    Attributes
-    ----------
-    covered : float
-        Share of the record with readings.
-    course : TemperatureCourse or None
-        None where too little is covered or the temperature never changes.
-    gaps : int
-        How many gaps of the readings are too long for a line.
-    step : float
-        Smallest change from one reading to the next, in kelvin; 0 where there is none.
-
-    """
-
-    covered: float
+    covered: float    # share of the record with readings
+    # None where too little is covered or the temperature never changes
     course: TemperatureCourse | None
-    gaps: int
-    step: float
+    gaps: int    # how many gaps of the readings are too long for a line
+    step: float    # smallest change from one reading to the next, in kelvin; 0 where there is none
 
 
 @dataclass(eq=False)
 class Thermometer(Record):
     """
     Readings of one thermometer.
-
-    Attributes
-    ----------
-    width : int
-        Of a cell, in nanoseconds.
-    step : int
-        Smallest change from one reading to the next; 0 where there is none.
-    shown : int
-        Places of the signal that have samples.
-    keys : ndarray of int64, shape (cells,)
-        Stamps over `width`.
-    readings : ndarray of int64, shape (4, cells)
-        Sum, number, lowest and highest of the readings of each cell.
-    runs : ndarray of int64, shape (runs, 7)
-        Run, and of its first and last sample: place in the run, place in the signal, stamp.
 
     Examples
     --------
@@ -97,11 +69,14 @@ class Thermometer(Record):
 
     """
 
-    width: int = _SHORTEST_CELL
-    step: int = 0
-    shown: int = 0
-    keys: Ints = field(init=False)
+    width: int = _SHORTEST_CELL    # of a cell, in nanoseconds
+    step: int = 0    # smallest change from one reading to the next; 0 where there is none
+    shown: int = 0    # places of the signal that have samples
+    keys: Ints = field(init=False)    # (cells,): stamps over `width`
+    # (4, cells): sum, number, lowest and highest of the readings of each cell
     readings: Ints = field(init=False)
+    # (runs, 7): run, and of its first and last sample: place in the run, place in the
+    # signal, stamp
     runs: Ints = field(init=False)
 
     def __post_init__(self) -> None:

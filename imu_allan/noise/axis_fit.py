@@ -44,36 +44,18 @@ _QUARTERS = 4
 
 @dataclass(frozen=True)
 class AxisFit:
-    """
-    What the spectrum of one axis says.
-
-    Attributes
-    ----------
-    fit : AxisReport
-    lines : list of Tone
-        What was left out of the spectrum, the strongest first.
-    groups : Groups
-        What was fitted: the spectrum without the lines.
-    whole : Groups
-        The spectrum with them.
-    steadiness : Steadiness or None
-        What parts of the record say of each other; None where it is too short to have parts.
-    segments : SegmentPowers or None
-        Of all axes.
-    record : RecordSpectrum or None
-        One record, with the courses that its mean follows; None of several.
-    parts : callable or None
-        Gives the spectra of quarters of the record, none where they are too short.
-
-    """
+    """What the spectrum of one axis says."""
 
     fit: AxisReport
-    lines: list[Tone]
-    groups: Groups
-    whole: Groups
+    lines: list[Tone]    # what was left out of the spectrum, the strongest first
+    groups: Groups    # what was fitted: the spectrum without the lines
+    whole: Groups    # the spectrum with them
+    # What parts of the record say of each other; None where it is too short to have parts
     steadiness: Steadiness | None = None
-    segments: SegmentPowers | None = None
+    segments: SegmentPowers | None = None    # of all axes
+    # One record, with the courses that its mean follows; None of several
     record: RecordSpectrum | None = None
+    # Gives the spectra of quarters of the record, none where they are too short
     parts: Callable[[], list[Groups]] | None = None
 
 

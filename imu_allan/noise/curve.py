@@ -39,26 +39,13 @@ _SHAPES = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_rand
 
 @dataclass(frozen=True)
 class Octaves:
-    """
-    Allan variance of one or more axes at octave cluster sizes.
+    """Allan variance of one or more axes at octave cluster sizes."""
 
-    Attributes
-    ----------
-    size : ndarray of int64, shape (octaves,)
-        Samples in a cluster.
-    stride : ndarray of int64, shape (octaves,)
-        Samples between the second differences that were averaged.
-    count : ndarray of int64, shape (octaves,)
-        How many differences were averaged.
-    avar : ndarray, shape (octaves, axes)
-        In the squared unit of a sample.
-
-    """
-
-    size: NDArray[np.int64]
+    size: NDArray[np.int64]    # (octaves,): samples in a cluster
+    # (octaves,): samples between the second differences that were averaged
     stride: NDArray[np.int64]
-    count: NDArray[np.int64]
-    avar: Array
+    count: NDArray[np.int64]    # (octaves,): how many differences were averaged
+    avar: Array    # (octaves, axes): in the squared unit of a sample
 
 
 def octaves(estimator: Estimator) -> Octaves:
@@ -136,26 +123,11 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     """
     Equivalent degrees of freedom of an Allan variance: equation (5) of docs/statistics.md.
 
-    Parameters
-    ----------
-    coefficients : mapping
-        SI coefficient by key of `TERMS`; a missing key means zero. A ramp has no randomness and
-        is not considered.
-    size : int
-        Samples in a cluster.
-    stride : int
-        Samples between second differences.
-    count : int
-        How many second differences were averaged.
-    dt : float
-        Sample interval in seconds.
-    power_law : PowerLaw, optional
-        Slow noise that is no flicker.
-
-    Returns
-    -------
-    float
-        ``2 v^2 / var(v)`` for the sum of the terms.
+    `coefficients`: SI coefficient by key of `TERMS`; a missing key means zero. A ramp has no
+    randomness and is not considered. `size`: samples in a cluster. `stride`: samples between
+    second differences. `count`: how many second differences were averaged. `dt`: sample interval
+    in seconds. `power_law`: slow noise that is no flicker. Returns: ``2 v^2 / var(v)`` for the sum
+    of the terms.
 
     Examples
     --------
@@ -212,19 +184,8 @@ def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Arra
     """
     Chi-square interval of the Allan deviation.
 
-    Parameters
-    ----------
-    avar : array_like, shape (n,)
-        Estimated Allan variance.
-    dof : array_like, shape (n,)
-        Equivalent degrees of freedom.
-    level : float
-        Probability, such as 0.95.
-
-    Returns
-    -------
-    low, high : ndarray, shape (n,)
-        Bounds of the deviation.
+    `avar`, shape (n,): estimated Allan variance. `dof`, shape (n,): equivalent degrees of freedom.
+    `level`: probability, such as 0.95. Returns `low`, `high`, shape (n,): bounds of the deviation.
 
     Examples
     --------

@@ -45,28 +45,17 @@ _INLIERS_IN_A_ROW = 8
 
 @dataclass(frozen=True)
 class Effects:
-    """
-    A population as its measured units show it.
+    """A population as its measured units show it."""
 
-    Attributes
-    ----------
-    values, errors : ndarray, shape (units,)
-        As measured, with their standard errors.
-    bounds : ndarray, shape (censored,)
-        Upper bounds of further units.
-    mean, between : float
-        Of the population: restricted maximum likelihood.
-    between_ci95 : (float, float)
-        By the generalised Q statistic, exact for any number of units; where that leaves no spread
-        at all, up to the end of the likelihood's interval.
-
-    """
-
+    # (units,): as measured, with their standard errors
     values: Array
     errors: Array
-    bounds: Array
+    bounds: Array    # (censored,): upper bounds of further units
+    # Of the population: restricted maximum likelihood
     mean: float
     between: float
+    # By the generalised Q statistic, exact for any number of units; where that leaves no spread at
+    # all, up to the end of the likelihood's interval
     between_ci95: tuple[float, float]
 
     @cached_property

@@ -188,20 +188,9 @@ def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Ar
     """
     Draw averaged flicker of unit bias instability, or other noise that goes with f^-exponent.
 
-    Parameters
-    ----------
-    samples : int
-        Length of the record.
-    rng : Generator
-        Source of the random numbers.
-    exponent : float, optional
-        Between 0 and 2: the two-sided density is 1/(2 pi f)^exponent, f in cycles per sample.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        It starts at zero.
-
+    `samples`: length of the record. `rng`: source of the random numbers. `exponent`: between 0 and
+    2: the two-sided density is 1/(2 pi f)^exponent, f in cycles per sample. Returns shape
+    (samples,): it starts at zero.
     """
     if samples == 1:
         return np.zeros(1)

@@ -91,19 +91,9 @@ def power_law(nu: ArrayLike, dt: float, exponent: float) -> Array:
     """
     Spectrum of noise whose density is 1/(2 pi f)^exponent, shape of `nu`.
 
-    Parameters
-    ----------
-    nu : array_like, shape (n,)
-        Cycles per sample, in (0, 1/2].
-    dt : float
-        Sample interval in seconds.
-    exponent : float
-        Between 0, white noise, and 2, a random walk; 1 is flicker.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The sum over its aliases, as S_B of equation (3) of docs/statistics.md is one.
+    `nu`, shape (n,): cycles per sample, in (0, 1/2]. `dt`: sample interval in seconds. `exponent`:
+    between 0, white noise, and 2, a random walk; 1 is flicker. Returns shape (n,): the sum over
+    its aliases, as S_B of equation (3) of docs/statistics.md is one.
 
     Examples
     --------
@@ -122,20 +112,10 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     """
     Spectrum of a first-order Gauss-Markov process of unit standard deviation.
 
-    Parameters
-    ----------
-    nu : array_like, shape (n,)
-        Cycles per sample, in (0, 1/2].
-    dt : float
-        Sample interval in seconds.
-    correlation_time_s : float
-        Of the process.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The sum of the term under the sum of equation (8) of docs/statistics.md over its aliases,
-        each seen through the mean over a sample, over dt.
+    `nu`, shape (n,): cycles per sample, in (0, 1/2]. `dt`: sample interval in seconds.
+    `correlation_time_s`: of the process. Returns shape (n,): the sum of the term under the sum of
+    equation (8) of docs/statistics.md over its aliases, each seen through the mean over a sample,
+    over dt.
 
     Examples
     --------
@@ -160,18 +140,9 @@ def low_pass(nu: ArrayLike, width: float) -> Array:
     """
     Gain in power of the moving average that bends white noise as a boxcar does.
 
-    Parameters
-    ----------
-    nu : array_like, shape (n,)
-        Cycles per sample, in (0, 1/2].
-    width : float
-        Of the boxcar, in samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        (sin(pi nu n)/(n sin(pi nu)))^2 of the mean of n samples; where the width lies between
-        those of two means of samples, a mixture of them.
+    `nu`, shape (n,): cycles per sample, in (0, 1/2]. `width`: of the boxcar, in samples. Returns
+    shape (n,): (sin(pi nu n)/(n sin(pi nu)))^2 of the mean of n samples; where the width lies
+    between those of two means of samples, a mixture of them.
 
     Examples
     --------
@@ -191,15 +162,8 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     """
     Mean power of DCT-II coefficient `j` of flicker noise over its spectrum at ``j/(2 n)``.
 
-    Parameters
-    ----------
-    j : array_like of int, shape (n,)
-        Indices, at least 1.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        About 1 - 2/(pi^2 j), which the first few indices are below.
+    `j`, shape (n,): indices, at least 1. Returns shape (n,): about 1 - 2/(pi^2 j), which the first
+    few indices are below.
 
     Examples
     --------
@@ -221,18 +185,8 @@ def end_dct(n: int, dt: float, index: NDArray[np.int64]) -> Array:
     The coefficient of a course is that of its last slope, of alternating sign, less that of its
     first, to the leading order in the index: both ends of a ramp together make `ramp_dct`.
 
-    Parameters
-    ----------
-    n : int
-        Length of the record.
-    dt : float
-        Sample interval in seconds.
-    index : ndarray of int
-        From 1 to n - 1.
-
-    Returns
-    -------
-    ndarray, shape of `index`
+    `n`: length of the record. `dt`: sample interval in seconds. `index`: from 1 to n - 1. Returns
+    shape of `index`.
 
     Examples
     --------
@@ -248,17 +202,8 @@ def ramp_dct(n: int, dt: float) -> Array:
     """
     Orthonormal DCT-II of a unit ramp (1 per second) of `n` samples, coefficients 1 to n - 1.
 
-    Parameters
-    ----------
-    n : int
-        Length of the record.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    ndarray, shape (n - 1,)
-        -dt cos(x)/(sqrt(2 n) sin(x)^2) with x = pi j/(2 n) at odd indices j, zero at even ones.
+    `n`: length of the record. `dt`: sample interval in seconds. Returns shape (n - 1,): -dt
+    cos(x)/(sqrt(2 n) sin(x)^2) with x = pi j/(2 n) at odd indices j, zero at even ones.
 
     Examples
     --------

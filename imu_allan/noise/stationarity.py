@@ -61,35 +61,18 @@ _WHITE_SHARE = 0.8
 
 @dataclass(frozen=True)
 class SegmentPowers:
-    """
-    Power of all axes by segment and band of an eighth of an octave.
+    """Power of all axes by segment and band of an eighth of an octave."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (bands,)
-        Middle of each band, in cycles per sample.
-    power : ndarray, shape (axes, segments, bands)
-        Mean power.
-    dof : ndarray, shape (segments, bands)
-    duration : ndarray, shape (segments,)
-        Samples in each segment.
-    start : ndarray, shape (segments,)
-        Place of the first on the grid; runs are laid end to end.
-    mean, drift : ndarray, shape (axes, segments)
-        Mean about the reference, and standard deviation of the means of 16 parts.
-    drift_samples : ndarray, shape (segments,)
-        Samples in each of these parts.
-
-    """
-
-    frequency: Array
-    power: Array
-    dof: Array
-    duration: Array
-    start: Array
+    frequency: Array    # (bands,): middle of each band, in cycles per sample
+    power: Array    # (axes, segments, bands): mean power
+    dof: Array    # (segments, bands)
+    duration: Array    # (segments,): samples in each segment
+    start: Array    # (segments,): place of the first on the grid; runs are laid end to end
+    # (axes, segments): mean about the reference, and standard deviation of the means of 16
+    # parts
     mean: Array
     drift: Array
-    drift_samples: Array
+    drift_samples: Array    # (segments,): samples in each of these parts
 
     def level(self, axis: int) -> Array:
         """Return the mean power of every band of an axis."""
@@ -102,50 +85,28 @@ class SegmentPowers:
 
 @dataclass(frozen=True)
 class Change:
-    """
-    Change of the noise in a broad band.
+    """Change of the noise in a broad band."""
 
-    Attributes
-    ----------
-    low_hz, high_hz : float
-        The band; 0 and infinity at its ends.
-    spread : float
-        Relative standard deviation of the amplitude between segments, beyond sampling error.
-    amplitude : ndarray, shape (segments,)
-        Over the mean of all.
-
-    """
-
+    # The band; 0 and infinity at its ends
     low_hz: float
     high_hz: float
+    # Relative standard deviation of the amplitude between segments, beyond sampling error
     spread: float
-    amplitude: Array
+    amplitude: Array    # (segments,): over the mean of all
 
 
 @dataclass(frozen=True)
 class Steadiness:
-    """
-    What the segments of one axis say of each other.
+    """What the segments of one axis say of each other."""
 
-    Attributes
-    ----------
-    steady : bool
-        Whether the noise is the same but for chance, or for less than a user cares about.
-    differs : bool
-        Whether it differs by more than chance, be it little.
-    p_value : float
-        Of equal noise in all segments.
-    changes : tuple of Change
-        By band, the largest spread first; only those beyond what a user would care about.
-    frequency_hz, spread, dof : ndarray, shape (half_octaves,)
-        Relative spread of the power beyond sampling error, and degrees of freedom in all segments.
-
-    """
-
+    # Whether the noise is the same but for chance, or for less than a user cares about
     steady: bool
-    differs: bool
-    p_value: float
+    differs: bool    # whether it differs by more than chance, be it little
+    p_value: float    # of equal noise in all segments
+    # By band, the largest spread first; only those beyond what a user would care about
     changes: tuple[Change, ...]
+    # (half_octaves,): relative spread of the power beyond sampling error, and degrees of
+    # freedom in all segments
     frequency_hz: Array
     spread: Array
     dof: Array

@@ -86,18 +86,8 @@ class Term:
         """
         Allan deviation of this term alone.
 
-        Parameters
-        ----------
-        coefficient : float
-            In the SI unit of the term.
-        tau : array_like, shape (n,)
-            Averaging times in seconds.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            In the unit of a sample.
-
+        `coefficient`: in the SI unit of the term. `tau`, shape (n,): averaging times in seconds.
+        Returns shape (n,): in the unit of a sample.
         """
         tau = np.asarray(tau, dtype=np.float64)
         if self.read_at is None:
@@ -135,19 +125,9 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     """
     Allan variance of a first-order Gauss-Markov process.
 
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation, in the unit of a sample.
-    correlation_time_s : float
-        Of the process.
-    tau : array_like, shape (n,)
-        Averaging times in seconds.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        2 sigma^2 T/tau [1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T))].
+    `sigma`: standard deviation, in the unit of a sample. `correlation_time_s`: of the process.
+    `tau`, shape (n,): averaging times in seconds. Returns shape (n,):
+    2 sigma^2 T/tau [1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T))].
 
     References
     ----------
@@ -173,19 +153,9 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray
     """
     Allan variance of noise whose two-sided density is ``amplitude**2/(2 pi f)**exponent``.
 
-    Parameters
-    ----------
-    amplitude : float
-        That of exponent 0 is a noise density, of 1 a bias instability, of 2 a random walk.
-    exponent : float
-        Above -1, below 3.
-    tau : array_like, shape (n,)
-        Averaging times in seconds.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        With the exponent a, a^2 tau^(a - 1) (4 - 2^(1 + a))/(2 cos(pi a/2) Gamma(2 + a)).
+    `amplitude`: that of exponent 0 is a noise density, of 1 a bias instability, of 2 a random
+    walk. `exponent`: above -1, below 3. `tau`, shape (n,): averaging times in seconds. Returns
+    shape (n,): with the exponent a, a^2 tau^(a - 1) (4 - 2^(1 + a))/(2 cos(pi a/2) Gamma(2 + a)).
 
     References
     ----------
@@ -212,20 +182,10 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     """
     Allan variance of a sine wave.
 
-    Parameters
-    ----------
-    frequency_hz, amplitude : float
-        Of the sine wave.
-    tau : array_like, shape (n,)
-        Averaging times in seconds.
-    lines : int, optional
-        How many sine waves about that frequency have together the power of that amplitude.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Of several lines
-        the mean over an octave, as `frequencies_of_lines` has it.
+    `frequency_hz`, `amplitude`: of the sine wave. `tau`, shape (n,): averaging times in seconds.
+    `lines`: how many sine waves about that frequency have together the power of that amplitude.
+    Returns shape (n,): [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Of
+    several lines the mean over an octave, as `frequencies_of_lines` has it.
 
     References
     ----------
@@ -267,22 +227,10 @@ def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
     """
     Allan variance of white noise behind a moving average.
 
-    Parameters
-    ----------
-    density : float
-        Noise density below the roll-off.
-    window_s : float
-        Width W of the boxcar that bends the white noise, by sinc^2(f W), as the low-pass does.
-    size : array_like, shape (n,)
-        Averaging times in samples.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Exact where the low-pass is a mean of samples; behind another filter exact from a few W on,
-        and of the right size below.
+    `density`: noise density below the roll-off. `window_s`: width W of the boxcar that bends the
+    white noise, by sinc^2(f W), as the low-pass does. `size`, shape (n,): averaging times in
+    samples. `dt`: sample interval in seconds. Returns shape (n,): exact where the low-pass is a
+    mean of samples; behind another filter exact from a few W on, and of the right size below.
 
     Examples
     --------
@@ -302,17 +250,9 @@ def moving_averages(width: float) -> tuple[float, float]:
     """
     Mix two moving averages so that together they bend white noise as a boxcar does.
 
-    Parameters
-    ----------
-    width : float
-        Of the boxcar, in samples.
-
-    Returns
-    -------
-    n, longer : float
-        The share `longer` of the mean of n + 1 samples, the rest the mean of n. The mean of n
-        samples begins to fall as a boxcar of ``sqrt(n**2 - 1)`` intervals does; between two means
-        lies a mixture of them.
+    `width`: of the boxcar, in samples. Returns `n`, `longer`: the share `longer` of the mean of
+    n + 1 samples, the rest the mean of n. The mean of n samples begins to fall as a boxcar of
+    ``sqrt(n**2 - 1)`` intervals does; between two means lies a mixture of them.
 
     Examples
     --------

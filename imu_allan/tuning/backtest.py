@@ -48,20 +48,12 @@ _ROUNDING = 1e-9        # of a quotient of times that are multiples of one
 
 @dataclass(frozen=True)
 class Met:
-    """
-    What filters met in data that they were not fitted to, side by side.
+    """What filters met in data that they were not fitted to, side by side."""
 
-    Attributes
-    ----------
-    innovations : dict of float to (ndarray, int)
-        By interval: sum of the normalised innovations squared, shape (filters,), and steps.
-    coasts : dict of float to (ndarray, ndarray, int)
-        By horizon: sums of the squared error of the mean as predicted and as it was, shape
-        (filters,), and outages.
-
-    """
-
+    # By interval: sum of the normalised innovations squared, shape (filters,), and steps
     innovations: dict[float, tuple[Array, int]]
+    # By horizon: sums of the squared error of the mean as predicted and as it was, shape
+    # (filters,), and outages
     coasts: dict[float, tuple[Array, Array, int]]
 
     def of(self, filters: slice) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:

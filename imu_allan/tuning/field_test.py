@@ -41,50 +41,27 @@ _FARTHEST = 1e3
 
 @dataclass(frozen=True)
 class Outcome:
-    """
-    What one filter met.
+    """What one filter met."""
 
-    Attributes
-    ----------
-    innovations : tuple of Innovations
-        Over means of 1, 10 and 60 s, where the stops are long enough.
-    coasts : tuple of Coast
-        Over 10, 60 and 300 s.
-    bands : tuple of (float, float)
-        Where 95 % of the observed deviations should lie: what the recording's own unsteadiness
-        and the number of outages leave open.
-
-    """
-
+    # Over means of 1, 10 and 60 s, where the stops are long enough
     innovations: tuple[Innovations, ...]
-    coasts: tuple[Coast, ...]
+    coasts: tuple[Coast, ...]    # over 10, 60 and 300 s
+    # Where 95 % of the observed deviations should lie: what the recording's own unsteadiness and
+    # the number of outages leave open
     bands: tuple[Interval, ...]
 
 
 @dataclass(frozen=True)
 class FieldTest:
-    """
-    Numbers of one axis in another recording.
+    """Numbers of one axis in another recording."""
 
-    Attributes
-    ----------
-    tested_s : float
-        What was at rest there.
-    stops : int
-        In so many parts.
-    tuned, full : Outcome
-        Of the tuned pair, and of the whole drift model.
-    noise_factor, walk_factor : float
-        By which to multiply the tuned N and K, to be right there; for a filter with a
-        Gauss-Markov process N and its sigma, the correlation time as it is.
-    noise_ci95, walk_ci95 : (float, float)
-
-    """
-
-    tested_s: float
-    stops: int
+    tested_s: float    # what was at rest there
+    stops: int    # in so many parts
+    # Of the tuned pair, and of the whole drift model
     tuned: Outcome
     full: Outcome
+    # By which to multiply the tuned N and K, to be right there; for a filter with a Gauss-Markov
+    # process N and its sigma, the correlation time as it is
     noise_factor: float
     walk_factor: float
     noise_ci95: Interval

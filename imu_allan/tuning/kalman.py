@@ -21,26 +21,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """
-    What filters saw, step by step.
+    """What filters saw, step by step."""
 
-    Attributes
-    ----------
-    innovation : ndarray, shape (filters, steps)
-        Mean minus prediction; NaN where the mean is missing.
-    variance : ndarray, shape (filters, steps)
-        Claimed for it.
-    state : ndarray, shape (filters, steps, states)
-        Before each step.
-    covariance : ndarray, shape (filters, steps, states, states)
-        Claimed for it.
-
-    """
-
+    # (filters, steps): mean minus prediction; NaN where the mean is missing
     innovation: Array
-    variance: Array
-    state: Array
-    covariance: Array
+    variance: Array    # (filters, steps): claimed for it
+    state: Array    # (filters, steps, states): before each step
+    covariance: Array    # (filters, steps, states, states): claimed for it
 
 
 def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:

@@ -59,13 +59,8 @@ class Means:
         """
         Take in the next samples.
 
-        Parameters
-        ----------
-        blocks : iterable of EvenBlock
-            As a timeline gives them.
-        interval_ns : float or None
-            Time between two samples as the timeline has it by now.
-
+        `blocks`: as a timeline gives them. `interval_ns`: time between two samples as the timeline
+        has it by now.
         """
         self._interval_ns = interval_ns or self._interval_ns
         for block in blocks:

@@ -260,36 +260,19 @@ def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 6
 
 @dataclass(frozen=True, eq=False)
 class Filters:
-    """
-    Filters of one bias state in their steady state, side by side: fields of shape (n,).
-
-    Attributes
-    ----------
-    aiding_s : float
-    white : ndarray
-        Squared noise density.
-    walk : ndarray
-        Squared driving density, for filters with a random walk; else 0.
-    sigma, time : ndarray
-        Of the process, for filters with one; else 0 and infinite.
-    gain : ndarray
-        Of the one-step predictor.
-    forgetting : ndarray
-        What is lost of the state in one step without its correction; a filter that learns for
-        ages loses so little that one less that is one.
-    covariance : ndarray
-        Of the state after a correction.
-
-    """
+    """Filters of one bias state in their steady state, side by side: fields of shape (n,)."""
 
     aiding_s: float
-    white: Array
-    walk: Array
+    white: Array    # squared noise density
+    walk: Array    # squared driving density, for filters with a random walk; else 0
+    # Of the process, for filters with one; else 0 and infinite
     sigma: Array
     time: Array
-    gain: Array
+    gain: Array    # of the one-step predictor
+    # What is lost of the state in one step without its correction; a filter that learns for ages
+    # loses so little that one less that is one
     forgetting: Array
-    covariance: Array
+    covariance: Array    # of the state after a correction
 
     @classmethod
     def walking(cls, white: Array, walk: Array, aiding_s: float) -> 'Filters':

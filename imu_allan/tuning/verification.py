@@ -24,18 +24,9 @@ _BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
 
 @dataclass(frozen=True)
 class Excess:
-    """
-    Allan deviation of the other recording over what the first one predicts, in one band.
+    """Allan deviation of the other recording over what the first one predicts, in one band."""
 
-    Attributes
-    ----------
-    from_s, to_s : float
-        Averaging times of the band that both recordings know.
-    ratio : float
-    ci95 : (float, float)
-
-    """
-
+    # Averaging times of the band that both recordings know
     from_s: float
     to_s: float
     ratio: float
@@ -44,25 +35,14 @@ class Excess:
 
 @dataclass(frozen=True)
 class Verification:
-    """
-    Numbers from one recording held against another.
+    """Numbers from one recording held against another."""
 
-    Attributes
-    ----------
-    met : FilterTuning
-        The numbers, with what they meet in the other recording.
-    noise_factor, walk_factor : float
-        By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process.
-    noise_ci95, walk_ci95 : (float, float)
-        Intervals of the factors, from that of the other's curve at the two ends; that of the drift
-        as far as the first recording knows its own.
-    excess : tuple of Excess
-
-    """
-
-    met: FilterTuning
+    met: FilterTuning    # the numbers, with what they meet in the other recording
+    # By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process
     noise_factor: float
     walk_factor: float
+    # Intervals of the factors, from that of the other's curve at the two ends; that of the drift
+    # as far as the first recording knows its own
     noise_ci95: Interval
     walk_ci95: Interval
     excess: tuple[Excess, ...]

@@ -54,29 +54,17 @@ _PHASES = 512
 
 @dataclass(frozen=True)
 class Cycle:
-    """
-    A periodic course of the mean of one record.
-
-    Attributes
-    ----------
-    frequency_hz : float
-    middle_s : float
-        Of the record, from where phases count.
-    cosines, sines : ndarray, shape (harmonics,)
-        Sizes, in the unit of a sample.
-    off, error : float
-        How far the logarithm of the frequency is from the likeliest one, and its standard error.
-    taken : ndarray, shape (bins,)
-        Share of each coefficient that the regressors explain whatever it holds.
-
-    """
+    """A periodic course of the mean of one record."""
 
     frequency_hz: float
-    middle_s: float
+    middle_s: float    # of the record, from where phases count
+    # (harmonics,): sizes, in the unit of a sample
     cosines: Array
     sines: Array
+    # How far the logarithm of the frequency is from the likeliest one, and its standard error
     off: float
     error: float
+    # (bins,): share of each coefficient that the regressors explain whatever it holds
     taken: Array
 
     @property

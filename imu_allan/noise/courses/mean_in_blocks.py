@@ -37,22 +37,9 @@ def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: C
     The longest blocks of a stage follow one another; of the shorter ones, the ends of stretches,
     it is not known where they lie.
 
-    Parameters
-    ----------
-    pieces : sequence of SpectrumPiece
-        Of a record.
-    dt : float
-        Sample interval in seconds.
-    duration_s : float
-        From the beginning of the record to its end.
-    mean : callable
-        Over the record.
-
-    Returns
-    -------
-    leak, bound : ndarray, shape (bins,)
-        Zero for the coefficients of the whole record.
-
+    `pieces`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
+    the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): Zero
+    for the coefficients of the whole record.
     """
     longest = {piece.step: max(one.length for one in pieces if one.step == piece.step)
                for piece in pieces}
@@ -83,22 +70,9 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -
     """
     Take a mean that moves out of the series and the segments of one axis.
 
-    Parameters
-    ----------
-    periodogram : Periodogram
-        Finished; it is left as it is.
-    axis : int
-        Which axis.
-    dt : float
-        Sample interval in seconds.
-    mean : callable
-        Over the record.
-
-    Returns
-    -------
-    Periodogram
-        Of this axis alone. Bands of segments that hold more of the mean than of noise are empty.
-
+    `periodogram`: finished; it is left as it is. `axis`: which axis. `dt`: sample interval in
+    seconds. `mean`: over the record. Returns: of this axis alone. Bands of segments that hold more
+    of the mean than of noise are empty.
     """
     calm = periodogram.copy()
     calm.keep([axis])

@@ -29,30 +29,14 @@ _POINTS = 1024
 
 @dataclass(frozen=True)
 class SlowCoefficients:
-    """
-    The slowest whole-record coefficients of one axis.
+    """The slowest whole-record coefficients of one axis."""
 
-    Attributes
-    ----------
-    pieces : sequence of SpectrumPiece
-        Of the record.
-    count : int
-        Index of the last of them.
-    which : ndarray of bool
-        Which coefficients up to that index are no line.
-    dt : float
-        Sample interval in seconds.
-    design : ndarray, shape (n, columns)
-    coefficient, ramp : ndarray, shape (n,)
-        Values, and what a unit ramp would give.
-
-    """
-
-    pieces: Sequence[SpectrumPiece]
-    count: int
-    which: NDArray[np.bool_]
-    dt: float
-    design: Array
+    pieces: Sequence[SpectrumPiece]    # of the record
+    count: int    # index of the last of them
+    which: NDArray[np.bool_]    # which coefficients up to that index are no line
+    dt: float    # sample interval in seconds
+    design: Array    # (n, columns)
+    # (n,): values, and what a unit ramp would give
     coefficient: Array
     ramp: Array
 
@@ -63,32 +47,16 @@ class SlowCoefficients:
 
 @dataclass(frozen=True)
 class RecordSpectrum:
-    """
-    The spectrum of one axis, to which courses of the mean can be laid.
-
-    Attributes
-    ----------
-    pieces : sequence of SpectrumPiece
-    bins : Bins
-        Of these pieces.
-    axis : int
-    dt : float
-        Sample interval in seconds.
-    keep : ndarray of bool, shape (bins,), or None
-        False where a line is.
-    courses : tuple of Course
-        Regressors that stand in every fit, directly behind the ramp.
-    aligned : bool
-        Whether bands without a bin stay, worth nothing, so that all axes have the same bands.
-
-    """
+    """The spectrum of one axis, to which courses of the mean can be laid."""
 
     pieces: Sequence[SpectrumPiece]
-    bins: Bins
+    bins: Bins    # of these pieces
     axis: int
-    dt: float
-    keep: NDArray[np.bool_] | None = None
+    dt: float    # sample interval in seconds
+    keep: NDArray[np.bool_] | None = None    # (bins,): False where a line is
+    # Regressors that stand in every fit, directly behind the ramp
     courses: tuple[Course, ...] = ()
+    # Whether bands without a bin stay, worth nothing, so that all axes have the same bands
     aligned: bool = False
 
     @property
@@ -172,22 +140,10 @@ def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Cou
     """
     Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
 
-    Parameters
-    ----------
-    pieces : sequence of SpectrumPiece
-        Of the record.
-    dt : float
-        Sample interval in seconds.
-    courses : sequence of Course
-        Each gives a column.
-    slowest : int, optional
-        Last index that is wanted; the courses shall be slow themselves.
-
-    Returns
-    -------
-    ndarray, shape (bins, courses)
-        For the bins of the same pieces, zero outside the whole-record part; or for the slowest
-        coefficients of the whole-record parts alone.
+    `pieces`: of the record. `dt`: sample interval in seconds. `courses`: each gives a column.
+    `slowest`: last index that is wanted; the courses shall be slow themselves. Returns shape
+    (bins, courses): for the bins of the same pieces, zero outside the whole-record part; or for
+    the slowest coefficients of the whole-record parts alone.
 
     Examples
     --------

@@ -21,19 +21,10 @@ _HALF_CHANGED = 0.25
 
 @dataclass(frozen=True)
 class TemperatureCourse:
-    """
-    The temperature over a record.
+    """The temperature over a record."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Seconds from its beginning, runs laid end to end.
-    celsius : ndarray, shape (n,)
-
-    """
-
-    time: Array
-    celsius: Array
+    time: Array    # (n,): seconds from its beginning, runs laid end to end
+    celsius: Array    # (n,)
 
     @property
     def lowest(self) -> float:
@@ -64,14 +55,7 @@ class TemperatureCourse:
         """
         Return the temperature of a sensor that the thermometer follows with a time constant.
 
-        Parameters
-        ----------
-        lag_s : float
-            In seconds; negative where the sensor follows the thermometer.
-
-        Returns
-        -------
-        TemperatureCourse
+        `lag_s`: in seconds; negative where the sensor follows the thermometer.
 
         Examples
         --------
@@ -114,16 +98,8 @@ def between_steps(time: Array, celsius: Array, step: float) -> Array:
     """
     Join readings in coarse steps by lines: in the middle of a change the temperature is known.
 
-    Parameters
-    ----------
-    time, celsius : ndarray, shape (n,)
-        Time is increasing, in any unit.
-    step : float
-        Between neighbouring values of the thermometer.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    `time`, `celsius`, shape (n,): time is increasing, in any unit. `step`: between neighbouring
+    values of the thermometer. Returns shape (n,).
 
     Examples
     --------

@@ -50,19 +50,6 @@ def warming(time_constant_s: float) -> Course:
     return lambda time: np.exp(-time / time_constant_s)
 
 
-def warming_slower(time_constant_s: float) -> Course:
-    """
-    Return the derivative of `warming` by the logarithm of its time constant.
-
-    Examples
-    --------
-    >>> warming_slower(100.0)(np.array([0.0, 100.0])).round(4)
-    array([0.    , 0.3679])
-
-    """
-    return lambda time: time / time_constant_s * np.exp(-time / time_constant_s)
-
-
 def cycle(frequency_hz: float) -> tuple[Course, Course]:
     """
     Return the two phases of a slow cycle.

@@ -40,23 +40,11 @@ _FEWEST_CLUSTERS = 16
 
 
 class CutOff(NamedTuple):
-    """
-    Where the output is cut off.
+    """Where the output is cut off."""
 
-    Attributes
-    ----------
-    value : float
-        In the unit of a sample.
-    share : float
-        Of the samples that stand there.
-    is_highest : bool
-        Whether it is the upper end of the range.
-
-    """
-
-    value: float
-    share: float
-    is_highest: bool
+    value: float    # in the unit of a sample
+    share: float    # of the samples that stand there
+    is_highest: bool    # whether it is the upper end of the range
 
 
 def cut_off(finished: Estimator, axis: int) -> CutOff | None:

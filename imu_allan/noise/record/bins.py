@@ -22,44 +22,24 @@ _PER_OCTAVE = 8
 
 @dataclass(frozen=True)
 class Bins:
-    """
-    Every frequency of a record, for all axes.
+    """Every frequency of a record, for all axes."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (bins,)
-        In Hz.
-    dof : ndarray, shape (bins,)
-        How many squared coefficients were averaged.
-    power : ndarray, shape (axes, bins)
-        Their mean, in squared sample units.
-    design : ndarray, shape (bins, 4)
-        Expected power for a coefficient 1 of each term.
-    cross : ndarray, shape (axes, bins)
-        Coefficient times that of a unit ramp; zero but in the whole-record part.
-    coefficient : ndarray, shape (axes, bins)
-        The coefficient itself, with its sign; zero but in the whole-record part.
-    ramp : ndarray, shape (bins,)
-        Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
-    whole : ndarray of bool, shape (bins,)
-        Whether a bin is a single coefficient of a whole-record part.
-    step, length : ndarray, shape (bins,)
-        Samples averaged into one point, and points of the block.
-    piece, index : ndarray of int, shape (bins,)
-        Which piece a bin is from, and its DCT index there.
-
-    """
-
-    frequency: Array
-    dof: Array
-    power: Array
-    design: Array
+    frequency: Array    # (bins,): in Hz
+    dof: Array    # (bins,): how many squared coefficients were averaged
+    power: Array    # (axes, bins): their mean, in squared sample units
+    design: Array    # (bins, 4): expected power for a coefficient 1 of each term
+    # (axes, bins): coefficient times that of a unit ramp; zero but in the whole-record part
     cross: Array
+    # (axes, bins): the coefficient itself, with its sign; zero but in the whole-record part
     coefficient: Array
+    # (bins,): squared coefficient of a unit ramp, negative where the sign of the ramp is
+    # lost
     ramp: Array
+    # (bins,): whether a bin is a single coefficient of a whole-record part
     whole: NDArray[np.bool_]
-    step: Array
-    length: Array
+    step: Array    # (bins,): samples averaged into one point
+    length: Array    # (bins,): points of the block
+    # (bins,): which piece a bin is from, and its DCT index there
     piece: NDArray[np.int64]
     index: NDArray[np.int64]
 

@@ -30,19 +30,11 @@ nothing."""
 
 @dataclass(frozen=True, eq=False)
 class Bridges:
-    """
-    Stand-ins of a record, as the fit of its spectrum takes them.
+    """Stand-ins of a record, as the fit of its spectrum takes them."""
 
-    Attributes
-    ----------
-    share : float
-        Of the samples.
-    covariance : ndarray, shape (lags,), or None
-        Of white noise of unit variance by distance in samples; None where none stands in.
-
-    """
-
-    share: float = 0.0
+    share: float = 0.0    # of the samples
+    # (lags,): of white noise of unit variance by distance in samples; None where none stands
+    # in
     covariance: Array | None = None
 
     def white_power(self, length: int, step: int) -> Array | None:
@@ -87,21 +79,12 @@ def _places_apart() -> Array:
 
 @dataclass(eq=False)
 class BridgeSums(Record):
-    """
-    Sums over the pairs of places of a record.
+    """Sums over the pairs of places of a record."""
 
-    Attributes
-    ----------
-    shared : ndarray, shape (LAGS,)
-        Covariance of white noise in two places by their distance, over that of samples of which
-        none is missing.
-    pairs : ndarray, shape (LAGS,)
-        How many pairs these are.
-
-    """
-
+    # (LAGS,): covariance of white noise in two places by their distance, over that of
+    # samples of which none is missing
     shared: Array = field(default_factory=_places_apart)
-    pairs: Array = field(default_factory=_places_apart)
+    pairs: Array = field(default_factory=_places_apart)    # (LAGS,): how many pairs these are
 
     def add(self, stand_ins: Sequence[int], samples: int) -> None:
         """Add `samples` places in a row, of which some, rising, are `stand_ins`."""

@@ -26,23 +26,11 @@ _PLACE = (1 << RUN_SHIFT) - 1
 
 @dataclass(frozen=True)
 class Cells:
-    """
-    Some cells in order of time.
+    """Some cells in order of time."""
 
-    Attributes
-    ----------
-    keys : ndarray of int64, shape (n,)
-        Strictly increasing.
-    sums : ndarray, shape (axes, n)
-        Sum of the samples that fell into each cell.
-    counts : ndarray of int64, shape (n,)
-        How many samples these were.
-
-    """
-
-    keys: Keys
-    sums: Array
-    counts: NDArray[np.int64]
+    keys: Keys    # (n,): strictly increasing
+    sums: Array    # (axes, n): sum of the samples that fell into each cell
+    counts: NDArray[np.int64]    # (n,): how many samples these were
 
     def __len__(self) -> int:
         """Return the number of cells."""

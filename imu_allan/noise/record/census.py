@@ -49,24 +49,6 @@ class Census(SideBySide):
     """
     What was seen of the values of several axes, about a reference of each.
 
-    Attributes
-    ----------
-    samples : int
-        How many were counted.
-    lowest, highest : ndarray, shape (axes,)
-    at_ends : ndarray of int64, shape (2, axes)
-        How many samples stand at the lowest and at the highest.
-    step : ndarray, shape (axes,)
-        The least change from a sample to the next, but for few that are smaller; infinite where
-        nothing changes.
-    zeros : ndarray of int64, shape (axes,)
-        How many samples are zero.
-    sizes : ndarray of int64, shape (axes, bins)
-        How many are of each magnitude, see `lower_edge`, up to an octave beyond the end of the
-        hole about zero.
-    alike : ndarray of int8, shape (axes, axes)
-        Flags of pairs that nothing has told apart.
-
     Examples
     --------
     >>> census = Census(3)
@@ -76,13 +58,20 @@ class Census(SideBySide):
 
     """
 
-    samples: int = 0
+    samples: int = 0    # how many were counted
+    # (axes,)
     lowest: Array = field(init=False)
     highest: Array = field(init=False)
+    # (2, axes): how many samples stand at the lowest and at the highest
     at_ends: Counts = field(init=False)
+    # (axes,): the least change from a sample to the next, but for few that are smaller;
+    # infinite where nothing changes
     step: Array = field(init=False)
-    zeros: Counts = field(init=False)
+    zeros: Counts = field(init=False)    # (axes,): how many samples are zero
+    # (axes, bins): how many are of each magnitude, see `lower_edge`, up to an octave beyond
+    # the end of the hole about zero
     sizes: Counts = field(init=False)
+    # (axes, axes): flags of pairs that nothing has told apart
     alike: NDArray[np.int8] = field(init=False)
 
     def begin(self) -> None:

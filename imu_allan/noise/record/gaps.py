@@ -40,19 +40,11 @@ _RESOLUTION = 4
 
 @dataclass(frozen=True)
 class Gaps:
-    """
-    What gaps do to noise.
+    """What gaps do to noise."""
 
-    Attributes
-    ----------
-    filled : float
-        Share of the points that stand in for missing ones: the others are independent.
-    white, flicker, walk : ndarray, shape (length,), or None
-        Expected power by index over that of full cells, None where it is the same.
-
-    """
-
+    # Share of the points that stand in for missing ones: the others are independent
     filled: float = 0.0
+    # (length,): expected power by index over that of full cells, None where it is the same
     white: Array | None = None
     flicker: Array | None = None
     walk: Array | None = None

@@ -26,32 +26,23 @@ LEAST_OF_BLOCKS = 1e-3
 
 @dataclass(frozen=True)
 class Groups:
-    """
-    Bins of one axis gathered into narrow bands; fields as in `Bins`, for one axis.
+    """Bins of one axis gathered into narrow bands; fields as in `Bins`, for one axis."""
 
-    Attributes
-    ----------
-    frequency, dof, power, cross, ramp, step, length : ndarray, shape (groups,)
-    design : ndarray, shape (groups, columns)
-    along : ndarray, shape (groups, regressors), optional
-        Mean of coefficient times regressor; zero where the sign is lost.
-    among : ndarray, shape (groups, regressors, regressors), optional
-        Mean products of the regressors.
-    record : ndarray of int, shape (groups,), optional
-        Which of several records a group is of, each having regressors of its own; None for one.
-
-    """
-
+    # (groups,)
     frequency: Array
     dof: Array
     power: Array
-    design: Array
+    design: Array    # (groups, columns)
     cross: Array
     ramp: Array
     step: Array
     length: Array
+    # (groups, regressors): mean of coefficient times regressor; zero where the sign is lost
     along: Array | None = None
+    # (groups, regressors, regressors): mean products of the regressors
     among: Array | None = None
+    # (groups,): which of several records a group is of, each having regressors of its own;
+    # None for one
     record: NDArray[np.int64] | None = None
 
     @property

@@ -51,27 +51,14 @@ def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
 
 @dataclass(frozen=True)
 class Part:
-    """
-    Some neighbouring segments of a record, for all axes.
+    """Some neighbouring segments of a record, for all axes."""
 
-    Attributes
-    ----------
-    periodogram : Periodogram
-        Finished.
-    dt : float
-        Sample interval in seconds.
-    first, last : int
-        The segments, `first` up to and without `last`.
-    bridges : Bridges
-        Samples of the whole record that stand in for missing ones.
-
-    """
-
-    periodogram: Periodogram
-    dt: float
+    periodogram: Periodogram    # finished
+    dt: float    # sample interval in seconds
+    # The segments, `first` up to and without `last`
     first: int
     last: int
-    bridges: Bridges = NO_BRIDGES
+    bridges: Bridges = NO_BRIDGES    # samples of the whole record that stand in for missing ones
 
     def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
         """

@@ -63,39 +63,22 @@ _COARSEST = 1 << 36
 
 @dataclass(frozen=True)
 class SpectrumPiece:
-    """
-    Part of the spectrum.
+    """Part of the spectrum."""
 
-    Attributes
-    ----------
-    step : int
-        Samples averaged into one point.
-    length : int
-        Points of a block.
-    blocks : int
-        How many blocks were averaged.
-    first, last : int
-        The DCT indices, `first` up to and without `last`, that this piece is good for.
-    power : ndarray, shape (axes, length)
-        Mean squared orthonormal DCT-II coefficients by index, in squared sample units.
-    coefficients : ndarray or None, shape (axes, length)
-        The coefficients themselves where the piece is one block.
-    gaps : Gaps
-        What missing samples do to noise.
-    start : int
-        Of one block: samples from the beginning of the record to its first point; runs are laid
-        end to end.
-
-    """
-
-    step: int
-    length: int
-    blocks: int
+    step: int    # samples averaged into one point
+    length: int    # points of a block
+    blocks: int    # how many blocks were averaged
+    # The DCT indices, `first` up to and without `last`, that this piece is good for
     first: int
     last: int
+    # (axes, length): mean squared orthonormal DCT-II coefficients by index, in squared
+    # sample units
     power: Array
+    # (axes, length): the coefficients themselves where the piece is one block
     coefficients: Array | None = None
-    gaps: Gaps = NO_GAPS
+    gaps: Gaps = NO_GAPS    # what missing samples do to noise
+    # Of one block: samples from the beginning of the record to its first point; runs are laid end
+    # to end
     start: int = 0
 
     def spacing_hz(self, dt: float) -> float:
@@ -105,21 +88,11 @@ class SpectrumPiece:
 
 @dataclass(eq=False)
 class BlockSum(Record):
-    """
-    Sum over the blocks of one length.
+    """Sum over the blocks of one length."""
 
-    Attributes
-    ----------
-    power : ndarray, shape (axes, length)
-        Sum of squared DCT-II coefficients.
-    blocks : int
-    excess : float
-        Sum over the blocks of the variance that half-full points add to white noise of 1.
-
-    """
-
-    power: Array
+    power: Array    # (axes, length): sum of squared DCT-II coefficients
     blocks: int = 0
+    # Sum over the blocks of the variance that half-full points add to white noise of 1
     excess: float = 0.0
 
     @property
@@ -131,20 +104,10 @@ class BlockSum(Record):
 
 @dataclass(eq=False)
 class Stage(SideBySide):
-    """
-    Blocks of samples, or of means: one stage of the spectrum.
+    """Blocks of samples, or of means: one stage of the spectrum."""
 
-    Attributes
-    ----------
-    sums : dict of int to BlockSum
-        By block length.
-    waiting : Cells
-        Means that make no whole block yet.
-
-    """
-
-    sums: dict[int, BlockSum] = field(default_factory=dict)
-    waiting: Cells = field(init=False)
+    sums: dict[int, BlockSum] = field(default_factory=dict)    # by block length
+    waiting: Cells = field(init=False)    # means that make no whole block yet
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -235,26 +198,12 @@ class Stage(SideBySide):
 
 @dataclass(eq=False)
 class Periodogram(SideBySide):
-    """
-    The spectrum of several axes, block by block.
+    """The spectrum of several axes, block by block."""
 
-    Attributes
-    ----------
-    cell : int
-        Samples in a cell of the series.
-    samples : int
-    stages : list of Stage
-        The first of samples, the others of means.
-    series : Cells
-        The whole record.
-    segments : Segments
-
-    """
-
-    cell: int = 1
+    cell: int = 1    # samples in a cell of the series
     samples: int = 0
-    stages: list[Stage] = field(init=False)
-    series: Cells = field(init=False)
+    stages: list[Stage] = field(init=False)    # the first of samples, the others of means
+    series: Cells = field(init=False)    # the whole record
     segments: Segments = field(init=False)
 
     def begin(self) -> None:

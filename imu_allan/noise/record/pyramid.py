@@ -37,30 +37,17 @@ _MAX_STAGES = 48
 
 @dataclass(eq=False)
 class Pyramid(SideBySide):
-    """
-    Octave sums of squared second differences of several axes.
+    """Octave sums of squared second differences of several axes."""
 
-    Attributes
-    ----------
-    sums : ndarray, shape (octaves, axes)
-        Sum of squared second differences of phase at cluster size ``2**octave``, in squared
-        sample units.
-    counts : ndarray of int64, shape (octaves,)
-        How many differences each sum holds.
-    newest : ndarray, shape (axes, n)
-        The last samples.
-    odd : list of int
-        Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd.
-    tails : list of ndarray, shape (axes, n)
-        Of the stages behind: the last sums.
-
-    """
-
+    # (octaves, axes): sum of squared second differences of phase at cluster size
+    # ``2**octave``, in squared sample units
     sums: Array = field(init=False)
+    # (octaves,): how many differences each sum holds
     counts: NDArray[np.int64] = field(init=False)
-    newest: Array = field(init=False)
+    newest: Array = field(init=False)    # (axes, n): the last samples
+    # Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd
     odd: list[int] = field(init=False)
-    tails: list[Array] = field(init=False)
+    tails: list[Array] = field(init=False)    # (axes, n): of the stages behind: the last sums
 
     def begin(self) -> None:
         """Begin with nothing."""

@@ -43,27 +43,14 @@ _LOWEST_INDEX = 8
 
 
 class Layout(NamedTuple):
-    """
-    Which coefficients of a block fall into which band.
+    """Which coefficients of a block fall into which band."""
 
-    Attributes
-    ----------
-    first, last : int
-        The DCT indices, `first` up to and without `last`.
-    starts : ndarray of int, shape (bands,)
-        Where each band begins, counted from `first`.
-    bands : ndarray of int, shape (bands,)
-        Numbers of these bands.
-    counts : ndarray of int, shape (bands,)
-        Coefficients in each.
-
-    """
-
+    # The DCT indices, `first` up to and without `last`
     first: int
     last: int
-    starts: NDArray[np.int64]
-    bands: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    starts: NDArray[np.int64]    # (bands,): where each band begins, counted from `first`
+    bands: NDArray[np.int64]    # (bands,): numbers of these bands
+    counts: NDArray[np.int64]    # (bands,): coefficients in each
 
 
 @lru_cache(maxsize=64)
@@ -85,25 +72,14 @@ def layout(length: int, step: int) -> Layout:
 
 @dataclass(eq=False)
 class Segments(SideBySide):
-    """
-    Power by segment and band.
+    """Power by segment and band."""
 
-    Attributes
-    ----------
-    width : int
-        Samples in a whole segment; gaps do not count.
-    samples : int
-        Samples taken in.
-    power : ndarray, shape (axes, SEGMENTS, bands)
-        Sum of squared orthonormal DCT-II coefficients, in squared sample units.
-    dof : ndarray of int, shape (SEGMENTS, bands)
-        How many coefficients were added.
-
-    """
-
-    width: int = SHORTEST_SEGMENT
-    samples: int = 0
+    width: int = SHORTEST_SEGMENT    # samples in a whole segment; gaps do not count
+    samples: int = 0    # samples taken in
+    # (axes, SEGMENTS, bands): sum of squared orthonormal DCT-II coefficients, in squared
+    # sample units
     power: Array = field(init=False)
+    # (SEGMENTS, bands): how many coefficients were added
     dof: NDArray[np.int64] = field(init=False)
 
     def begin(self) -> None:

@@ -12,17 +12,9 @@ _MOST = 1024
 
 @dataclass(eq=False)
 class SideBySide(Record):
-    """
-    What is kept of several axes.
+    """What is kept of several axes."""
 
-    Attributes
-    ----------
-    axes : int
-        How many they are.
-
-    """
-
-    axes: int
+    axes: int    # how many they are
 
     def __post_init__(self) -> None:
         """Begin with nothing, also where a state is about to be put in its place."""

@@ -28,22 +28,11 @@ _BY_CHANCE = 1e-4
 
 
 class Columns(NamedTuple):
-    """
-    What `Signal.columns` returns.
+    """What `Signal.columns` returns."""
 
-    Attributes
-    ----------
-    width : int
-        Places of the grid to a column.
-    counts : ndarray of int64, shape (columns,)
-        Samples in each column; zero in a gap.
-    low, mean, high : ndarray, shape (axes, columns)
-        NaN in a gap.
-
-    """
-
-    width: int
-    counts: NDArray[np.int64]
+    width: int    # places of the grid to a column
+    counts: NDArray[np.int64]    # (columns,): samples in each column; zero in a gap
+    # (axes, columns): naN in a gap
     low: Array
     mean: Array
     high: Array
@@ -93,25 +82,12 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
 
 @dataclass(eq=False)
 class Signal(SideBySide):
-    """
-    Lowest, mean and highest value of several axes over time.
+    """Lowest, mean and highest value of several axes over time."""
 
-    Attributes
-    ----------
-    width : int
-        Places of the grid to a column.
-    place : int
-        Of the next sample.
-    counts : ndarray of int64, shape (COLUMNS,)
-        Samples in each column.
-    sums, low, high : ndarray, shape (axes, COLUMNS)
-        Of them; merging columns needs nothing else.
-
-    """
-
-    width: int = 1
-    place: int = 0
-    counts: NDArray[np.int64] = field(init=False)
+    width: int = 1    # places of the grid to a column
+    place: int = 0    # of the next sample
+    counts: NDArray[np.int64] = field(init=False)    # (COLUMNS,): samples in each column
+    # (axes, COLUMNS): of them; merging columns needs nothing else
     sums: Array = field(init=False)
     low: Array = field(init=False)
     high: Array = field(init=False)
