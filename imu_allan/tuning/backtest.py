@@ -18,7 +18,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.gaps import filled
 from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.record.periodogram import SpectrumPiece
+from imu_allan.noise.record.periodogram import SpectrumPiece, whole_piece
 from imu_allan.result import (
     AxisResult,
     Backtest,
@@ -33,7 +33,6 @@ from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
@@ -201,6 +200,4 @@ def _fitted(row: Array, step_s: float) -> DriftModel | None:
 def piece_of(rows: Array) -> SpectrumPiece:
     """Return the spectrum of means in a row, shape (axes, n), as one piece."""
     # About their mean, so that a large one costs no digits.
-    coefficients = dct(rows - rows.mean(axis=1, keepdims=True), norm='ortho')
-    length = rows.shape[1]
-    return SpectrumPiece(1, length, 1, 1, length, coefficients**2, coefficients)
+    return whole_piece(rows - rows.mean(axis=1, keepdims=True))

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 
-from imu_allan.noise.courses.mean_in_blocks import Course, is_little, leaks
+from imu_allan.noise.courses.mean_in_blocks import Course
 from imu_allan.noise.courses.regressors import RecordSpectrum, regressors
 from imu_allan.noise.courses.waveforms import cycle
 from imu_allan.noise.posterior.regression import RIDGE
@@ -143,18 +143,15 @@ def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
 
 def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
     """Take a cycle out of a record, which is left as it is; the other is of one axis."""
-    bins, own = record.bins, slice(record.axis, record.axis + 1)
-    leak, doubt = leaks(record.pieces, record.dt, record.duration_s, cycle.course)
-    keep = is_little(leak, doubt, variance) & (cycle.taken < _MOST_TAKEN)
-    keep = keep if record.keep is None else keep & record.keep
-    coefficient = bins.coefficient[own] - regressors(record.pieces, record.dt, [cycle.course]).T
-    power = np.where(bins.whole, coefficient**2, np.maximum(bins.power[own] - leak, 0.0))
+    calm = record.without_leak(cycle.course, variance)
+    assert calm.keep is not None
+    bins = calm.bins
+    coefficient = bins.coefficient - regressors(record.pieces, record.dt, [cycle.course]).T
     # Nothing of a coefficient that is all the cycle's, but its band stays.
     left = np.maximum(1 - cycle.taken, 1e-9)
-    return replace(record, axis=0, keep=keep, bins=replace(
-        bins, power=power, coefficient=coefficient, dof=left * bins.dof,
-        design=left[:, None] * bins.design,
-        cross=-np.sqrt(np.maximum(bins.ramp, 0.0)) * coefficient))
+    return replace(calm, keep=calm.keep & (cycle.taken < _MOST_TAKEN), bins=replace(
+        bins, power=np.where(bins.whole, coefficient**2, bins.power), coefficient=coefficient,
+        dof=left * bins.dof, design=left[:, None] * bins.design, ramp=record.bins.ramp))
 
 
 class _Slow:
@@ -170,7 +167,7 @@ class _Slow:
         self.here = bins.whole & (bins.index <= self._last)
         self._root = 1 / np.sqrt(variance[self.here])
         self._signal = self._root * bins.coefficient[record.axis, self.here]
-        known = [-np.sqrt(np.maximum(bins.ramp[self.here], 0.0))[:, None]]
+        known = [bins.of_ramp[self.here, None]]
         if record.courses:
             known.append(self.transformed(record.courses))
         self._known = self._root[:, None] * np.column_stack(known)

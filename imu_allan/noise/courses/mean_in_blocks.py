@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.cells import end_to_end
-from imu_allan.noise.record.periodogram import BLOCK, Periodogram, SpectrumPiece
-from imu_allan.noise.record.segments import Layout, layout, MEANS, SHORTEST_SEGMENT
+from imu_allan.noise.record.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.record.segments import layout, TRANSFORMS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,11 +87,11 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -
         begin, end = np.interp(ends, seen, middle + calm.cell / 2, left=0.0) * dt
         if end <= begin:
             continue
-        for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
+        for length, step in TRANSFORMS:
             place = layout(length, step)
             index = np.arange(place.first, place.last)
             slopes = _slopes(mean, begin, end, length * step * dt)
-            leak = _by_band(_of_slopes(length, step * dt, index, *slopes), place)
+            leak = place.means(_of_slopes(length, step * dt, index, *slopes))
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
             left = power[place.bands] - leak
@@ -116,7 +116,3 @@ def _of_slopes(length: int, step: float, index: NDArray[np.int64], before: Array
     sign = np.where(index % 2, -1.0, 1.0)
     square, both = float(np.mean(before**2 + after**2)), float(np.mean(2 * before * after))
     return np.asarray(spectrum.end_dct(length, step, index)**2 * (square - sign * both))
-
-
-def _by_band(values: Array, place: Layout) -> Array:
-    return np.asarray(np.add.reduceat(values, place.starts) / place.counts)

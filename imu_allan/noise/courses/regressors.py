@@ -71,7 +71,7 @@ class RecordSpectrum:
             which = slow & self.keep
         return SlowCoefficients(self.pieces, count, which[slow], self.dt, self.bins.design[which],
                                 self.bins.coefficient[self.axis, which],
-                                -np.sqrt(np.maximum(self.bins.ramp[which], 0)))
+                                self.bins.of_ramp[which])
 
     def groups(self, *courses: Course) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
@@ -125,7 +125,7 @@ class RecordSpectrum:
         keep = is_little(leak, doubt, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
-        one = replace(bins, power=power, cross=bins.cross[own], coefficient=bins.coefficient[own],
+        one = replace(bins, power=power, coefficient=bins.coefficient[own],
                       ramp=np.maximum(bins.ramp, 0.0))
         return replace(self, bins=one, axis=0, keep=keep)
 

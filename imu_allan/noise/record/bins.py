@@ -28,8 +28,6 @@ class Bins:
     dof: Array    # (bins,): how many squared coefficients were averaged
     power: Array    # (axes, bins): their mean, in squared sample units
     design: Array    # (bins, 4): expected power for a coefficient 1 of each term
-    # (axes, bins): coefficient times that of a unit ramp; zero but in the whole-record part
-    cross: Array
     # (axes, bins): the coefficient itself, with its sign; zero but in the whole-record part
     coefficient: Array
     # (bins,): squared coefficient of a unit ramp, negative where the sign of the ramp is
@@ -42,6 +40,11 @@ class Bins:
     # (bins,): which piece a bin is from, and its DCT index there
     piece: NDArray[np.int64]
     index: NDArray[np.int64]
+
+    @property
+    def of_ramp(self) -> Array:
+        """Coefficients of a unit ramp in the whole-record part, shape (bins,); zero in blocks."""
+        return np.asarray(-np.sqrt(np.maximum(self.ramp, 0.0)))
 
     @cached_property
     def band(self) -> NDArray[np.int64]:
@@ -99,10 +102,10 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
         known = 1 - max(piece.gaps.filled, bridges.share if piece.step == 1 else 0.0)
         parts.append(Bins(
             index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
-            piece.power[:, part], design, signed * ramp, signed, squared,
+            piece.power[:, part], design, signed, squared,
             np.full(len(index), piece.coefficients is not None),
             np.full(len(index), float(piece.step)), np.full(len(index), float(piece.length)),
             np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
-                                 axis=int(field.name in ('power', 'cross', 'coefficient')))
+                                 axis=int(field.name in ('power', 'coefficient')))
                   for field in fields(Bins)))

@@ -8,8 +8,9 @@ run in the lower ones. Two cells are neighbours where their keys differ by one; 
 relation in time is unknown, never touch.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from imu_allan.noise.record.side_by_side import AXES_FIRST
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +30,8 @@ class Cells:
     """Some cells in order of time."""
 
     keys: Keys    # (n,): strictly increasing
-    sums: Array    # (axes, n): sum of the samples that fell into each cell
+    # (axes, n): sum of the samples that fell into each cell
+    sums: Array = field(metadata=AXES_FIRST)
     counts: NDArray[np.int64]    # (n,): how many samples these were
 
     def __len__(self) -> int:

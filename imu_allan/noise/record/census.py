@@ -10,7 +10,7 @@ the output, and which axes give the same samples.
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.side_by_side import AXES_FIRST, AXES_SECOND, AXES_TWICE, SideBySide
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,19 +60,20 @@ class Census(SideBySide):
 
     samples: int = 0    # how many were counted
     # (axes,)
-    lowest: Array = field(init=False)
-    highest: Array = field(init=False)
+    lowest: Array = field(init=False, metadata=AXES_FIRST)
+    highest: Array = field(init=False, metadata=AXES_FIRST)
     # (2, axes): how many samples stand at the lowest and at the highest
-    at_ends: Counts = field(init=False)
+    at_ends: Counts = field(init=False, metadata=AXES_SECOND)
     # (axes,): the least change from a sample to the next, but for few that are smaller;
     # infinite where nothing changes
-    step: Array = field(init=False)
-    zeros: Counts = field(init=False)    # (axes,): how many samples are zero
+    step: Array = field(init=False, metadata=AXES_FIRST)
+    # (axes,): how many samples are zero
+    zeros: Counts = field(init=False, metadata=AXES_FIRST)
     # (axes, bins): how many are of each magnitude, see `lower_edge`, up to an octave beyond
     # the end of the hole about zero
-    sizes: Counts = field(init=False)
+    sizes: Counts = field(init=False, metadata=AXES_FIRST)
     # (axes, axes): flags of pairs that nothing has told apart
-    alike: NDArray[np.int8] = field(init=False)
+    alike: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -156,14 +157,6 @@ class Census(SideBySide):
         self.sizes += other.sizes
         self.alike &= other.alike
         self.samples += other.samples
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes = len(axes)
-        self.lowest, self.highest = self.lowest[axes], self.highest[axes]
-        self.at_ends, self.step = self.at_ends[:, axes], self.step[axes]
-        self.zeros, self.sizes = self.zeros[axes], self.sizes[axes]
-        self.alike = np.triu(self.alike[np.ix_(axes, axes)], 1)
 
     def check(self) -> None:
         """Raise ValueError where fields that were saved do not belong together."""

@@ -11,9 +11,10 @@ from itertools import pairwise
 from imu_allan.noise.record.bridges import Bridges, BridgeSums
 from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.census import Census
-from imu_allan.noise.record.periodogram import BLOCK, Periodogram
+from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.segments import SHORTEST_SEGMENT
+from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 from imu_allan.noise.record.signal_over_time import Signal
 from imu_allan.state import restored, State, state_of
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-CHUNK = 4 * BLOCK
+CHUNK = SHORTEST_SEGMENT
 """Whole blocks of the spectrum, which numpy takes at once: 0.8 MB for six axes."""
 
 
@@ -73,14 +74,14 @@ class Estimator(SideBySide):
     run: int = 0
     first: int = 0
     held: int = 0
-    reference: Array | None = None
+    reference: Array | None = field(default=None, metadata=AXES_FIRST)
     stand_ins: list[int] = field(default_factory=list)
     bridge_sums: BridgeSums = field(default_factory=BridgeSums)
     pyramid: Pyramid = field(init=False)
     periodogram: Periodogram = field(init=False)
     signal: Signal = field(init=False)
     census: Census = field(init=False)
-    chunk: Array = field(init=False)
+    chunk: Array = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -214,13 +215,6 @@ class Estimator(SideBySide):
         twin = self.copy()
         twin.keep(list(axes))
         return twin
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes, self.chunk = len(axes), self.chunk[axes]
-        self.reference = None if self.reference is None else self.reference[axes]
-        for part in (self.pyramid, self.periodogram, self.signal, self.census):
-            part.keep(axes)
 
     @property
     def mean(self) -> Array:

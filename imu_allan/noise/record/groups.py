@@ -104,8 +104,8 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step),
-                   bands.mean(bins.length))
+                   bands.mean(bins.coefficient[axis] * bins.of_ramp), bands.mean(bins.ramp),
+                   bands.mean(bins.step), bands.mean(bins.length))
     return _regressed(still, bands, bins, axis, regressors)
 
 
@@ -143,7 +143,7 @@ def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: 
                ) -> Groups:
     """Lay the ramp and other regressors to groups."""
     whole = np.flatnonzero(bins.whole)
-    columns = [-np.sqrt(np.maximum(bins.ramp[whole], 0)),
+    columns = [bins.of_ramp[whole],
                *([] if regressors is None else regressors[whole].T)]
     along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
     among = np.empty((len(bands.dof), len(columns), len(columns)))
@@ -151,6 +151,12 @@ def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: 
         for j, other in enumerate(columns[:i + 1]):
             among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
     return replace(still, along=np.stack(along, axis=1), among=among)
+
+
+def stacked(parts: Sequence[Groups]) -> Groups:
+    """Put groups of one record, with as many regressors, one behind the other."""
+    return Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
+                    for field in fields(Groups) if field.name != 'record'))
 
 
 def joined_groups(parts: Sequence[Groups]) -> Groups:
@@ -164,6 +170,5 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     most = max(part.along.shape[1] for part in parts if part.along is not None)
     parts = [part.widened(most) for part in parts]
     record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
-    every = Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
-                     for field in fields(Groups) if field.name != 'record'))
+    every = stacked(parts)
     return replace(every, record=record).taken(np.argsort(every.frequency, kind='stable'))

@@ -3,31 +3,29 @@
 """The spectrum and the means of part of a record, read off a finished periodogram."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.bridges import Bridges, NO_BRIDGES
 from imu_allan.noise.record.cells import Cells
-from imu_allan.noise.record.groups import grouped, Groups
+from imu_allan.noise.record.groups import grouped, Groups, stacked
 from imu_allan.noise.record.periodogram import (
-    BLOCK,
     HIGHEST_OF_MEANS,
     Periodogram,
     SpectrumPiece,
     unbroken,
+    whole_piece,
 )
 from imu_allan.noise.record.segments import (
-    Layout,
     layout,
-    MEANS,
     OCTAVES,
     PER_OCTAVE,
     SHORTEST_SEGMENT,
+    TRANSFORMS,
 )
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
@@ -71,8 +69,7 @@ class Part:
         found = [] if self._slow is None else [grouped(self._slow, axis)]
         if self.periodogram.cell > 1:
             found.append(self._banded(axis))
-        groups = Groups(*(np.concatenate([getattr(part, field.name) for part in found])
-                          for field in fields(Groups) if field.name != 'record'))
+        groups = stacked(found)
         keep = np.ones(len(groups.frequency), dtype=bool)
         for line in lines_hz:
             keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE
@@ -82,15 +79,9 @@ class Part:
     def _slow(self) -> Bins | None:
         """Spectrum of the series, up to the border."""
         cell = self.periodogram.cell
-        pieces = []
-        for points, gaps, start in unbroken(
-                part_cells(self.periodogram, self.first, self.last), cell):
-            length = points.shape[1]
-            end = min(length, int(np.ceil(2 * length * cell * self._border)))
-            if end > 1:
-                coefficients = dct(points, norm='ortho')
-                pieces.append(SpectrumPiece(cell, length, 1, 1, end, coefficients**2,
-                                            coefficients, gaps, start))
+        pieces = [piece for points, gaps, start in unbroken(
+            part_cells(self.periodogram, self.first, self.last), cell)
+            if (piece := whole_piece(points, cell, cell * self._border, gaps, start)).last > 1]
         return bins_of(pieces, self.dt, self.bridges) if pieces else None
 
     @cached_property
@@ -100,7 +91,7 @@ class Part:
         if self.periodogram.cell == 1:
             return 0.5
         highest = HIGHEST_OF_MEANS / self.periodogram.cell
-        slow = layout(SHORTEST_SEGMENT // MEANS, MEANS)
+        slow = layout(*TRANSFORMS[0])
         seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
         samples = min(self.last * segments.width, segments.samples) - self.first * segments.width
         whole = seen * SHORTEST_SEGMENT > _ENOUGH * samples
@@ -112,17 +103,17 @@ class Part:
         dof = segments.dof[self.first:self.last].sum(axis=0)
         power = segments.power[axis, self.first:self.last].sum(axis=0)
         parts = []
-        for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
+        for length, step in TRANSFORMS:
             place = layout(length, step)
             frequency, design, ramp = _shapes(length, step, self.dt, self.bridges)
             keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
             bands = place.bands[keep]
             nothing = np.zeros(len(bands))
-            parts.append((frequency[keep], dof[bands].astype(np.float64),
-                          power[bands] / dof[bands], design[keep], nothing, ramp[keep],
-                          np.full(len(bands), float(step)), np.full(len(bands), float(length)),
-                          nothing[:, None], nothing[:, None, None]))
-        return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+            parts.append(Groups(
+                frequency[keep], dof[bands].astype(np.float64), power[bands] / dof[bands],
+                design[keep], nothing, ramp[keep], np.full(len(bands), float(step)),
+                np.full(len(bands), float(length)), nothing[:, None], nothing[:, None, None]))
+        return stacked(parts)
 
 
 @lru_cache(maxsize=16)
@@ -132,11 +123,4 @@ def _shapes(length: int, step: int, dt: float, bridges: Bridges
     place = layout(length, step)
     nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
     bins = bins_of([nothing], dt, bridges)
-    return (_by_band(bins.frequency, place), _by_band(bins.design, place),
-            _by_band(bins.ramp, place))
-
-
-def _by_band(values: Array, place: Layout) -> Array:
-    """Mean over the coefficients of each band; the first axis is that of the coefficients."""
-    sums = np.add.reduceat(values, place.starts, axis=0)
-    return np.asarray(sums / place.counts.reshape(-1, *[1] * (values.ndim - 1)))
+    return place.means(bins.frequency), place.means(bins.design), place.means(bins.ramp)

@@ -29,8 +29,8 @@ from imu_allan.noise.record.cells import (
     RUN_SHIFT,
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
-from imu_allan.noise.record.segments import Segments
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.segments import BLOCK, Segments
+from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,6 @@ from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
-BLOCK = 4096
-"""Points of a whole block."""
 STAGE_OCTAVES = 6
 """A stage sees means of 2**6 points of the stage before."""
 SERIES = 8192
@@ -86,11 +84,25 @@ class SpectrumPiece:
         return 1 / (2 * self.length * self.step * dt)
 
 
+def whole_piece(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
+                start: int = 0) -> SpectrumPiece:
+    """
+    Transform a part of a record as one block.
+
+    `points`, shape (axes, n): means over `step` samples. `top`: cycles per point up to which the
+    piece is good. `gaps`, `start`: as in `SpectrumPiece`.
+    """
+    length, coefficients = points.shape[1], dct(points, norm='ortho')
+    last = min(length, int(np.ceil(2 * length * top)))
+    return SpectrumPiece(step, length, 1, 1, last, coefficients**2, coefficients, gaps, start)
+
+
 @dataclass(eq=False)
 class BlockSum(Record):
     """Sum over the blocks of one length."""
 
-    power: Array    # (axes, length): sum of squared DCT-II coefficients
+    # (axes, length): sum of squared DCT-II coefficients
+    power: Array = field(metadata=AXES_FIRST)
     blocks: int = 0
     # Sum over the blocks of the variance that half-full points add to white noise of 1
     excess: float = 0.0
@@ -172,13 +184,6 @@ class Stage(SideBySide):
                 self.waiting = joined(stretch.take(slice(whole, None)), growing)
             self.add(stretch.means[:, :whole], (size / stretch.counts)[:whole])
 
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes = len(axes)
-        self.waiting = replace(self.waiting, sums=self.waiting.sums[axes])
-        for own in self.sums.values():
-            own.power = own.power[axes]
-
     def merge(self, other: 'Stage') -> None:
         """Add the sums of another finished record."""
         for length, theirs in other.sums.items():
@@ -257,13 +262,8 @@ class Periodogram(SideBySide):
     def pieces(self) -> list[SpectrumPiece]:
         """Return the spectrum from the slowest to the fastest part, without overlap."""
         top = 0.5 if self.cell == 1 else HIGHEST_OF_MEANS
-        found = []
-        for points, gaps, start in unbroken(self.series, self.cell):
-            length = points.shape[1]
-            coefficients = dct(points, norm='ortho')
-            last = length if self.cell == 1 else int(np.ceil(2 * length * top))
-            found.append(SpectrumPiece(self.cell, length, 1, 1, last, coefficients**2,
-                                       coefficients, gaps, start))
+        found = [whole_piece(points, self.cell, top, gaps, start)
+                 for points, gaps, start in unbroken(self.series, self.cell)]
         if self.cell == 1:
             return found
         border = top / self.cell
@@ -281,13 +281,6 @@ class Periodogram(SideBySide):
                                            own.power / own.blocks, gaps=own.gaps))
             border = max(border, _LOWEST / step)
         return found
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes = len(axes)
-        self.series = replace(self.series, sums=self.series.sums[axes])
-        for part in (self.segments, *self.stages):
-            part.keep(axes)
 
     def shift_cells(self, values: Array) -> None:
         """Add values to all samples of the cells of the series, for their shape (axes, cells)."""

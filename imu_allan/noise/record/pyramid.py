@@ -18,7 +18,7 @@ D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measure
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.side_by_side import AXES_FIRST, AXES_SECOND, SideBySide
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,13 +41,15 @@ class Pyramid(SideBySide):
 
     # (octaves, axes): sum of squared second differences of phase at cluster size
     # ``2**octave``, in squared sample units
-    sums: Array = field(init=False)
+    sums: Array = field(init=False, metadata=AXES_SECOND)
     # (octaves,): how many differences each sum holds
     counts: NDArray[np.int64] = field(init=False)
-    newest: Array = field(init=False)    # (axes, n): the last samples
+    # (axes, n): the last samples
+    newest: Array = field(init=False, metadata=AXES_FIRST)
     # Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd
     odd: list[int] = field(init=False)
-    tails: list[Array] = field(init=False)    # (axes, n): of the stages behind: the last sums
+    # (axes, n): of the stages behind: the last sums
+    tails: list[Array] = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -70,7 +72,7 @@ class Pyramid(SideBySide):
         known, n = self.newest.shape[1], rows.shape[1]
         # Memory that is used again takes a third of the time off. What is read lies in one of the
         # last two arrays, what is written in the other.
-        if self._work.shape[2] < known + n:
+        if len(self._work[0]) != self.axes or self._work.shape[2] < known + n:
             self._work = np.empty((3, self.axes, known + n))
         room = self._work
         window = room[2][:, :known + n]
@@ -116,12 +118,6 @@ class Pyramid(SideBySide):
         self.odd += [0] * more
         self.sums = np.concatenate((self.sums, np.zeros((more, self.axes))))
         self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes, self.sums, self.newest = len(axes), self.sums[:, axes], self.newest[axes]
-        self.tails = [tail[axes] for tail in self.tails]
-        self._work = np.empty((3, self.axes, 0))
 
     def merge(self, other: 'Pyramid') -> None:
         """Add the sums of another record of the same axes."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 SEGMENTS = 16
 """Most segments: halves and quarters of a record are whole segments, and each still has many
 blocks."""
-SHORTEST_SEGMENT = 16_384
+BLOCK = 4096
+"""Points of a whole block."""
+SHORTEST_SEGMENT = 4 * BLOCK
 """Samples of a segment at first: what the estimator takes in at once."""
 OCTAVES = 12
 """The slowest band begins at 2**-12 cycles per sample: the means of the series lie below it."""
@@ -32,6 +34,8 @@ PER_OCTAVE = 8
 """A line costs three of them: coarser ones lose more beside it, finer ones hold fewer degrees."""
 MEANS = 64
 """Samples in a mean of the slower of two transforms, as in the first stage of the spectrum."""
+TRANSFORMS = ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1))
+"""Points of the two, and samples in a point: the slower bands are of the first."""
 _BANDS = PER_OCTAVE * (OCTAVES - 1)
 """The fastest octave ends at half the sample rate."""
 _BORDER = 1 / 256
@@ -51,6 +55,11 @@ class Layout(NamedTuple):
     starts: NDArray[np.int64]    # (bands,): where each band begins, counted from `first`
     bands: NDArray[np.int64]    # (bands,): numbers of these bands
     counts: NDArray[np.int64]    # (bands,): coefficients in each
+
+    def means(self, values: Array) -> Array:
+        """Average over the coefficients of each band; the first dimension is theirs."""
+        sums = np.add.reduceat(values, self.starts, axis=0)
+        return np.asarray(sums / self.counts.reshape(-1, *[1] * (values.ndim - 1)))
 
 
 @lru_cache(maxsize=64)
@@ -78,7 +87,7 @@ class Segments(SideBySide):
     samples: int = 0    # samples taken in
     # (axes, SEGMENTS, bands): sum of squared orthonormal DCT-II coefficients, in squared
     # sample units
-    power: Array = field(init=False)
+    power: Array = field(init=False, metadata=AXES_FIRST)
     # (SEGMENTS, bands): how many coefficients were added
     dof: NDArray[np.int64] = field(init=False)
 
@@ -140,10 +149,6 @@ class Segments(SideBySide):
             self.power[:, at] += theirs.power[:, number]
             self.dof[at] += theirs.dof[number]
         self.samples += theirs.samples
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes, self.power = len(axes), self.power[axes]
 
     def check(self) -> None:
         """Raise ValueError where fields that were saved do not belong together."""

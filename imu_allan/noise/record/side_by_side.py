@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every part of the estimator has in common."""
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 from imu_allan.state import Record
+import numpy as np
 
+AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
+"""Of the field of an array: which of its dimensions is that of the axes."""
 _MOST = 1024
 """Far beyond what a sensor has: bounds what a damaged state may claim."""
 
@@ -27,5 +32,25 @@ class SideBySide(Record):
         raise NotImplementedError
 
     def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        raise NotImplementedError
+        """Let go of all other axes; those that stay are named in their order."""
+        vars(self).update(vars(_kept(self, axes, ())))
+
+
+def _kept(part: Any, axes: list[int], dimensions: tuple[int, ...]) -> Any:
+    """Return what stays of a part of a record."""
+    if isinstance(part, np.ndarray):
+        for dimension in dimensions:
+            part = part.take(axes, dimension)
+        return part
+    if isinstance(part, list):
+        return [_kept(one, axes, dimensions) for one in part]
+    if isinstance(part, dict):
+        return {key: _kept(one, axes, dimensions) for key, one in part.items()}
+    if not is_dataclass(part):
+        return part
+    twin = copy(part)
+    for one in fields(part):
+        vars(twin)[one.name] = _kept(getattr(part, one.name), axes, one.metadata.get('axes', ()))
+    if isinstance(twin, SideBySide):
+        twin.axes = len(axes)
+    return twin

@@ -11,7 +11,7 @@ borders of the columns lie depends on the places alone and not on how the sample
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,9 +88,9 @@ class Signal(SideBySide):
     place: int = 0    # of the next sample
     counts: NDArray[np.int64] = field(init=False)    # (COLUMNS,): samples in each column
     # (axes, COLUMNS): of them; merging columns needs nothing else
-    sums: Array = field(init=False)
-    low: Array = field(init=False)
-    high: Array = field(init=False)
+    sums: Array = field(init=False, metadata=AXES_FIRST)
+    low: Array = field(init=False, metadata=AXES_FIRST)
+    high: Array = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -161,11 +161,6 @@ class Signal(SideBySide):
         self.low[:, there] = theirs.low[:, :count] + shift[:, None]
         self.high[:, there] = theirs.high[:, :count] + shift[:, None]
         self.place = begin * self.width + theirs.place
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes = len(axes)
-        self.sums, self.low, self.high = self.sums[axes], self.low[axes], self.high[axes]
 
     def check(self) -> None:
         """Raise ValueError where fields that were saved do not belong together."""

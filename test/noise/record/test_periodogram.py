@@ -3,7 +3,8 @@
 """The parts of the spectrum: each what it says, together the whole band and nothing twice."""
 
 from imu_allan.noise.record.estimator import CHUNK
-from imu_allan.noise.record.periodogram import BLOCK, Periodogram, SERIES, SHORTEST, Stage
+from imu_allan.noise.record.periodogram import Periodogram, SERIES, SHORTEST, Stage
+from imu_allan.noise.record.segments import BLOCK
 import numpy as np
 import pytest
 from scipy.fft import dct
