@@ -13,13 +13,7 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.faults.axis_fault import (
-    axis_fault,
-    Constant,
-    sample_noise,
-    StoodStill,
-)
-from imu_allan.noise.faults.saturation import CutOff
+from imu_allan.noise.faults import axis_fault, Constant, CutOff, sample_noise, StoodStill
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.answer import Estimate

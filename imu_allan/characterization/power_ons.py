@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.taken import FinishedRecord
-from imu_allan.noise.faults.saturation import is_cut_off
+from imu_allan.noise.faults import is_cut_off
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record

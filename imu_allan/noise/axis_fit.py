@@ -10,7 +10,7 @@ from imu_allan.noise.courses.mean_in_blocks import Course, without_mean
 from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycles
 from imu_allan.noise.courses.temperature import TemperatureCourse
-from imu_allan.noise.faults.axis_fault import axis_fault, steps_hide_noise
+from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
 from imu_allan.noise.posterior.courses import CourseKind, COURSES, lags_of, with_temperature

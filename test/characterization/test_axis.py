@@ -13,7 +13,7 @@ from imu_allan.characterization.axis import (
     widened,
 )
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.faults.axis_fault import sample_noise
+from imu_allan.noise.faults import sample_noise
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity, TERMS
