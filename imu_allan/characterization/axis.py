@@ -23,6 +23,7 @@ from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.tones import strongest
+from imu_allan.noise.uncertainty import below_curve, CERTAIN, leaves_at
 from imu_allan.result import (
     AxisResult,
     Coefficient,
@@ -45,14 +46,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_CERTAIN = 0.9998
-"""Level of the interval that the model has to lie in: 1 point in 5000 is outside by chance."""
-_SLIGHT = 0.05
-"""Relative distance from that interval that a user does not care about."""
-_FEW = 64.0
-"""Degrees of freedom up to which a point of the curve belongs to the slow end."""
-_MOST_TOO_LOW = 0.9
-"""Share: beyond, the interval has no upper end that says anything. A judgment."""
 _HINTED = 0.25
 """Presence of a term from which on there is something that a longer record may show."""
 _NO_DENSITY = 1e-60
@@ -182,14 +175,14 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         for key, estimate in fitted.estimates.items()}
     curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
     if fitted.high_pass_hz is None:
-        highest = interval(points.avar[:, axis], np.array(curve.edf), _CERTAIN)[1]
-        coefficients |= {key: _below_curve(coefficients[key], key, curve, highest)
+        highest = interval(points.avar[:, axis], np.array(curve.edf), CERTAIN)[1]
+        coefficients |= {key: below_curve(coefficients[key], key, curve, highest)
                          for key in SLOW_TERMS}
-    leaves_at = None if fitted.mean_moves or fitted.high_pass_hz else _leaves_at(
+    leaves_s = None if fitted.mean_moves or fitted.high_pass_hz else leaves_at(
         points, axis, curve, [_model(found, drift), _model(found, None)], dt)
-    if leaves_at is not None and fitted.acceptable:
+    if leaves_s is not None and fitted.acceptable:
         # The model does not follow the curve at its long end.
-        remarks.append(finding('poor_fit', leaves_at_s=leaves_at))
+        remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
     named, weaker = strongest(found.lines)
     # A column for unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
@@ -201,7 +194,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         weaker_tones=weaker,
         coefficients={key: coefficients[key] for key in TERMS},
         goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
-                                      fitted.acceptable and leaves_at is None),
+                                      fitted.acceptable and leaves_s is None),
         curve=curve,
         drift_model=drift,
         gauss_markov=process,
@@ -227,31 +220,6 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
         # A longer record shows what it is, not how large.
         return forecast | {'rate_random_walk': (None, None)}
     return forecast
-
-
-def bounded(axis: AxisResult) -> AxisResult:
-    """Return an axis whose slow terms are upper bounds: something else may have made them."""
-    coefficients = dict(axis.coefficients)
-    for key in SLOW_TERMS:
-        if (found := coefficients[key]).observable and found.ci95 is not None:
-            coefficients[key] = replace(
-                found, observable=False, value=None, ci95=None, upper95=found.ci95[1],
-                observable_in_s=None, ci_halves_in_s=None)
-    return with_model_curve(replace(axis, coefficients=coefficients))
-
-
-def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
-    """Return an axis whose noise density may be off by such shares, too, beside chance."""
-    if not (too_low or too_high):
-        return axis
-    found = axis.coefficients['noise_density']
-    most = 1 / (1 - min(too_low, _MOST_TOO_LOW))
-    if found.ci95 is not None:
-        low, high = found.ci95
-        found = replace(found, ci95=(low / (1 + too_high), high * most))
-    if found.upper95 is not None:
-        found = replace(found, upper95=found.upper95 * most)
-    return replace(axis, coefficients=dict(axis.coefficients) | {'noise_density': found})
 
 
 def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
@@ -361,32 +329,6 @@ def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
     return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
                  _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),
                  (0.0,) * len(tau))
-
-
-def _below_curve(found: Coefficient, key: str, curve: Curve, highest: Array) -> Coefficient:
-    """Return a bound that the measured curve allows: no term alone lies above it."""
-    if found.upper95 is None or not len(highest):
-        return found
-    most = float(np.min(highest / TERMS[key].adev(1.0, np.array(curve.tau_s))))
-    return replace(found, upper95=min(found.upper95, most))
-
-
-def _leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float
-               ) -> float | None:
-    """
-    Averaging time from which the measured curve lies outside the bands of all models, if it does.
-
-    The residuals of the spectrum do not show it: the slow end has only a few of them. The fast
-    end is theirs. A drift model knows little of the fast noise in a short record; only where the
-    fitted terms, too, lie outside there is no description.
-    """
-    dof = np.array(curve.edf)
-    low, high = interval(points.avar[:, axis], dof, _CERTAIN)
-    outside = dof < _FEW
-    for model in models:
-        adev = np.sqrt(model.allan_variance(points.size, dt))
-        outside &= (adev < low * (1 - _SLIGHT)) | (adev > high * (1 + _SLIGHT))
-    return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 
 def _pairs(avar: Array, dof: Array, level: float) -> tuple[Interval, ...]:

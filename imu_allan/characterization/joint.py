@@ -11,15 +11,9 @@ axes or filter) is refused; recordings that contradict each other are reported.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, inf, log, sqrt
+from math import exp, log, sqrt
 
-from imu_allan.characterization.axis import axis_results, widened
-from imu_allan.characterization.exponents import (
-    exponents_differ,
-    OF_THE_COMMON_FIT,
-    remark_on_exponents,
-    with_own_exponents,
-)
+from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
 from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.power_ons import turn_on_bias
@@ -34,9 +28,15 @@ from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
+from imu_allan.noise.uncertainty import (
+    densities_of,
+    exponents_differ,
+    widened,
+    widened_interval,
+    with_own_exponents,
+)
 from imu_allan.result import (
     AxisResult,
-    Coefficient,
     RecordingPart,
     Result,
     Source,
@@ -97,8 +97,8 @@ def joint_result(recordings: Sequence[Characterization],
                    if part.result.axes[name].spectrum is not None}
         if exponents_differ(axis, list(singles.values())):
             fitted[name] = with_own_exponents(axis, list(singles.values())), [
-                remark_on_exponents(singles),
-                *(remark for remark in own if remark.code not in OF_THE_COMMON_FIT)]
+                remark_on_exponents(singles), *(remark for remark in own if remark.code not in (
+                    'power_law', 'gauss_markov', 'band_limited'))]
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
     axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                                   stationarity=_stationarity(name, parts)), *error)
@@ -236,6 +236,17 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
                                 axis.copy_of))
 
 
+def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
+    """
+    Say what the slow noise of an axis is in each recording.
+
+    `singles`: of each recording that has a fit.
+    """
+    return finding('power_law', recordings=list(singles), exponents=[
+        None if axis.power_law is None else axis.power_law.exponent for axis in singles.values()],
+        density_is_mean=bool(densities_of(singles.values())))
+
+
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
     """Add up what was seen; spans count on from recording to recording."""
     timelines = [part.result.timeline for part in parts]
@@ -324,20 +335,6 @@ def variance_within(name: str, key: str, parts: Sequence[_Part]) -> float:
             share = part.result.timeline.duration_s / whole
             variance += (share * own.between / own.value)**2
     return variance
-
-
-def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 0.0
-                     ) -> Coefficient:
-    """Move the ends of an interval away from its value, in logarithms."""
-    assert found.value is not None
-    assert found.ci95 is not None
-    ends = []
-    for sign, bound in zip((-1, 1), found.ci95, strict=True):
-        # An interval that begins at 0 cannot begin lower.
-        far = abs(log(bound / found.value)) if bound > 0 else inf
-        far = sqrt(far**2 + NORMAL95**2 * variance) if variance else factor * far
-        ends.append(found.value * exp(sign * far))
-    return replace(found, ci95=(ends[0], ends[1]))
 
 
 def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:

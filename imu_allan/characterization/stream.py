@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
-from imu_allan.characterization.axis import axis_results, bounded, widened
+from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import (
     halves_remarks,
     length_remarks,
@@ -31,6 +31,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.record.census import SAME
 from imu_allan.noise.terms import AXES
+from imu_allan.noise.uncertainty import bounded, widened
 from imu_allan.result import AxisResult, Backtest, Result, Source
 from imu_allan.sensor.plausible import implausible
 from imu_allan.state import part_of, Record, restored, State, state_of

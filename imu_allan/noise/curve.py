@@ -23,7 +23,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.pyramid import OVERLAP
-from imu_allan.noise.terms import power_law_avar
+from imu_allan.noise.terms import power_law_avar, SPECTRAL_TERMS
 from imu_allan.result import PowerLaw
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +34,6 @@ _LAGS = 64
 """In clusters: differences further apart are taken for unrelated. More costs a fit its time."""
 _FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
 """The fourth difference: shifts in clusters, and weights."""
-_SHAPES = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_random_walk')
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     """
     tau = size * dt
     scales = np.array([1.0, tau, tau**2, tau**3])
-    squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in _SHAPES]) ** 2 * scales
+    squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in SPECTRAL_TERMS]) ** 2 * scales
     if not squares.any() and power_law is None:
         squares[1] = 1.0
     lags = min(count, int(_LAGS * size / stride))

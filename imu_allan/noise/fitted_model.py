@@ -13,6 +13,7 @@ from imu_allan.noise.terms import (
     line_avar,
     low_passed_avar,
     power_law_avar,
+    SPECTRAL_TERMS,
     TERMS,
 )
 from imu_allan.result import AxisResult, GaussMarkov, PowerLaw, Tone
@@ -21,9 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = {
-    'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
-    'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+_SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(SPECTRAL_TERMS, (
+    spectrum.quantization, spectrum.white, spectrum.flicker, spectrum.random_walk), strict=True))
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,8 @@ TERMS: dict[str, Term] = {
 
 LASTING_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
 """N, B and K: what is the sensor's own. Q is its output's, R this record's."""
+SPECTRAL_TERMS = ('quantization_noise', *LASTING_TERMS)
+"""Those that are noise and have a spectrum: all but the ramp."""
 SLOW_TERMS = ('bias_instability', 'rate_random_walk')
 """Those of them that a filter follows as a bias, and that take the longest record."""
 _IN_OCTAVE = 8

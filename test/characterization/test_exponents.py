@@ -3,12 +3,9 @@
 from dataclasses import replace
 
 from imu_allan import characterize, simulate
-from imu_allan.characterization.exponents import (
-    exponents_differ,
-    remark_on_exponents,
-    with_own_exponents,
-)
+from imu_allan.characterization.joint import remark_on_exponents
 from imu_allan.finding import finding
+from imu_allan.noise.uncertainty import exponents_differ, with_own_exponents
 from imu_allan.result import PowerLaw
 import pytest
 

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 
 from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import joint_result, variance_within, widened_interval
+from imu_allan.characterization.joint import joint_result, variance_within
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import AXES, SLOW_TERMS
+from imu_allan.noise.uncertainty import widened_interval
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import check

@@ -8,11 +8,12 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import imu_allan
-from imu_allan.characterization.axis import bounded, characterize
+from imu_allan.characterization.axis import characterize
 from imu_allan.finding import Finding
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance
+from imu_allan.noise.uncertainty import bounded
 from imu_allan.result import (
     Curve,
     DriftModel,
