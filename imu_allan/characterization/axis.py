@@ -46,13 +46,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_HINTED = 0.25
-"""Presence of a term from which on there is something that a longer record may show."""
-_NO_DENSITY = 1e-60
-"""Where none was seen: a density whose fourth power is a number."""
-_DIGITS_OF_RANGE = 5
-"""Decimal digits of the signal over time, counted from those of its range."""
-
 
 def characterize(samples: ArrayLike, sample_rate_hz: float,
                  quantity: str = 'angular_velocity') -> AxisResult:
@@ -211,8 +204,9 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
     if fitted.power_law is not None:
         # A longer record would know a power law better, too: of that there is no forecast.
         return {}
+    # From such a presence on there is something that a longer record may show.
     forecast = outlook(
-        {key: e.value if e.presence > _HINTED else 0.0 for key, e in fitted.estimates.items()},
+        {key: e.value if e.presence > 0.25 else 0.0 for key, e in fitted.estimates.items()},
         {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
     if fitted.high_pass_hz is not None:
         return forecast | dict.fromkeys(SLOW_TERMS, (None, None))
@@ -240,7 +234,8 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
     model_of = FittedModel(found.fit.values, power_law=found.fit.power_law)
     ratio = white_ratio(powers, axis, density.value**2, model_of.density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
-    drift = _drift_levels(powers, axis, dt, max(density.value, _NO_DENSITY)**2, model)
+    # Where none was seen: a density whose fourth power is a number.
+    drift = _drift_levels(powers, axis, dt, max(density.value, 1e-60)**2, model)
     segments = []
     for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
         own, interval = None, None
@@ -290,7 +285,7 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
     for axis, reference in enumerate(finished.reference.tolist()):
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
         # A hundred thousandth of the range is far below what a picture shows, and short in JSON.
-        digits = max(0, _DIGITS_OF_RANGE - floor(log10(spread))) if spread > 0 else 17
+        digits = max(0, 5 - floor(log10(spread))) if spread > 0 else 17
         low, mean, high = (
             tuple(None if np.isnan(value) else round(value + reference, digits)
                   for value in rows[axis].tolist())

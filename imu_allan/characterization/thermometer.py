@@ -23,10 +23,6 @@ Ints = NDArray[np.int64]
 
 _SHORTEST_CELL = 1 << 26
 """In ns, 0.07 s: no sensor follows its temperature any faster."""
-_CELLS = 4096
-"""Of readings: half as many as the record itself has, and temperatures are slower."""
-_RUNS = 256
-"""Runs whose place on the clock is kept; with more of them the temperature of the oldest goes."""
 _SECOND = 1_000_000_000  # in ns
 _SCALE = 1_000_000
 """Readings are kept in millionths of a degree: sums of integers do not depend on their order."""
@@ -38,8 +34,6 @@ _LONGEST_GAP_S = 300.0
 settles in several minutes."""
 COVERED = 0.9
 """Share of the record that the readings have to cover; the rest keeps the nearest."""
-_STEPPING = 0.02
-"""Share of the range from which on steps of the readings are more than their noise."""
 _SHOWN = 128
 """Most stretches of the temperature in a result."""
 
@@ -111,7 +105,8 @@ class Thermometer(Record):
             self.step = min(self.step or int(changes.min()), int(changes.min()))
         self._add(stamps // self.width,
                   np.stack((scaled, np.ones(len(scaled), np.int64), scaled, scaled)))
-        while len(self.keys) > _CELLS:
+        # Half as many cells as the record itself has, and temperatures are slower.
+        while len(self.keys) > 4096:
             self.width *= 2
             keys, readings = self.keys // 2, self.readings
             self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
@@ -151,7 +146,8 @@ class Thermometer(Record):
             self.runs = self.runs.copy()
             self.runs[-1, 4:] = new[4:]
         else:
-            self.runs = np.concatenate((self.runs, new[None]))[-_RUNS:]
+            # With more runs the temperature of the oldest goes.
+            self.runs = np.concatenate((self.runs, new[None]))[-256:]
 
     def forget_samples(self) -> None:
         """Begin anew with the samples; the readings stay."""
@@ -198,7 +194,8 @@ class Thermometer(Record):
         course = None
         if covered >= COVERED and np.ptp(values[known]) > 0:
             values = np.interp(in_a_row, in_a_row[known], values[known])
-            if self.step > _STEPPING * np.ptp(values) * _SCALE:
+            # From a fiftieth of the range on steps of the readings are more than their noise.
+            if self.step > 0.02 * np.ptp(values) * _SCALE:
                 values = between_steps(in_a_row, values, self.step / _SCALE)
             course = TemperatureCourse(in_a_row * dt, values)
         return Temperature(covered, course, gaps, self.step / _SCALE)

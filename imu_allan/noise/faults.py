@@ -46,8 +46,6 @@ _COARSEST_STEP = 0.5
 In noise of a sample: beyond it the last cell holds a good part of the record by nature. A knock
 makes noise seem up to four times as large: steps of two sigma are still told from it.
 """
-_MISSED = 20.0
-"""Samples to expect beyond the end; that there are none happens once in e^20 records by chance."""
 _SURE = 3.0
 """Standard errors that a count of samples is off by at most."""
 _SHAKEN = 4.0
@@ -57,8 +55,6 @@ values crowd at both ends by nature. Of what is cut off at rest it is 1.4 at mos
 """
 _SHAKEN_OCTAVES = 7
 """Averaging times looked at for that: up to 64 samples, where drift does not show yet."""
-_FEWEST_CLUSTERS = 16
-"""Averaging times of so many clusters are asked for the noise."""
 
 
 class Constant(NamedTuple):
@@ -199,14 +195,17 @@ def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool
             or noises[:_SHAKEN_OCTAVES].max() > _SHAKEN * noise):
         return False
     share = max(count - _SURE * np.sqrt(count), 0.0) / samples
-    return bool(samples * ndtr(ndtri(share) - step / noise) >= _MISSED)
+    # So many samples are expected beyond the end: that there are none happens once in e^20
+    # records.
+    return bool(samples * ndtr(ndtri(share) - step / noise) >= 20.0)
 
 
 def _noise_over_times(finished: Estimator, axis: int) -> Array:
     """Return the noise of a sample by means over more and more: the same of white noise."""
     pyramid = finished.pyramid
     size = 2.0**np.arange(len(pyramid.counts))
-    known = (pyramid.counts > 0) & (_FEWEST_CLUSTERS * size <= finished.samples)
+    # Averaging times of so many clusters are asked.
+    known = (pyramid.counts > 0) & (16 * size <= finished.samples)
     # White noise: m avar(m) is its variance at every m.
     return np.asarray(np.sqrt(pyramid.sums[known, axis]
                               / (2 * pyramid.counts[known] * size[known])))

@@ -33,14 +33,6 @@ _FINEST = 1e-6
 """Smallest spread that is looked for, as a share of the scatter of the measured values."""
 _STEPS = 97
 """Spreads that are tried before the best is refined: 16 a decade."""
-_FEWEST_FREE = 2.0
-"""Units' worth of information on the spread below which its upper bound takes its place."""
-_FEWEST_FOR_OUTLIERS = 5
-"""Of fewer units nobody can say which is the odd one."""
-_MOST_OUTLIERS = 1 / 4
-"""Share of the units that may be outliers; more would be a population of their own."""
-_INLIERS_IN_A_ROW = 8
-"""Units that belong, one after the other, after which nobody is looked for behind them."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +72,9 @@ class Effects:
 
         z, shares = float(ndtri(share)), self._shares
         free, weight = float(np.sum(shares**2)) - 1, float(np.sum(shares))
-        if free < _FEWEST_FREE:
+        # With less than so many units' worth of information on the spread its upper bound takes
+        # its place.
+        if free < 2.0:
             spread = max(self.between_ci95[1], self.between)
             weights = 1 / np.maximum(spread**2 + self.errors**2, 1e-300)
             error = 1 / np.sqrt(float(np.sum(weights)))
@@ -218,13 +212,15 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
 
     y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     found = np.zeros(len(y), dtype=np.bool_)
-    if len(y) < _FEWEST_FOR_OUTLIERS:
+    # Of fewer units nobody can say which is the odd one.
+    if len(y) < 5:
         return found
     rest = np.arange(len(y))
     effects = random_effects(y, e)
     taken: list[int] = []
     last = 0
-    for _ in range(max(1, int(_MOST_OUTLIERS * len(y)))):
+    # More than a quarter would be a population of their own.
+    for _ in range(max(1, len(y) // 4)):
         scatter = np.sqrt(np.maximum(effects.between**2 + e[rest]**2, 1e-300))
         farthest = int(np.argmax(np.abs(y[rest] - effects.mean) / scatter))
         unit = int(rest[farthest])
@@ -236,7 +232,8 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
         threshold = float(t.isf(chance / (2 * (len(rest) + 1)), len(rest) - 1))
         if abs(y[unit] - effects.mean) > threshold * max(float(expected), 1e-300):
             last = len(taken)
-        if len(taken) - last == _INLIERS_IN_A_ROW:
+        # Behind so many units that belong, one after the other, nobody is looked for.
+        if len(taken) - last == 8:
             break
     found[taken[:last]] = True
     return found

@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 
 _STREAM_RATIO = 4.0
 """Of correlation times: the Allan deviation ripples by 0.03 %; by 0.01 % with 2, 0.5 % with 8."""
-_STREAM_LONGEST_S = 3e8
-"""Ten years: as long as any stream runs, its noise is flicker."""
 
 
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,
@@ -125,7 +123,8 @@ class NoiseStream:
         self._fast_flicker = 0.0
         times, sigmas = [], []
         if self._c['bias_instability']:
-            octaves = np.log(_STREAM_LONGEST_S / (self._dt / 64)) / np.log(_STREAM_RATIO)
+            # Ten years: as long as any stream runs, its noise is flicker.
+            octaves = np.log(3e8 / (self._dt / 64)) / np.log(_STREAM_RATIO)
             bank_times = self._dt / 64 * _STREAM_RATIO ** np.arange(int(np.ceil(octaves)))
             times += list(bank_times)
             sigma = self._c['bias_instability'] * np.sqrt(np.log(_STREAM_RATIO) / np.pi)

@@ -39,14 +39,10 @@ _SPLITS_HZ = (0.03, 0.3, 3.0)
 """Borders of the broad bands that findings speak of."""
 _DEPTH = 40
 """Octaves below the sample rate that bands are counted from: 30 years at 1 kHz."""
-_FIRST_INDEX = 3
-"""Coefficients 1 and 2 of a segment hold its trend, which is no change of the noise."""
 _FEWEST = 4.0
 """Degrees of freedom of a band in a segment, on average, from which its logarithm is of use."""
 _WEAKEST = 0.1
 """Share of the median density below which a band is behind a low-pass and only leaks."""
-_LEAST_RATIO = 1e-3
-"""30 dB less than the mean are as steady as nothing at all, whose logarithm would be endless."""
 _SMOOTH = 0.7
 """Octaves over which the spread is averaged: neighbouring half-octaves change together."""
 _SHORT_PARTS, _SHORT_CELLS = 8, 64
@@ -181,7 +177,8 @@ class _Table:
     def add(self, part: int, points: Array, cell: int, highest: float) -> None:
         """Add the coefficients of points, means of `cell` samples, up to a frequency a sample."""
         length = points.shape[1]
-        index = np.arange(_FIRST_INDEX, length)
+        # Coefficients 1 and 2 of a segment hold its trend, which is no change of the noise.
+        index = np.arange(3, length)
         index = index[index / (2 * length * cell) < highest]
         if not len(index):
             return
@@ -305,5 +302,6 @@ def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Arr
 def _spread(ratio: Array, dof: Array) -> Array:
     """Relative spread of power between segments beyond sampling error, by band."""
     noise = np.mean(2 / dof + 2 / dof**2, axis=0)
-    seen = np.var(np.log(np.maximum(ratio, _LEAST_RATIO)), axis=0, ddof=1)
+    # 30 dB less than the mean are as steady as nothing at all, whose logarithm would be endless.
+    seen = np.var(np.log(np.maximum(ratio, 1e-3)), axis=0, ddof=1)
     return np.asarray(np.sqrt(np.maximum(seen - noise, 0.0)))

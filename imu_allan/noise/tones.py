@@ -16,7 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import Solution
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import about_ramp
-from imu_allan.noise.record.periodogram import SpectrumPiece
+from imu_allan.noise.record.periodogram import longest_blocks, SpectrumPiece
 from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,6 @@ Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
 """Bins of the median: wide enough for a line to be few of them. A judgment: more blurs a knee."""
-_SHORTEST_PIECE = 512
-"""Points of a block below which lines are not sought: eight neighbourhoods, a judgment."""
 _FALSE_ALARM = 1e-4
 """Probability that a part of the spectrum shows a line by chance: shared among all its bins."""
 _LEAKS = (0.02, 0.3, 4.0)
@@ -52,12 +50,6 @@ NAMED = 32
 """So many lines, the strongest, have their own frequency and amplitude in a result."""
 _MANY = 8
 """Blocks from which on an average is smooth enough for broad lines and few neighbours."""
-_BROAD = 64
-"""Bins from which a rise is a hump with its centre of mass, not a line with a highest bin."""
-_LOWEST_FLOOR = 1e-9
-"""Of the mean level: 90 dB below is no noise, and a ratio to it is still a number."""
-_IMAGE = 2.0
-"""Times what known lines leave there a line is its own: among hundreds one is always near."""
 _OFF = 1.5
 """Spacings of coefficients, by which the frequency of a weak line may be off."""
 _CYCLE_OFF = 0.02
@@ -146,12 +138,12 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
                        first.slope)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
-    longest = {piece.step: max(p.length for p in pieces if p.step == piece.step)
-               for piece in pieces}
+    longest = longest_blocks(pieces)
     # The fastest part first: what it finds may stand again in a slower one, folded.
     for number in reversed(range(len(pieces))):
         piece = pieces[number]
-        if piece.length != longest[piece.step] or piece.length < _SHORTEST_PIECE:
+        # Eight neighbourhoods: in shorter blocks no lines are sought, a judgment.
+        if piece.length != longest[piece.step] or piece.length < 512:
             continue
         here = np.flatnonzero(bins.piece == number)[max(0, _LOWEST_INDEX - piece.first):]
         if len(here) < _NEIGHBOURHOOD:
@@ -159,14 +151,16 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
         frequency, level = bins.frequency[here], expected[here]
         found, taken = _lines_of(power[here], level, piece.blocks, leak)
         keep[here[taken]] = False
-        width = 1 / (2 * piece.length * piece.step * dt)
+        width = piece.spacing_hz(dt)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False]))))
         spans += [(frequency[a] - width, frequency[b - 1] + width)
                   for a, b in zip(edges[::2], edges[1::2], strict=True)]
         for part, excess in found:
             # The side lobes are lopsided, near half the sample rate most of all.
             top = int(np.argmax(excess))
-            middle = slice(max(top - 2, 0), top + 3) if len(excess) < _BROAD else slice(None)
+            # From so many bins on a rise is a hump with its centre of mass, not a line with a
+            # highest bin.
+            middle = slice(max(top - 2, 0), top + 3) if len(excess) < 64 else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
             line = Tone(centre, float(np.sqrt(2 * excess.sum() / piece.length)))
             if piece.step == 1 or not folded(line, lines, piece.step, dt, 3 * width):
@@ -175,7 +169,7 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
             continue
-        width = 2 / (2 * piece.length * piece.step * dt)
+        width = 2 * piece.spacing_hz(dt)
         here = np.flatnonzero(bins.piece == number)
         for low, high in spans:
             inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
@@ -257,8 +251,9 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         level = np.interp(np.arange(count), good, mean[good])
         floor = (median_filter(level, neighbourhood, mode='reflect') if scale == 1
                  else higher_side(level, neighbourhood)) / middle
-        # A strictly periodic signal has nothing between its lines.
-        floor = np.maximum(floor, _LOWEST_FLOOR * float(mean.mean()))
+        # A strictly periodic signal has nothing between its lines: 90 dB below the mean level is
+        # no noise, and a ratio to it is still a number.
+        floor = np.maximum(floor, 1e-9 * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
         if scale > 1:
             found &= mean > _STOPPED * floor.max()
@@ -298,4 +293,5 @@ def folded(line: Tone, lines: list[Tone], step: int, dt: float, width: float) ->
               / np.sinc(known.frequency_hz * dt) for known in lines
               if abs(abs(known.frequency_hz - rate * round(known.frequency_hz / rate))
                      - line.frequency_hz) < width]
-    return line.amplitude < _IMAGE * float(np.sqrt(np.sum(np.square(images))))
+    # Twice what known lines leave there a line is its own: among hundreds one is always near.
+    return line.amplitude < 2.0 * float(np.sqrt(np.sum(np.square(images))))

@@ -30,8 +30,6 @@ _SLIGHT = 0.05
 """Relative distance from that interval that a user does not care about."""
 _FEW = 64.0
 """Degrees of freedom up to which a point of the curve belongs to the slow end."""
-_MOST_TOO_LOW = 0.9
-"""Share: beyond, the interval has no upper end that says anything. A judgment."""
 _CHANCE = 1e-3
 """Probability below which exponents differ by more than chance."""
 
@@ -56,7 +54,8 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     if not (too_low or too_high):
         return axis
     found = axis.coefficients['noise_density']
-    most = 1 / (1 - min(too_low, _MOST_TOO_LOW))
+    # Beyond, the interval has no upper end that says anything. A judgment.
+    most = 1 / (1 - min(too_low, 0.9))
     if found.ci95 is not None:
         low, high = found.ci95
         found = replace(found, ci95=(low / (1 + too_high), high * most))

@@ -36,20 +36,12 @@ _BEYOND = 2
 """Times the last harmonic that shows: those behind add up to what passes for a process."""
 HARMONICS = (32, 96)
 """So many are fitted, and more where all of these show: a jagged cycle of a hundred times B."""
-_MOST_TAKEN = 0.5
-"""Share of a coefficient from which on it is left out: too little of it is noise."""
 _STEPS = 8
 """Most steps to the frequency: two or three are the rule."""
-_LONGEST_STEP = 0.25
-"""In cycles over the record: beyond, the derivative no longer says where the best lies."""
 _NEAR = 0.02
 """A step in standard errors from which on no other is worth its time."""
 _REACH = 1.25
 """Times the highest harmonic: up to there its side lobes count, ..."""
-_SINGLE_LOBES = 64
-"""... and at least so many coefficients."""
-_PHASES = 512
-"""At which the highest and the lowest value of a cycle are looked for."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +62,8 @@ class Cycle:
     @property
     def amplitude(self) -> float:
         """Half of what lies between the highest and the lowest value."""
-        time = np.linspace(0.0, 1 / self.frequency_hz, _PHASES)
+        # At so many phases its highest and its lowest value are looked for.
+        time = np.linspace(0.0, 1 / self.frequency_hz, 512)
         return float(np.ptp(self.course(time))) / 2
 
     def course(self, time: Array) -> Array:
@@ -99,7 +92,8 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     `variance` is what the noise gives to the bins. The frequency to begin at has to lie within a
     quarter of a cycle over the record.
     """
-    longest = _LONGEST_STEP / (frequency_hz * record.duration_s)
+    # Beyond a quarter of a cycle over the record the derivative no longer says where it lies.
+    longest = 0.25 / (frequency_hz * record.duration_s)
     for _ in range(_STEPS):
         found = _cycle(record, variance, frequency_hz, harmonics)
         if abs(found.off) < _NEAR * found.error:
@@ -149,7 +143,8 @@ def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpec
     coefficient = bins.coefficient - regressors(record.pieces, record.dt, [cycle.course]).T
     # Nothing of a coefficient that is all the cycle's, but its band stays.
     left = np.maximum(1 - cycle.taken, 1e-9)
-    return replace(calm, keep=calm.keep & (cycle.taken < _MOST_TAKEN), bins=replace(
+    # Where more of a coefficient is the cycle's, too little of it is noise.
+    return replace(calm, keep=calm.keep & (cycle.taken < 0.5), bins=replace(
         bins, power=np.where(bins.whole, coefficient**2, bins.power), coefficient=coefficient,
         dof=left * bins.dof, design=left[:, None] * bins.design, ramp=record.bins.ramp))
 
@@ -163,7 +158,8 @@ class _Slow:
         harmonics = min(harmonics, most_harmonics(record, frequency_hz))
         self.middle_s = record.duration_s / 2
         highest = _REACH * harmonics * frequency_hz
-        self._last = int(np.ceil(2 * record.duration_s * highest)) + _SINGLE_LOBES
+        # The side lobes of that count, and of at least so many coefficients.
+        self._last = int(np.ceil(2 * record.duration_s * highest)) + 64
         self.here = bins.whole & (bins.index <= self._last)
         self._root = 1 / np.sqrt(variance[self.here])
         self._signal = self._root * bins.coefficient[record.axis, self.here]

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.cells import end_to_end
-from imu_allan.noise.record.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.record.periodogram import longest_blocks, Periodogram, SpectrumPiece
 from imu_allan.noise.record.segments import layout, TRANSFORMS
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,6 @@ Course = Callable[[Array], Array]
 
 _MOST = 0.2
 """Share of the noise up to which a leak is taken off: a judgment; beyond, the bin is left out."""
-_DOUBTFUL = 0.01
-"""The same where a leak can be bounded only: it then stays in."""
 _NEAR = 1e-3
 """Of a block: the distance over which a slope is taken."""
 
@@ -41,8 +39,7 @@ def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: C
     the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): Zero
     for the coefficients of the whole record.
     """
-    longest = {piece.step: max(one.length for one in pieces if one.step == piece.step)
-               for piece in pieces}
+    longest = longest_blocks(pieces)
     found, bounds = [], []
     for piece in pieces:
         nothing = np.zeros(piece.last - piece.first)
@@ -63,7 +60,8 @@ def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: C
 
 def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
     """Tell which bins hold noise enough beside a leak."""
-    return np.asarray((leak < _MOST * noise) & (bound < _DOUBTFUL * noise))
+    # Where a leak can be bounded only, it stays in.
+    return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 
 
 def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -> Periodogram:

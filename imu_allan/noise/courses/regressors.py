@@ -21,10 +21,6 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 Array = NDArray[np.float64]
-_NOTHING = 1e-15
-"""Weight of a bin that is left out where its band has to stay."""
-_POINTS = 1024
-"""Enough for a course of a few dozen cycles in the record."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,8 @@ class RecordSpectrum:
         """Return the bins, the axis and what is kept of them."""
         if not self.aligned or self.keep is None:
             return self.bins, self.axis, self.keep
-        dof = self.bins.dof * np.maximum(self.keep, _NOTHING)
+        # A bin that is left out weighs nearly nothing where its band has to stay.
+        dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
 
     def beside(self, courses: Sequence[Course]) -> 'RecordSpectrum':
@@ -165,7 +162,8 @@ def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Cou
             if slowest is None:
                 parts.append(np.zeros((piece.last - piece.first, len(courses))))
             continue
-        length = piece.length if slowest is None else min(piece.length, max(_POINTS, slowest + 1))
+        # Enough points for a course of a few dozen cycles in the record.
+        length = piece.length if slowest is None else min(piece.length, max(1024, slowest + 1))
         last = piece.last if slowest is None else min(piece.last, slowest + 1)
         middle = (np.arange(length) + 0.5) * (piece.length / length)
         time: Array = np.asarray((piece.start + middle * piece.step) * dt, dtype=np.float64)

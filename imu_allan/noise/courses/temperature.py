@@ -15,8 +15,6 @@ _SMOOTHED = 1 / 4
 Of a lag, over which a thermometer is smoothed to either side before its slope is taken: a body
 that is so much faster is as good as one without any lag, and readings in steps have a slope.
 """
-_HALF_CHANGED = 0.25
-"""Of a step: a cell in the middle of one holds readings of either value."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,8 @@ def between_steps(time: Array, celsius: Array, step: float) -> Array:
 
     """
     change = np.diff(celsius)
-    at = np.flatnonzero(np.abs(change) > _HALF_CHANGED * step)
+    # A cell in the middle of a step holds readings of either value.
+    at = np.flatnonzero(np.abs(change) > 0.25 * step)
     if not len(at):
         return celsius
     # Where it goes up and down again, it has been at the value in between.

@@ -35,8 +35,6 @@ _REACH = BINS_PER_OCTAVE + 2
 """Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
 _STEPS = 10_000
 """Samples next to zero, and none within the octave beyond: an output of steps, without a hole."""
-_RESOLUTION_SAMPLES = 65_536
-"""The least step of a coarse output shows in so many; to look on takes a tenth of the time."""
 _OFF_STEPS = 0.05
 """
 Share of the changes that may lie off the steps, as those to a few odd readings do; smooth noise
@@ -100,7 +98,8 @@ class Census(SideBySide):
                         reference[one] == sign * reference[other]
                         and np.array_equal(rows[one], sign * rows[other])):
                     self.alike[one, other] &= ~bit
-        if self.samples < _RESOLUTION_SAMPLES:
+        # The least step of a coarse output shows in so many; to look on takes a tenth of the time.
+        if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
         self.samples += rows.shape[1]
 

@@ -34,8 +34,6 @@ _PER_OCTAVE = 12
 """Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
 _EVENED = 5
 """Of these are averaged for the slow terms."""
-_RESOLUTION = 4
-"""Frequencies to a coefficient at which the spectrum of its weights is summed up."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,8 @@ def _slow_power(weights: Array) -> Array:
     `weights`, shape (n, span): of consecutive means, each row adding up to zero. Returns shape (2,
     n): up to a constant.
     """
-    length = next_fast_len(_RESOLUTION * weights.shape[1], real=True)
+    # Four frequencies to a coefficient, at which the spectrum of its weights is summed up.
+    length = next_fast_len(4 * weights.shape[1], real=True)
     gain = np.abs(rfft(weights, length))[:, 1:]**2
     nu = np.arange(1, gain.shape[1] + 1) / length
     return np.stack((gain @ flicker(nu, 1.0), gain @ random_walk(nu, 1.0)))

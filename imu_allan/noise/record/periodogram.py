@@ -14,6 +14,7 @@ block are independent of those of its neighbours for white noise and random walk
 flicker.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -51,8 +52,6 @@ _LOWEST = 32 / (2 * BLOCK)
 """A block leaves its first 32 coefficients to the next stage, which resolves them better."""
 HIGHEST_OF_MEANS = 0.25
 """Of their own rate: means fold what is faster, the more the nearer to half of it."""
-_MAX_FILLED_SHARE = 0.5
-"""Beyond, the lines over the gaps are most of the record; what they do to noise is known."""
 _LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
 """Of the blocks, from the longest to the shortest."""
 _COARSEST = 1 << 36
@@ -82,6 +81,12 @@ class SpectrumPiece:
     def spacing_hz(self, dt: float) -> float:
         """Return how far apart the frequencies of its coefficients are."""
         return 1 / (2 * self.length * self.step * dt)
+
+
+def longest_blocks(pieces: Sequence[SpectrumPiece]) -> dict[int, int]:
+    """Return the points of the longest blocks, by the samples averaged into one point."""
+    return {piece.step: max(one.length for one in pieces if one.step == piece.step)
+            for piece in pieces}
 
 
 def whole_piece(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
@@ -330,7 +335,8 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
         if len(part) < SHORTEST:
             continue
         span = int(part.keys[-1] - part.keys[0]) + 1
-        if 1 - len(part) / span <= _MAX_FILLED_SHARE:
+        # Beyond, the lines over the gaps are most of the record; what they do to noise is known.
+        if 1 - len(part) / span <= 0.5:
             start = int(place[np.searchsorted(whole.keys, part.keys[0])])
             found.append((filled(part), noise_through_gaps(part, size), start))
         else:

@@ -40,8 +40,6 @@ _BANDS = PER_OCTAVE * (OCTAVES - 1)
 """The fastest octave ends at half the sample rate."""
 _BORDER = 1 / 256
 """Cycles per sample up to which the slower transform is used: a quarter of its sample rate."""
-_SHORTEST_BLOCK = 256
-"""A shorter one, the rest of a stretch, has under five octaves above `_LOWEST_INDEX`."""
 _LOWEST_INDEX = 8
 """Below, the ends of a block leak into its coefficients."""
 
@@ -113,7 +111,8 @@ class Segments(SideBySide):
             self._widen()
         at = (self.samples + n // 2) // self.width
         for length, count, power in blocks:
-            if length >= _SHORTEST_BLOCK:
+            # A shorter one, the rest of a stretch, has under five octaves above `_LOWEST_INDEX`.
+            if length >= 256:
                 self._add(at, layout(length, 1), count, power)
         if n == SHORTEST_SEGMENT:
             means = rows.reshape(len(rows), n // MEANS, MEANS) @ np.full(MEANS, 1 / MEANS)
