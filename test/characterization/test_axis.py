@@ -6,17 +6,13 @@ from dataclasses import replace
 import tracemalloc
 
 from characterized import characterized
-from imu_allan.characterization.axis import (
-    axis_results,
-    bounded,
-    characterize,
-    widened,
-)
+from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.faults import sample_noise
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity, TERMS
+from imu_allan.noise.uncertainty import bounded, widened
 from imu_allan.result import Coefficient, GoodnessOfFit
 import numpy as np
 import pytest
