@@ -169,8 +169,9 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
     if fitted.high_pass_hz is None:
         highest = interval(points.avar[:, axis], np.array(curve.edf), CERTAIN)[1]
-        coefficients |= {key: below_curve(coefficients[key], key, curve, highest)
-                         for key in SLOW_TERMS}
+        coefficients |= {
+            key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
+            for key in SLOW_TERMS}
     leaves_s = None if fitted.mean_moves or fitted.high_pass_hz else leaves_at(
         points, axis, curve, [_model(found, drift), _model(found, None)], dt)
     if leaves_s is not None and fitted.acceptable:

@@ -64,12 +64,26 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     return replace(axis, coefficients=dict(axis.coefficients) | {'noise_density': found})
 
 
-def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array) -> Coefficient:
-    """Return a bound that the measured curve allows: no term alone lies above it."""
-    if found.upper95 is None or not len(highest):
-        return found
-    most = float(np.min(highest / TERMS[key].adev(1.0, np.array(curve.tau_s))))
-    return replace(found, upper95=min(found.upper95, most))
+def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array,
+                window_s: float | None) -> Coefficient:
+    """Return a bound that the measured curve allows, as `most_below` has it."""
+    most = most_below(np.array(curve.tau_s), highest, key, window_s)
+    return found if found.upper95 is None or most is None else replace(
+        found, upper95=min(found.upper95, most))
+
+
+def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> float | None:
+    """
+    Return the largest coefficient with which a term is nowhere above the measured curve.
+
+    The measured Allan variance holds every term: none is above the upper end of its interval,
+    `highest`, shape of `tau`. A low-pass of the width W takes W/(2 tau) of it, 2 % in deviation
+    after 16 widths; before, it says nothing. None where the curve is too short.
+    """
+    known = tau >= 16.0 * (window_s or 0.0)
+    if not known.any():
+        return None
+    return float(np.min(highest[known] / TERMS[key].adev(1.0, tau[known])))
 
 
 def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float

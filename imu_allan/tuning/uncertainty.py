@@ -9,7 +9,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
-from imu_allan.noise.terms import TERMS
+from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, Interval
 from imu_allan.tuning.processes import drift_model_of
 import numpy as np
@@ -180,19 +180,11 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     Return the upper bound of a noise term that the data does not show; None where there is none.
 
     A course that bends as a random walk does, and is taken out of the fit, can take with it all
-    that the data says of the walk; its bound then is any number. But the measured Allan variance
-    holds every term, and the courses besides: no term is above the upper end of its interval at
-    any averaging time.
+    that the data says of the walk; its bound then is any number. But the measured curve holds the
+    term, and the courses besides.
     """
     bound = axis.coefficients[key].upper95
-    if not bound:
-        return None
-    # Widths W of a low-pass: the Allan variance over tau is short of W/(2 tau), 2 % in deviation.
-    least_s = 16.0 * (axis.band_limit_s or 0.0)
-    curve = [(tau, interval[1]) for tau, interval
-             in zip(axis.curve.tau_s, axis.curve.ci95, strict=False) if tau >= least_s]
-    if not curve:
-        return None
-    tau, highest = np.array(curve).T
-    allowed = float(np.min(highest / TERMS[key].adev(1.0, tau)))
-    return min(bound, allowed) or None
+    # A result file that was tampered with may hold a curve of which a part is missing.
+    curve = [(tau, ends[1]) for tau, ends in zip(axis.curve.tau_s, axis.curve.ci95, strict=False)]
+    most = most_below(*np.array(curve).reshape(-1, 2).T, key, axis.band_limit_s)
+    return min(bound, most) or None if bound and most is not None else None

@@ -4,11 +4,12 @@
 
 from characterized import characterized, holds
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response, tables
+from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
 from scipy.fft import dct
 from scipy.linalg import toeplitz
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 
 
 def test_a_corner_in_the_band_of_means_of_samples_leaves_the_noise_density():
@@ -56,3 +57,14 @@ def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
     nu = (index + 0.5) / (2 * length)
     seen = Response(nu, np.ones(len(nu)), np.full(len(nu), float(length)))
     np.testing.assert_allclose(seen.of(shape.power, corner), pairs, rtol=error)
+
+
+def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
+    """Over averaging times that the filter shortens it was down to a tenth of the truth."""
+    flicker, slow = 1e-4, butter(2, 0.5, fs=100, output='sos')
+    for seed in range(3):
+        samples = simulate({'noise_density': 1e-3, 'bias_instability': flicker}, 80_000, 100, seed)
+        axis, _ = characterized(sosfilt(slow, samples)[20_000:], 100)
+        found = axis.coefficients['bias_instability']
+        assert not found.observable
+        assert flicker < found.upper95 < 4 * flicker
