@@ -134,8 +134,7 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
     """Find lines, with the bins that they and their side lobes above a leak take."""
     keep = np.ones(len(bins.frequency), dtype=bool)
     expected = np.maximum(bins.design @ first.theta, 1e-300)
-    power = about_ramp(bins.power[axis], bins.coefficient[axis] * bins.of_ramp, bins.ramp,
-                       first.slope)
+    power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, first.slope)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
     longest = longest_blocks(pieces)

@@ -156,16 +156,6 @@ def test_an_axis_that_is_constant_or_too_short_has_a_curve_at_most(samples):
                    for one in axis.coefficients.values())
 
 
-def test_an_axis_that_stands_still_beside_others_is_told():
-    estimator = Estimator(3)
-    estimator.update(np.stack((WHITE, np.full(len(WHITE), 9.8), WHITE - 5), axis=1))
-    found = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY] * 3)
-    assert [[remark.code for remark in remarks] for _, remarks in found] == [
-        [], ['constant_axis'], []]
-    assert [axis.coefficients['noise_density'].observable for axis, _ in found] == [
-        True, False, True]
-
-
 @pytest.mark.parametrize(('lengths', 'settled', 'before'), [
     (range(20_000, 40_000, 1000), 9, 13), slow(range(30_000, 60_000, 500), 10, 40)])
 def test_fits_of_a_growing_record_hold_no_memory(lengths, settled, before):

@@ -18,19 +18,6 @@ STILL = {'noise_density': 1e-3, 'bias_instability': 1e-3}
 TIME = np.arange(HOURS_2) / RATE
 
 
-def test_warm_up_is_no_random_walk():
-    axis, remarks = characterized(
-        simulate(STILL, HOURS_2, RATE, 1) + 0.02 * np.exp(-TIME / 600), RATE)
-    assert not axis.coefficients['rate_random_walk'].observable
-    low, high = axis.trend.warm_up.ci95
-    assert low < axis.trend.warm_up.amplitude < high
-    assert axis.trend.warm_up.amplitude == pytest.approx(0.02, rel=0.2)
-    shortest, longest = axis.trend.warm_up.time_constant_ci95
-    assert 200 < shortest < 600 < longest < 1200
-    assert axis.coefficients['bias_instability'].value == pytest.approx(1e-3, rel=0.2)
-    assert remarks['warm_up']['amplitude'] == axis.trend.warm_up.amplitude
-
-
 def test_slow_cycle_is_no_random_walk():
     axis, remarks = characterized(
         simulate(STILL, HOURS_2, RATE, 2) + 3e-3 * np.sin(2 * np.pi * TIME / 1200 + 1), RATE)

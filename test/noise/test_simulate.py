@@ -29,9 +29,12 @@ def streamed(coefficients, samples, seed):
                            if n > 0])[:samples]
 
 
+HOW = [lambda model, samples, seed: simulate(model, samples, RATE, seed), streamed]
+
+
 @pytest.mark.parametrize('key', ['quantization_noise', 'noise_density', 'bias_instability',
                                  'rate_random_walk'])
-@pytest.mark.parametrize('how', [lambda c, n, seed: simulate(c, n, RATE, seed), streamed])
+@pytest.mark.parametrize('how', HOW)
 def test_samples_have_the_allan_variance_of_the_model_at_every_cluster_size(key, how):
     found, error = mean_allan_variance(lambda seed: how({key: 2.0}, 8000, seed), 40)
     expected = allan_variance({key: 2.0}, SIZES / RATE)
@@ -40,21 +43,23 @@ def test_samples_have_the_allan_variance_of_the_model_at_every_cluster_size(key,
     np.testing.assert_allclose(found[:3], expected[:3], rtol=0.02)
 
 
-def test_gauss_markov_process_has_its_allan_variance():
+@pytest.mark.parametrize('how', HOW)
+def test_gauss_markov_process_has_its_allan_variance(how):
     model = {'gauss_markov': {'sigma': 2.0, 'correlation_time_s': 0.3}}
-    found, error = mean_allan_variance(lambda seed: simulate(model, 8000, RATE, seed), 40)
+    found, error = mean_allan_variance(lambda seed: how(model, 8000, seed), 40)
     assert np.all(np.abs(found - gauss_markov_avar(2.0, 0.3, SIZES / RATE)) < 4 * error)
 
 
-def test_ramp_and_mean_are_deterministic():
-    record = simulate({'rate_ramp': 0.5, 'mean': 3.0}, 100, RATE)
-    np.testing.assert_allclose(record, 3.0 + 0.5 * np.arange(100) / RATE)
+@pytest.mark.parametrize('how', HOW)
+def test_ramp_and_mean_are_deterministic(how):
+    record = how({'rate_ramp': 0.5, 'mean': 3.0}, 1000, 0)
+    np.testing.assert_allclose(record, 3.0 + 0.5 * np.arange(1000) / RATE)
 
 
 def test_same_seed_gives_the_same_record_and_another_seed_another():
     for model in ({'noise_density': 1.0, 'bias_instability': 1.0},
                   {'gauss_markov': {'sigma': 2.0, 'correlation_time_s': 0.3}}):
-        for how in (lambda *args: simulate(*args[:2], RATE, args[2]), streamed):
+        for how in HOW:
             np.testing.assert_array_equal(how(model, 800, 3), how(model, 800, 3))
             assert np.any(how(model, 800, 3) != how(model, 800, 4))
 
@@ -82,17 +87,6 @@ def test_shortest_records_are_drawn(length):
 def test_impossible_requests_are_refused(model, samples, rate, line):
     with refused(line, ValueError):
         simulate(model, samples, rate)
-
-
-def test_a_streamed_gauss_markov_process_has_its_allan_variance():
-    model = {'gauss_markov': {'sigma': 2.0, 'correlation_time_s': 0.3}}
-    found, error = mean_allan_variance(lambda seed: streamed(model, 8000, seed), 40)
-    assert np.all(np.abs(found - gauss_markov_avar(2.0, 0.3, SIZES / RATE)) < 4 * error)
-
-
-def test_a_streamed_ramp_goes_on_from_part_to_part():
-    record = streamed({'rate_ramp': 0.5, 'mean': 3.0}, 1000, 0)
-    np.testing.assert_allclose(record, 3.0 + 0.5 * np.arange(1000) / RATE)
 
 
 def test_a_streamed_mean_stays_whatever_noise_is_added():

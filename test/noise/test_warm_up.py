@@ -40,6 +40,7 @@ def test_no_ramp_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
     assert axis.band_edge_hz is None
     warm = axis.trend.warm_up
     assert warm.amplitude == pytest.approx(amplitude, rel=0.1)
+    assert told['warm_up']['amplitude'] == warm.amplitude
     assert covers(warm.time_constant_ci95, time)
     assert axis.trend.second_warm_up is None
     assert axis.stationarity.steady

@@ -46,6 +46,11 @@ class Bins:
         """Coefficients of a unit ramp in the whole-record part, shape (bins,); zero in blocks."""
         return np.asarray(-np.sqrt(np.maximum(self.ramp, 0.0)))
 
+    @property
+    def cross(self) -> Array:
+        """Coefficients times those of a unit ramp, shape (axes, bins)."""
+        return self.coefficient * self.of_ramp
+
     @cached_property
     def band(self) -> NDArray[np.int64]:
         """Return the number of the narrow band of each bin: the same for every axis."""

@@ -104,8 +104,8 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.coefficient[axis] * bins.of_ramp), bands.mean(bins.ramp),
-                   bands.mean(bins.step), bands.mean(bins.length))
+                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step),
+                   bands.mean(bins.length))
     return _regressed(still, bands, bins, axis, regressors)
 
 

@@ -32,7 +32,7 @@ class SideBySide(Record):
         raise NotImplementedError
 
     def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes; those that stay are named in their order."""
+        """Let go of all other axes; those that stay have the order of their numbers here."""
         vars(self).update(vars(_kept(self, axes, ())))
 
 

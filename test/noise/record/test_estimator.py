@@ -287,20 +287,6 @@ def test_merging_with_nothing_changes_nothing():
         np.testing.assert_allclose(other.mean, one.mean)
 
 
-def test_a_record_with_a_long_hole_gives_what_its_parts_give():
-    whole, holed = Estimator(2), Estimator(2)
-    whole.update(RECORD)
-    holed.update(RECORD[:15_000])
-    holed.skip(40_000)
-    holed.update(RECORD[15_000:])
-    for axis, other in zip(axis_results(whole, 100, GYRO * 2)[0:2],
-                           axis_results(holed, 100, GYRO * 2)[0:2], strict=True):
-        expected = axis[0].coefficients['noise_density']
-        found = other[0].coefficients['noise_density']
-        assert found.value == pytest.approx(expected.value, rel=.01)
-        assert found.ci95[0] < SENSOR['noise_density'] < found.ci95[1]
-
-
 def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
     noise = np.random.default_rng(1).normal(size=(500, 1))
     alone, followed = Estimator(), Estimator()
