@@ -186,5 +186,6 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     bound = axis.coefficients[key].upper95
     # A result file that was tampered with may hold a curve of which a part is missing.
     curve = [(tau, ends[1]) for tau, ends in zip(axis.curve.tau_s, axis.curve.ci95, strict=False)]
-    most = most_below(*np.array(curve).reshape(-1, 2).T, key, axis.band_limit_s)
+    tau, highest = np.array(curve).reshape(-1, 2).T
+    most = most_below(tau, highest, key, axis.band_limit_s)
     return min(bound, most) or None if bound and most is not None else None
