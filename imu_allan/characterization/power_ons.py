@@ -99,14 +99,6 @@ def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[f
     wanders in a record. `lengths_s`: how long a record each is the mean of. Returns: what
     measuring explains of the scatter is taken off; of the lower end of the interval what a term
     may explain that does not show, too.
-
-    Examples
-    --------
-    >>> from imu_allan import characterize, simulate
-    >>> axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
-    >>> turn_on_bias([0.1, -0.1, 0.05], axis, [25.0, 25.0, 25.0]).sigma
-    0.0
-
     """
     found, careful = (
         random_effects(means, [error_of_mean(axis, length, at_most=at_most)

@@ -45,15 +45,6 @@ def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
     `ratio`, `dof`, shape (n, bands): variances over what is expected of each, and their degrees of
     freedom. `least`: the lowest ratio that counts, over that of all of a band: none has no
     logarithm. Returns: all bands together.
-
-    Examples
-    --------
-    >>> dof = np.full((2, 1), 20.0)
-    >>> round(equal_variances(np.array([[1.0], [1.0]]), dof), 3)
-    1.0
-    >>> round(equal_variances(np.array([[1.0], [3.0]]), dof), 3)
-    0.018
-
     """
     total = dof.sum(axis=0)
     pooled = np.sum(dof * ratio, axis=0) / total

@@ -185,13 +185,6 @@ def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Arra
 
     `avar`, shape (n,): estimated Allan variance. `dof`, shape (n,): equivalent degrees of freedom.
     `level`: probability, such as 0.95. Returns `low`, `high`, shape (n,): bounds of the deviation.
-
-    Examples
-    --------
-    >>> low, high = interval([1.0], [100.0], 0.95)
-    >>> low.round(3), high.round(3)
-    (array([0.879]), array([1.161]))
-
     """
     avar, dof = np.asarray(avar, dtype=np.float64), np.asarray(dof, dtype=np.float64)
     tail = (1 - level) / 2

@@ -62,14 +62,6 @@ def degrees_of_freedom(trace: Array | float, trace_of_square: Array | float) -> 
     `trace`, `trace_of_square`, shape (n,): of the covariance of the values, and of its matrix
     product with itself. Returns shape (n,): those of the chi-square of the same mean and variance,
     by Satterthwaite.
-
-    Examples
-    --------
-    Three independent values, and one value three times:
-
-    >>> degrees_of_freedom(3.0, 3.0), degrees_of_freedom(3.0, 9.0)
-    (array(3.), array(1.))
-
     """
     return np.asarray(np.square(trace) / trace_of_square)
 

@@ -86,14 +86,6 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     Tell why an axis does not measure; without a fault it has coefficients.
 
     Returns the first that holds of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
-
-    Examples
-    --------
-    >>> estimator = Estimator()
-    >>> estimator.update(np.full(2000, 9.81))
-    >>> axis_fault(estimator.finished(), 0)
-    Constant(value=9.81)
-
     """
     if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
@@ -113,16 +105,6 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     None where there is none, where values lie on one side of zero alone, where the output steps so
     coarsely that the next value is twice the first, or where fewer samples are zero than a hole of
     that width would hold.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(1).normal(size=2000)
-    >>> estimator = Estimator()
-    >>> estimator.update(np.where(abs(noise) < 1.0, 0.0, noise))
-    >>> found = deadband(estimator.finished(), 0)
-    >>> round(found.width, 2), round(found.share, 2)
-    (1.0, 0.68)
-
     """
     census = finished.census
     zeros, sizes = int(census.zeros[axis]), census.sizes[axis]
@@ -151,14 +133,6 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
 
     Returns: the end at which more samples stand; None where neither end cuts anything off, or
     where the output is constant or steps more coarsely than its noise.
-
-    Examples
-    --------
-    >>> estimator = Estimator()
-    >>> estimator.update(np.minimum(np.random.default_rng(1).normal(size=2000), 1.0))
-    >>> cut_off(estimator.finished(), 0)
-    CutOff(value=1.0, share=0.1465, is_highest=True)
-
     """
     census, samples = finished.census, finished.measured
     end = int(np.argmax(census.at_ends[:, axis]))
@@ -174,14 +148,6 @@ def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool
     Tell whether `count` of `samples`, of a record or a part of it, stand at an end by a limit.
 
     Noise and steps are those of the whole record.
-
-    Examples
-    --------
-    >>> estimator = Estimator()
-    >>> estimator.update(np.random.default_rng(1).normal(size=2000).round(1))
-    >>> [is_cut_off(estimator.finished(), 0, count, 500) for count in (1, 100)]
-    [False, True]
-
     """
     census = finished.census
     if (count < max(1, _LEAST_CUT_OFF * samples)

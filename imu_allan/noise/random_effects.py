@@ -91,13 +91,6 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     (censored,): upper bounds of further units. Returns: the maximum over m and b of -1/2 sum_i [ln
     v_i + (y_i - m)^2/v_i] - 1/2 ln sum_i 1/v_i with v_i = b^2 + e_i^2, to which a bound adds the
     logarithm of the probability below it. Raises ValueError: if there are fewer than two units.
-
-    Examples
-    --------
-    >>> found = random_effects([1.0, 1.2, 0.9, 1.1], errors=[0.1] * 4)
-    >>> round(found.mean, 2), round(found.between, 2)
-    (1.05, 0.08)
-
     """
     y, e, u = (np.asarray(part, dtype=np.float64) for part in (values, errors, bounds))
     if len(y) < 2 or y.shape != e.shape:
@@ -130,12 +123,6 @@ def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> fl
     `values`, `errors`, shape (units,): as measured, with their standard errors. `spread`: of the
     true values. Returns: chi-square with one degree of freedom less than there are units, if the
     spread is true.
-
-    Examples
-    --------
-    >>> round(q_statistic([1.0, 1.2, 0.9, 1.1], [0.1] * 4), 6)
-    5.0
-
     """
     y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     weight = 1 / np.maximum(spread**2 + e**2, 1e-300)

@@ -89,13 +89,6 @@ def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]
 
     `lines`: the strongest first. Returns: their power and, where they are averaged for long, what
     they leave are those of `lines`.
-
-    Examples
-    --------
-    >>> named, weaker = strongest([Tone(f, 1.0) for f in np.linspace(1.0, 1.9, 34)])
-    >>> len(named), [(tone.lines, round(tone.amplitude ** 2, 9)) for tone in weaker]
-    (32, [(2, 2.0)])
-
     """
     weaker = []
     for _, octave in groupby(sorted(lines[NAMED:], key=lambda line: line.frequency_hz),

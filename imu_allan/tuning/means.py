@@ -34,13 +34,6 @@ class Means:
     cell_s : float
         Time that a mean is taken over.
 
-    Examples
-    --------
-    >>> means = Means()
-    >>> means.take([EvenBlock(np.ones((250, 6)), first_index=0)], 1e7)
-    >>> means.series.means[0].tolist(), means.series.counts.tolist(), means.cell_s
-    ([1.0, 1.0, 1.0], [100, 100, 50], 1.0)
-
     """
 
     def __init__(self, axes: Collection[str] | None = None) -> None:

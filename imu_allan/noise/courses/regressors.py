@@ -141,20 +141,6 @@ def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Cou
     `slowest`: last index that is wanted; the courses shall be slow themselves. Returns shape
     (bins, courses): for the bins of the same pieces, zero outside the whole-record part; or for
     the slowest coefficients of the whole-record parts alone.
-
-    Examples
-    --------
-    A bend, over 100 points of 1 s; being even, it has no odd coefficient:
-
-    >>> from imu_allan.noise.courses.waveforms import legendre
-    >>> nothing = np.zeros((1, 100))
-    >>> piece = SpectrumPiece(1, 100, 1, 1, 100, nothing, nothing)
-    >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
-    array([[0.  ],
-           [4.3 ],
-           [0.  ],
-           [1.07]])
-
     """
     parts = []
     for piece in pieces:

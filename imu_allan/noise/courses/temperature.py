@@ -54,13 +54,6 @@ class TemperatureCourse:
         Return the temperature of a sensor that the thermometer follows with a time constant.
 
         `lag_s`: in seconds; negative where the sensor follows the thermometer.
-
-        Examples
-        --------
-        >>> behind = TemperatureCourse(np.arange(100.0), 20 + 0.1 * np.arange(100.0))
-        >>> behind.of_sensor(30.0).celsius[[50, 60]].round(6)
-        array([28., 29.])
-
         """
         if lag_s == 0 or self.duration_s <= 0:
             return self

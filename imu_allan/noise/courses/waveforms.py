@@ -10,55 +10,23 @@ Array = NDArray[np.float64]
 
 
 def legendre(order: int, duration_s: float) -> Course:
-    """
-    Return a Legendre polynomial over the record.
-
-    Examples
-    --------
-    >>> legendre(2, 10.0)(np.array([0.0, 5.0, 10.0]))
-    array([ 1. , -0.5,  1. ])
-
-    """
+    """Return a Legendre polynomial over the record."""
     coefficients = [0.0] * order + [1.0]
     return lambda time: np.asarray(
         np.polynomial.legendre.legval(2 * time / duration_s - 1, coefficients))
 
 
 def step(at_s: float) -> Course:
-    """
-    Return a step from 0 to 1.
-
-    Examples
-    --------
-    >>> step(5.0)(np.array([4.0, 6.0]))
-    array([0., 1.])
-
-    """
+    """Return a step from 0 to 1."""
     return lambda time: np.asarray(time > at_s, np.float64)
 
 
 def warming(time_constant_s: float) -> Course:
-    """
-    Return the exponential approach to a steady value, 1 at the beginning of the record.
-
-    Examples
-    --------
-    >>> warming(100.0)(np.array([0.0, 100.0])).round(4)
-    array([1.    , 0.3679])
-
-    """
+    """Return the exponential approach to a steady value, 1 at the beginning of the record."""
     return lambda time: np.exp(-time / time_constant_s)
 
 
 def cycle(frequency_hz: float) -> tuple[Course, Course]:
-    """
-    Return the two phases of a slow cycle.
-
-    Examples
-    --------
-    >>> [float(course(np.array([50.0]))[0].round(9)) + 0 for course in cycle(0.01)]
-    [-1.0, 0.0]
-
-    """
+    """Return the two phases of a slow cycle."""
     omega = 2 * np.pi * frequency_hz
     return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)

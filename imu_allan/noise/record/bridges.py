@@ -45,16 +45,6 @@ class Bridges:
         None where it is one. The covariances of the points are those of the samples under a
         triangle, and ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n) - sin(pi k l/n) / (n
         sin(pi k/n)))``.
-
-        Examples
-        --------
-        Two samples of which one is a copy of the other, again and again, have no noise at half of
-        the rate, and twice the power at the slowest:
-
-        >>> pairs = Bridges(0.5, np.array([1.0, 0.5]))
-        >>> pairs.white_power(1024, 1)[[1, 512, 1023]].round(2)
-        array([2., 1., 0.])
-
         """
         if self.covariance is None:
             return None

@@ -44,17 +44,7 @@ seems to step by a tenth of it then, which is far below what a step matters from
 
 @dataclass(eq=False)
 class Census(SideBySide):
-    """
-    What was seen of the values of several axes, about a reference of each.
-
-    Examples
-    --------
-    >>> census = Census(3)
-    >>> census.count(np.array([[0.0, 1, 1], [0, 1, 1], [0, -1, -1]]), np.array([5.0, 5, -5]))
-    >>> census.copies(), census.at_ends[1].tolist(), census.step.tolist()
-    ([(0, 1, 1), (0, 2, -1), (1, 2, -1)], [2, 2, 1], [1.0, 1.0, 1.0])
-
-    """
+    """What was seen of the values of several axes, about a reference of each."""
 
     samples: int = 0    # how many were counted
     # (axes,)
@@ -180,27 +170,11 @@ def _step_of(rows: Array) -> Array:
 
 
 def end_of_hole(sizes: Counts) -> int | None:
-    """
-    Return the first bin up to which there are more than `FEWEST` samples, else None.
-
-    Examples
-    --------
-    >>> end_of_hole(np.array([0, 3, 0, 18, 50]))
-    3
-
-    """
+    """Return the first bin up to which there are more than `FEWEST` samples, else None."""
     beyond = np.cumsum(sizes) > FEWEST
     return int(np.argmax(beyond)) if beyond[-1] else None
 
 
 def lower_edge(place: int) -> float:
-    """
-    Return the least magnitude in a bin.
-
-    Examples
-    --------
-    >>> lower_edge(320)
-    1.0
-
-    """
+    """Return the least magnitude in a bin."""
     return float(2.0**(_LOWEST_OCTAVE + place / BINS_PER_OCTAVE))

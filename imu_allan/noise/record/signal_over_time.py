@@ -45,16 +45,6 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     `columns`: of the whole record. Returns: first place and number of places of the longest such
     stretch. None where there is none, where the axis is constant throughout, or where its
     resolution is so coarse that chance repeats values as long.
-
-    Examples
-    --------
-    >>> signal = Signal(1)
-    >>> rows = np.random.default_rng(1).normal(size=(1, 4096))
-    >>> rows[0, 1024:2048] = 5.0
-    >>> signal.absorb(rows)
-    >>> stood_still(signal.columns(), 0)
-    (1024, 1024)
-
     """
     known = np.flatnonzero(columns.counts)
     together = -(-_STILL_SAMPLES // columns.width)
