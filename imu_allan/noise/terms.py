@@ -8,10 +8,12 @@ average of the continuous rate over the sample interval, for which the formulas 
 cluster size.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from math import cos, gamma, log, pi, sqrt
 
+from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -202,6 +204,16 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     x = np.pi * np.multiply.outer(frequencies_of_lines(frequency_hz, lines),
                                   np.asarray(tau, dtype=np.float64))
     return np.asarray(np.mean((amplitude * np.sin(x) ** 2 / x) ** 2, axis=0))
+
+
+def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> NDArray[np.float64]:
+    """Variance that lines of random phase leave in the mean over an interval."""
+    interval = np.asarray(interval_s, dtype=np.float64)
+    total = np.zeros(interval.shape)
+    for tone in tones:
+        turns = np.multiply.outer(frequencies_of_lines(tone.frequency_hz, tone.lines), interval)
+        total = total + tone.amplitude**2 / 2 * np.mean(np.sinc(turns) ** 2, axis=0)
+    return total
 
 
 def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]:

@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers from a caller: one that makes no sense is reported in one line, before any work."""
+"""What a caller hands over: what makes no sense is reported in one line, before any work."""
 
 from numbers import Real
 from typing import Any
 
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.result import AxisResult, DriftModel
 
 SHORTEST_S = 1e-6
 """Of a time: no IMU has a sample in less."""
@@ -13,6 +14,27 @@ LONGEST_S = 3.2e9
 """A hundred years: with any stamp of today it still fits into 64 bits of nanoseconds."""
 _LEAST, _MOST = 1e-30, 1e30
 """Of any other number: its square is still far from the ends of a double."""
+
+
+def drift_model_of(axis: AxisResult) -> DriftModel:
+    """
+    Return the drift model of an axis.
+
+    Raises
+    ------
+    ImuAllanError
+        If the axis has none.
+    TypeError
+        If it is none, such as a whole result.
+
+    """
+    if not isinstance(axis, AxisResult):
+        raise TypeError(f"expected an axis of a result, such as result.axes['gyro_x'], not "
+                        f'{type(axis).__name__}')
+    if axis.drift_model is None:
+        raise ImuAllanError('this axis has no drift model (it is constant, too short, or from a '
+                            'result of an older version): analyze the recording again')
+    return axis.drift_model
 
 
 def positive_number(name: str, value: Any) -> float:

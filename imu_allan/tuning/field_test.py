@@ -22,11 +22,11 @@ from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.groups import grouped, Groups, WALK, WHITE
 from imu_allan.noise.record.periodogram import SHORTEST, SpectrumPiece
-from imu_allan.noise.terms import AXES
+from imu_allan.noise.terms import AXES, line_power
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
+from imu_allan.tuning.arguments import drift_model_of
 from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches
 from imu_allan.tuning.means import Means
-from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import coast_bands, widened
 import numpy as np

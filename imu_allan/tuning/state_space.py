@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.process_means import on_mean, rest_of_mean
+from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, DriftModel, Tone
-from imu_allan.tuning.arguments import positive_time
-from imu_allan.tuning.processes import drift_model_of, line_power
+from imu_allan.tuning.arguments import drift_model_of, positive_time
 import numpy as np
 from numpy.typing import NDArray
 

@@ -25,9 +25,9 @@ from typing import Literal
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
-from imu_allan.tuning.arguments import positive_number, positive_time
-from imu_allan.tuning.processes import drift_model_of, line_power
+from imu_allan.tuning.arguments import drift_model_of, positive_number, positive_time
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
 from numpy.typing import NDArray

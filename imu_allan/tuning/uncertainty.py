@@ -11,7 +11,7 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, Interval
-from imu_allan.tuning.processes import drift_model_of
+from imu_allan.tuning.arguments import drift_model_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import polygamma

@@ -6,10 +6,9 @@ from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.record.periodogram import Periodogram
-from imu_allan.noise.terms import line_avar
+from imu_allan.noise.terms import line_avar, line_power
 from imu_allan.noise.tones import find_lines, folded, higher_side, rises, strongest
 from imu_allan.result import Tone
-from imu_allan.tuning.processes import line_power
 import numpy as np
 import pytest
 from scipy.signal import firwin, lfilter
