@@ -1,14 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C before a program is ready for it."""
+"""Ctrl-C before a program is ready for it, and a reader of its output that has gone."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 import os
 import signal
+import sys
 
 EXIT_INTERRUPTED = 130
 """As a shell reports the signal: 128 + SIGINT."""
+EXIT_BROKEN_PIPE = 141
+"""128 + SIGPIPE, what `... | head` ends other programs with."""
 
 
 @contextmanager
@@ -23,3 +26,8 @@ def quiet_interrupt() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def drop_stdout() -> None:
+    """Let the rest of standard output go nowhere: the interpreter flushes it once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

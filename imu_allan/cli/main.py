@@ -19,11 +19,9 @@ from typing import Any
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import require_apart
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.interruption import EXIT_INTERRUPTED
+from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
 from imu_allan.version import __version__
 
-EXIT_BROKEN_PIPE = 141
-"""128 + SIGPIPE, what `imu_allan ... | head` ends other programs with."""
 _INSTALLED_AS = {name: name for name in (
     'isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')}
 """Packages that an installation by rosdep may lack, as pip calls them."""
@@ -173,23 +171,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(f'needs the Python package {package}, which is not installed; rosdep does '
                      f'not know it: pip install {package}')
     except BrokenPipeError:
-        _drop_stdout()
+        drop_stdout()
         return EXIT_BROKEN_PIPE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as error:
         if error.filename is None and error.errno in _NO_ROOM:
             # Files are written by functions that name them.
-            _drop_stdout()
+            drop_stdout()
             return _fail(f'standard output: {error.strerror}')
         if error.filename is None or error.strerror is None:
             raise
         return _fail(f'{os.fsdecode(error.filename)}: {error.strerror}')
-
-
-def _drop_stdout() -> None:
-    # The interpreter flushes stdout once more on its way out.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(message: str) -> int:

@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Protocol
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
 from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
@@ -23,8 +24,6 @@ LEAST_SHARED_BYTES = 65_536
 ENOUGH_SHARED_BYTES = 8_000_000
 """Room in /dev/shm below which Fast DDS is kept from using it."""
 
-EXIT_BROKEN_PIPE = 141
-"""As the shell reports a process that SIGPIPE has ended."""
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
             if hasattr(signal, name)]
@@ -170,8 +169,7 @@ def _print(text: str) -> int:
     try:
         print(text, flush=True)
     except BrokenPipeError:
-        # Python flushes once more when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_stdout()
         return EXIT_BROKEN_PIPE
     return 0
 

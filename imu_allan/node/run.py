@@ -5,6 +5,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+import secrets
 from typing import Any, Literal, NamedTuple
 
 from imu_allan.block import ImuBlock
@@ -23,6 +24,7 @@ from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.words import with_words
+import numpy as np
 from numpy.typing import NDArray
 
 BACKTEST_GROWTH = 1.15
@@ -131,8 +133,10 @@ class Lane:
 class Run:
     """One lane, or that of the gyroscope and that of the accelerometer."""
 
-    def __init__(self, *lanes: Lane, looks: SequentialLooks | None = None) -> None:
+    def __init__(self, *lanes: Lane, looks: SequentialLooks | None = None, mark: str = '') -> None:
         self.lanes = lanes
+        # Sets its folder apart: another node may have begun with the same sample.
+        self.mark = mark or secrets.token_hex(2)
         # Messages that are in the last fit and checkpoint, and the time the fit spans.
         self.fitted = self.checkpointed = 0
         self.duration_s = 0.0
@@ -239,7 +243,7 @@ def pack(run: Run, setup: Setup) -> State:
         kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
                           None if lane.unit is None else lane.unit.decision))
     saved = _Saved(setup, boot_id(), run.sequential, kept)
-    parts = {'run': state_of(saved)} | {
+    parts = {'run': state_of(saved) | {'mark': np.array(run.mark)}} | {
         f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
     return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
 
@@ -280,7 +284,8 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
         except (ValueError, TypeError, IndexError, ArithmeticError) as error:
             raise UnusableState('damaged', f'its arrays do not belong together ({error})'
                                 ) from error
-    return Run(*lanes, looks=saved.looks)
+    # States of before have none.
+    return Run(*lanes, looks=saved.looks, mark=str(state.get('run/mark', '')))
 
 
 def new_run(setup: Setup) -> Run:

@@ -223,7 +223,7 @@ class Storage:
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topics} yet')
-            own = run_folder(folder, name, result)
+            own = run_folder(folder, name, result, run.mark)
             try:
                 with turn_in(own):
                     return save_folder(result, own, consumers, report=False, picture=picture)

@@ -13,7 +13,7 @@ from imu_allan.node import checkpoint
 from imu_allan.node.checkpoint import decode_state, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, Run, Setup, unpack
+from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.storage import Storage
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
@@ -101,11 +101,12 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     assert 'its latest samples are not in it: No space left on device' in logger.lines
 
 
-def test_runs_that_begin_in_one_second_have_folders_of_their_own(
+def test_a_run_keeps_its_folder_over_a_restart_and_another_that_begins_alike_has_its_own(
         storage: Storage, worker: Worker, tmp_path: Path) -> None:
-    for start in (1, 1, 2):
-        run = new_run(SETUP)
-        feed(run, 2000, start)
+    runs = [new_run(SETUP), new_run(SETUP)]
+    for run in runs:
+        feed(run, 2000, 1)
+    for run in (*runs, unpack(pack(runs[0], SETUP), SETUP)):
         storage.save(run, picture=False).result()
     storage.save(new_run(SETUP), picture=False).exception()
     worker.finish({'save'})
