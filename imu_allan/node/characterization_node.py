@@ -23,7 +23,7 @@ from imu_allan.node.announcements import Announcements
 from imu_allan.node.callers import Callers, REQUESTS
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
+from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.imu_type import decoder, message_class
 from imu_allan.node.interface import SETTINGS, TOPIC
 from imu_allan.node.log import Log
@@ -46,10 +46,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos_overriding_options import InvalidQosOverridesError
 from std_srvs.srv import SetBool, Trigger
 
 QUEUE_S = 2.5
@@ -181,12 +179,8 @@ class CharacterizationNode(AnyExecutorNode):
                              accel_unit=accel_unit)
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
-        try:
-            subscription = DrainedSubscription(self, message_class(kind), topic, queue)
-        except NameValidationException as error:
-            raise ImuAllanError(f'parameter {half}_topic: {in_one_line(error)}') from error
-        except (InvalidQosOverridesError, RuntimeError) as error:
-            raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
+        subscription = DrainedSubscription(self, message_class(kind), topic, queue,
+                                           f'{half}_topic')
         facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)
         return Reception(subscription, facts, decode, Announcements(self._log, facts.topic))
 

@@ -10,12 +10,13 @@ middleware queues the samples in its own threads, and one call takes all that ha
 
 from dataclasses import dataclass
 import time
-from typing import Any
 
-from imu_allan.node.rclpy_inside import drain, Info, OutOfWaitSet, Taken
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.rclpy_inside import drain, OutOfWaitSet, RCLError
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.qos import (
     HistoryPolicy,
@@ -24,8 +25,7 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
@@ -39,39 +39,41 @@ class Batch:
     full: bool = False  # the next would have pushed the first out
 
 
-def in_one_line(error: Exception) -> str:
-    """Say what rclpy says of a name, without the line that points at a place in it."""
-    return ' '.join(str(error).split()).removesuffix(' ^')
-
-
 def _node_of(offer: TopicEndpointInfo) -> str:
     return f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
 
 
 class DrainedSubscription:
-    """Best-effort subscription that keeps the last `depth` messages until `take` is called."""
+    """
+    Best-effort subscription that keeps the last `depth` messages until `take` is called.
 
-    def __init__(self, node: Node, msg_type: type, topic: str, depth: int, *,
-                 draining: bool = True) -> None:
+    ImuAllanError where the topic, named by the `parameter`, or the QoS asked for is refused.
+    """
+
+    def __init__(self, node: Node, msg_type: type, topic: str, depth: int, parameter: str = ''
+                 ) -> None:
         self._node = node
         self._msg_type = msg_type
-        self._depth = depth
-        self._collected: list[Taken] = []
-        self.draining = draining
-        self._qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
-                               reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._subscription = self._subscribe(topic)
+        qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
+                         reliability=ReliabilityPolicy.BEST_EFFORT)
+        try:
+            self._subscription = node.create_subscription(
+                msg_type, topic, lambda _: None, qos, raw=True, callback_group=OutOfWaitSet(),
+                # In the wait set an event of it wakes the executor for every message.
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        except NameValidationException as error:
+            # Its last line points at a place in the name.
+            reason = ' '.join(str(error).split()).removesuffix(' ^')
+            raise ImuAllanError(f'parameter {parameter}: {reason}') from error
+        except RCLError as error:
+            raise ImuAllanError(f'{topic}: cannot be subscribed to ({error}); it may be a topic '
+                                'of another type, or its qos_overrides may be wrong') from error
+        except (InvalidQosOverridesError, RuntimeError) as error:
+            raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
         # What the parameters say has been written into the profile.
-        self._drops = self._qos.history == HistoryPolicy.KEEP_LAST
-        if self._drops:
-            self._depth = max(self._qos.depth, 1)
-        if draining:
-            try:
-                self._collected = drain(self._subscription, msg_type, self._depth)
-            except (AttributeError, TypeError, ValueError, KeyError):
-                node.destroy_subscription(self._subscription)
-                self.draining = False
-                self._subscription = self._subscribe(topic)
+        self._drops = qos.history == HistoryPolicy.KEEP_LAST
+        self._depth = max(qos.depth, 1) if self._drops else depth
 
     @property
     def topic(self) -> str:
@@ -122,9 +124,7 @@ class DrainedSubscription:
 
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
-        taken, self._collected = self._collected, []
-        if self.draining:
-            taken += drain(self._subscription, self._msg_type, self._depth)
+        taken = drain(self._subscription, self._msg_type, self._depth)
         infos = [info for _, info in taken]
         receive = [info.get('received_timestamp') for info in infos]
         if not all(receive):
@@ -137,16 +137,3 @@ class DrainedSubscription:
         return Batch([message for message, _ in taken], np.array(receive, dtype=np.int64),
                      np.array(numbers, np.int64) if len(numbers) == len(infos) else None,
                      self._drops and len(taken) >= self._depth)
-
-    def _subscribe(self, topic: str) -> Subscription:
-        group = OutOfWaitSet() if self.draining else None
-        # rclpy's annotation leaves out callbacks that take the message info as well.
-        collect: Any = self._collect
-        return self._node.create_subscription(
-            self._msg_type, topic, collect, self._qos, raw=True, callback_group=group,
-            # In the wait set an event of the subscription wakes the executor for every message.
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
-
-    def _collect(self, message: bytes, info: Info) -> None:
-        self._collected.append((message, info))

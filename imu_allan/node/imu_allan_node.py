@@ -3,12 +3,8 @@
 """Entry point of `imu_allan_node`, the node that characterizes the IMU on a topic."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from imu_allan.interruption import quiet_interrupt
-
-if TYPE_CHECKING:
-    from imu_allan.node.process import Served
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -17,9 +13,4 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.node.interface import CHARACTERIZATION
         from imu_allan.node.process import run_process
-        return run_process(CHARACTERIZATION, _node, args)
-
-
-def _node() -> 'Served':
-    from imu_allan.node.characterization_node import CharacterizationNode
-    return CharacterizationNode()
+        return run_process(CHARACTERIZATION, args)

@@ -3,12 +3,8 @@
 """Entry point of `imu_simulator`, the node that publishes an IMU simulated from a noise model."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from imu_allan.interruption import quiet_interrupt
-
-if TYPE_CHECKING:
-    from imu_allan.node.process import Served
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -17,9 +13,4 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process
-        return run_process(SIMULATOR, _node, args)
-
-
-def _node() -> 'Served':
-    from imu_allan.node.simulator_node import SimulatorNode
-    return SimulatorNode()
+        return run_process(SIMULATOR, args)

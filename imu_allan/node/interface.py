@@ -146,6 +146,7 @@ class Interface:
     """What a node is for, and the names through which it is used."""
 
     program: str
+    node: str  # its class, which is not imported before ROS is known to be there
     purpose: str
     subscribed: Sequence[tuple[str, str, str]]
     published: Sequence[tuple[str, str, str]]
@@ -154,7 +155,7 @@ class Interface:
 
 
 CHARACTERIZATION = Interface(
-    'imu_allan_node',
+    'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode',
     'Characterizes the noise of the IMU on a topic while it is at rest.',
     ((TOPIC, 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
       'the two topics of gyro_topic and accel_topic instead, where they are set'),),
@@ -174,7 +175,7 @@ CHARACTERIZATION = Interface(
     SETTINGS)
 
 SIMULATOR = Interface(
-    'imu_simulator',
+    'imu_simulator', 'imu_allan.node.simulator_node.SimulatorNode',
     'In place of an IMU driver: publishes an IMU at rest with the noise of a model.',
     (),
     ((TOPIC, 'sensor_msgs/Imu', 'the samples'),

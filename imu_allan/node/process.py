@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the processes of both nodes share: starting, being asked to stop, ending with a status."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
 import ctypes
+from importlib import import_module
 from itertools import pairwise
 import os
 from pathlib import Path
 import signal
 import sys
 from types import FrameType
-from typing import Protocol
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
@@ -56,18 +56,7 @@ def give_back_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-class Served(Protocol):
-    """A node that works until it is asked to stop."""
-
-    def serve(self, stop: StopRequest) -> int:
-        """Work, and return the exit status."""
-
-    def destroy_node(self) -> None:
-        """Leave nothing undone."""
-
-
-def run_process(interface: Interface, made: Callable[[], Served],
-                args: Sequence[str] | None = None) -> int:
+def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
     """Let a node work between the start and the shutdown of rclpy; return the exit status."""
     program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):
@@ -79,9 +68,10 @@ def run_process(interface: Interface, made: Callable[[], Served],
     try:
         _do_without_shared_memory(program)
         with _told_to_stop(stop), _ros(args):
-            node = made()
+            module, _, name = interface.node.rpartition('.')
+            node = getattr(import_module(module), name)()
             try:
-                return node.serve(stop)
+                return int(node.serve(stop))
             finally:
                 node.destroy_node()
     except ImuAllanError as error:

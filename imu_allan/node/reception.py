@@ -32,7 +32,7 @@ class Reception:
         # Of the last report: how many had come, and why nothing came.
         self.reported, self.complaint = 0, ''
         self._decode = decode
-        self._waiting: list[Batch] = []
+        self._waiting: list[tuple[Ints, Batch]] = []
         self._publishers = Publishers(subscription.publisher_gids)
         self._passed_over = 0
         self._mixed_until = 0.0
@@ -49,11 +49,15 @@ class Reception:
         if not batch.messages:
             return 0
         self._look_for_pause(batch, now)
+        # What is passed over is not lost.
+        keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
+        facts.lost += lost
+        facts.restarts = self._publishers.begun - 1
         self.last_message = now
         if facts.paused:
             facts.skipped += len(batch.messages)
         else:
-            self._waiting.append(batch)
+            self._waiting.append((keys, batch))
         return len(batch.messages)
 
     def publishers(self) -> int:
@@ -62,27 +66,13 @@ class Reception:
 
     def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:
         """Decode what waits, by publisher."""
-        batches, self._waiting = self._waiting, []
+        waiting, self._waiting = self._waiting, []
         facts = self.facts
         if facts.mixed_samples > self._passed_over:
             self._passed_over, self._mixed_until = facts.mixed_samples, now + MIXED_FOR_S
         facts.mixed = now < self._mixed_until
-        if not batches:
-            return []
-        messages = [message for batch in batches for message in batch.messages]
-        receive_ns = np.concatenate([batch.receive_ns for batch in batches])
-        known = [batch.numbers for batch in batches if batch.numbers is not None]
-        numbers = np.concatenate(known) if len(known) == len(batches) else None
-        keys, lost = self._publishers.of(numbers, receive_ns)
-        facts.lost += lost
-        facts.restarts = self._publishers.begun - 1
-        found = []
-        for key in dict.fromkeys(keys.tolist()):
-            rows = np.flatnonzero(keys == key)
-            found.append((key, self._decoded([messages[row] for row in rows.tolist()],
-                                             receive_ns[rows],
-                                             None if numbers is None else numbers[rows])))
-        return found
+        return [(key, self._decoded(batch, np.flatnonzero(keys == key)))
+                for keys, batch in waiting for key in dict.fromkeys(keys.tolist())]
 
     def drop(self) -> None:
         """Forget what has been taken and not been used yet."""
@@ -97,13 +87,13 @@ class Reception:
             facts.pause_s = max(pause, facts.pause_s)
         self._received_ns = int(batch.receive_ns[-1])
 
-    def _decoded(self, messages: list[bytes], receive_ns: Ints, numbers: Ints | None
-                 ) -> list[ImuBlock]:
-        blocks = self._decode(messages, receive_ns, self._count_malformed)
-        if numbers is None or sum(map(len, blocks)) != len(messages):
+    def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
+        blocks = self._decode([batch.messages[row] for row in rows.tolist()],
+                              batch.receive_ns[rows], self._count_malformed)
+        if batch.numbers is None or sum(map(len, blocks)) != len(rows):
             # A message that was left out, or held several samples, says no longer which is which.
             return blocks
-        first, numbered = 0, []
+        first, numbered, numbers = 0, [], batch.numbers[rows]
         for block in blocks:
             numbered.append(replace(block, numbers=numbers[first:first + len(block)]))
             first += len(block)

@@ -5,14 +5,11 @@
 import time
 
 from imu_allan.characterization import Characterization
-from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
+from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.recordings.thermometers import beside, in_celsius
 import numpy as np
-from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
-from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
@@ -48,12 +45,8 @@ class TemperatureTopic:
     """Takes readings and hands them to a run."""
 
     def __init__(self, node: Node, topic: str, facts: Facts, lanes: int) -> None:
-        try:
-            self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE)
-        except NameValidationException as error:
-            raise ImuAllanError(f'parameter temperature_topic: {in_one_line(error)}') from error
-        except (InvalidQosOverridesError, RuntimeError) as error:
-            raise ImuAllanError(f'qos_overrides of {topic}: {in_one_line(error)}') from error
+        self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE,
+                                                 'temperature_topic')
         self._facts = facts
         self._waiting = [_NONE] * lanes
         self._last_publisher = time.monotonic()

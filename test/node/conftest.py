@@ -72,6 +72,8 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
     (folder / 'eager.xml').write_text(_EAGER)
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
                       ROS_LOG_DIR=str(folder),
+                      # No run goes on with what one of another day has left there.
+                      ROS_HOME=str(folder),
                       # A killed process would leave its shared memory behind.
                       FASTDDS_BUILTIN_TRANSPORTS='UDPv4',
                       FASTDDS_DEFAULT_PROFILES_FILE=str(folder / 'eager.xml'),

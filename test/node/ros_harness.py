@@ -533,17 +533,14 @@ def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
     """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
+from imu_allan.node.characterization_node import CharacterizationNode
 from imu_allan.node.interface import CHARACTERIZATION, SIMULATOR
 from imu_allan.node.process import run_process
-def made():
-    from imu_allan.node.characterization_node import CharacterizationNode
-    from imu_allan.node.simulator_node import SimulatorNode
-    node = {'imu_allan_node': CharacterizationNode, 'imu_simulator': SimulatorNode}[sys.argv[2]]()
-    node.serve = lambda stop: 0
-    return node
+from imu_allan.node.simulator_node import SimulatorNode
+CharacterizationNode.serve = SimulatorNode.serve = lambda node, stop: 0
 interface = {one.program: one for one in (CHARACTERIZATION, SIMULATOR)}[sys.argv[2]]
 for arguments in json.loads(sys.argv[1]):
-    status = run_process(interface, made, ['--ros-args', *arguments])
+    status = run_process(interface, ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]

@@ -150,6 +150,8 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         ([f'{reliability}:=sometimes'], 'qos_overrides of imu/data_raw: '
          'Unexpected QoS override for policy `reliability`: `sometimes`'),
         (['temperature_topic:=not a name'], f"parameter temperature_topic: {no_name}'not a name'"),
+        (['temperature_topic:=imu/data_raw'], '<words>: cannot be subscribed to (<words>); it may '
+         'be a topic of another type, or its qos_overrides may be wrong'),
         (['imu_type:=no_such_msgs/msg/Imu'], 'parameter imu_type: no_such_msgs/msg/Imu: its '
          "Python package cannot be imported (No module named 'no_such_msgs'); source the "
          'workspace that it was built in'),
@@ -316,6 +318,7 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
     assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=False)).success
     driver.publish(600)
     received(1600)
+    assert health.number('reception', 'lost') == 0
     timeline = ros.saved()['timeline']
     assert (timeline['samples'], timeline['missing']) == (1200, 400)
     [gap] = timeline['gaps']
