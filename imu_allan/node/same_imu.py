@@ -9,6 +9,7 @@ them, by the level of its noise.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
@@ -212,7 +213,8 @@ class Seen(Record):
     def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
         """Give the samples of these blocks that are no repetition."""
         passed = []
-        for block in blocks:
+        # A short recording that is played fast may begin several times in one block.
+        for block in (part for block in blocks for part in _passes(block)):
             if self.looping or self._begins_again(block):
                 new = block.header_ns > self.last_ns
                 self.looping = not new.any()
@@ -249,6 +251,13 @@ class Seen(Record):
             if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
                 return True
         return False
+
+
+def _passes(block: ImuBlock) -> Iterator[ImuBlock]:
+    """Divide messages where their stamps fall back by as much as a recording is long at least."""
+    falls = np.flatnonzero(np.diff(block.header_ns) < -_SHORTEST_NS) + 1
+    for first, last in pairwise([0, *falls.tolist(), len(block)]):
+        yield block.part(slice(first, last))
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:

@@ -8,32 +8,30 @@ take the keyword arguments that the Jazzy versions document and no others, and b
 line that launch_ros builds: they show what a launch file says, not that launch understands it.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 import importlib.util
 from pathlib import Path
 import sys
 from types import ModuleType
 from typing import Any
+from unittest import mock
 
 import yaml
 
 ROOT = Path(__file__).parents[2]
 
 
+@dataclass
 class LaunchContext:
     """Holds the values of arguments."""
 
-    def __init__(self, given: Mapping[str, str], folder: Path) -> None:
-        self.configurations = dict(given)
-        self.folder = folder
+    configurations: dict[str, str]
+    folder: Path
 
 
 @dataclass
 class LaunchConfiguration:
-    """Gives the value of an argument, as text."""
-
     name: str
 
     def perform(self, context: LaunchContext) -> str:
@@ -43,8 +41,6 @@ class LaunchConfiguration:
 
 @dataclass
 class FindPackageShare:
-    """Gives the folder into which the package is installed."""
-
     package: str
 
     def perform(self, _: LaunchContext) -> str:
@@ -53,16 +49,12 @@ class FindPackageShare:
 
 
 class ThisLaunchFileDir:
-    """Gives the folder of the launch file."""
-
     def perform(self, context: LaunchContext) -> str:
         return str(context.folder)
 
 
 @dataclass
 class PathJoinSubstitution:
-    """Joins the parts of a path."""
-
     parts: Sequence[Any]
 
     def perform(self, context: LaunchContext) -> str:
@@ -71,11 +63,9 @@ class PathJoinSubstitution:
 
 def performed(value: Any, context: LaunchContext) -> str:
     """Give the text of a substitution, of a list of them, or of a text."""
-    if isinstance(value, str):
-        return value
     if isinstance(value, list):
         return ''.join(performed(part, context) for part in value)
-    return str(value.perform(context))
+    return value if isinstance(value, str) else str(value.perform(context))
 
 
 @dataclass
@@ -88,8 +78,6 @@ class ParameterValue:
 
 @dataclass
 class DeclareLaunchArgument:
-    """An argument with its default."""
-
     name: str
     default_value: Any = field(default=None, kw_only=True)
     description: str = field(default='', kw_only=True)
@@ -119,8 +107,6 @@ class OpaqueFunction:
 
 @dataclass
 class PythonLaunchDescriptionSource:
-    """Names another launch file."""
-
     location: Any
 
 
@@ -132,7 +118,6 @@ class IncludeLaunchDescription:
     launch_arguments: Any = field(default=(), kw_only=True)
 
     def visit(self, context: LaunchContext) -> list[Any]:
-        """Set the arguments, then visit what the file describes."""
         context.configurations |= {
             name: performed(value, context) for name, value in self.launch_arguments}
         return described(Path(performed(self.source.location, context))).visit(context)
@@ -140,8 +125,6 @@ class IncludeLaunchDescription:
 
 @dataclass
 class LaunchDescription:
-    """All entities of a file."""
-
     entities: Sequence[Any]
 
     def visit(self, context: LaunchContext) -> list[Any]:
@@ -150,8 +133,6 @@ class LaunchDescription:
 
 @dataclass(kw_only=True)
 class Node:
-    """A node that is started."""
-
     package: str
     executable: str
     name: Any = None
@@ -166,7 +147,7 @@ class Node:
     sigkill_timeout: str = '5'
 
     def visit(self, context: LaunchContext) -> list['Node']:
-        self._context = LaunchContext(context.configurations, context.folder)
+        self._context = LaunchContext(dict(context.configurations), context.folder)
         return [self]
 
     def command(self, folder: Path) -> list[str]:
@@ -207,29 +188,16 @@ MODULES = {
     'launch_ros.substitutions': (FindPackageShare,)}
 
 
-@contextmanager
-def _imported() -> Iterator[None]:
-    before = dict(sys.modules)
-    for name, kinds in MODULES.items():
-        module = ModuleType(name)
-        for kind in kinds:
-            setattr(module, kind.__name__, kind)
-        sys.modules[name] = module
-    try:
-        yield
-    finally:
-        for name in MODULES:
-            sys.modules.pop(name)
-        sys.modules.update(before)
-
-
 def described(file: Path) -> LaunchDescription:
     """Run a launch file."""
-    with _imported():
-        spec = importlib.util.spec_from_file_location(file.name.partition('.')[0], file)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
+    modules = {name: ModuleType(name) for name in MODULES}
+    for name, kinds in MODULES.items():
+        vars(modules[name]).update({kind.__name__: kind for kind in kinds})
+    spec = importlib.util.spec_from_file_location(file.name.partition('.')[0], file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    with mock.patch.dict(sys.modules, modules):
         spec.loader.exec_module(module)
     description = module.generate_launch_description()
     assert isinstance(description, LaunchDescription)

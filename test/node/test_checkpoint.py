@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
+from collections.abc import Callable
 import hashlib
 import io
 import os
 from pathlib import Path
 import pickle
-import time
 import zipfile
 
 from hypothesis import given, settings, strategies
@@ -47,30 +47,23 @@ def test_a_state_reads_back_exactly() -> None:
         np.testing.assert_array_equal(found[key], array)
 
 
+def assert_damaged(content: bytes) -> None:
+    with pytest.raises(UnusableState) as caught:
+        decode_state(content)
+    assert caught.value.reason == 'damaged'
+
+
 @settings(max_examples=300, deadline=None)
-@given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255))
-def test_a_changed_byte_anywhere_makes_the_state_unusable(position: int, flip: int) -> None:
+@given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255),
+       payload=strategies.binary(max_size=400))
+def test_a_state_changed_or_cut_off_anywhere_or_of_any_payload_is_unusable(
+        position: int, flip: int, payload: bytes) -> None:
     mutated = bytearray(CONTENT)
     mutated[position] ^= flip
     with pytest.raises(UnusableState):
         decode_state(bytes(mutated))
-
-
-@settings(max_examples=100, deadline=None)
-@given(length=strategies.integers(0, len(CONTENT) - 1))
-def test_a_state_cut_off_anywhere_is_damaged(length: int) -> None:
-    with pytest.raises(UnusableState) as caught:
-        decode_state(CONTENT[:length])
-    assert caught.value.reason == 'damaged'
-
-
-@settings(max_examples=300, deadline=None)
-@given(payload=strategies.binary(max_size=400))
-def test_any_payload_with_a_right_checksum_is_refused_without_another_error(
-        payload: bytes) -> None:
-    with pytest.raises(UnusableState) as caught:
-        decode_state(framed(payload))
-    assert caught.value.reason == 'damaged'
+    assert_damaged(CONTENT[:position])
+    assert_damaged(framed(payload))
 
 
 def test_pickles_are_never_loaded(tmp_path: Path) -> None:
@@ -81,9 +74,7 @@ def test_pickles_are_never_loaded(tmp_path: Path) -> None:
     arrays = io.BytesIO()
     np.savez(arrays, allow_pickle=True, bomb=np.array([Bomb()], dtype=object))
     for payload in (arrays.getvalue(), pickle.dumps(Bomb())):
-        with pytest.raises(UnusableState) as caught:
-            decode_state(framed(payload))
-        assert caught.value.reason == 'damaged'
+        assert_damaged(framed(payload))
     assert not (tmp_path / 'exploded').exists()
 
 
@@ -103,16 +94,24 @@ def test_objects_are_not_stored() -> None:
         encode_state({'fine': np.zeros(3), 'bomb': np.array([object()])})
 
 
-def test_no_file_is_no_state(tmp_path: Path) -> None:
-    assert StateFile(tmp_path / 'new' / 'state').load() is None
+def in_folder(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
 
 
-def test_a_state_is_saved_and_loaded(tmp_path: Path) -> None:
-    file = StateFile(tmp_path / 'state')
+def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'new' / 'state')
+    assert file.load() is None
     assert file.save(STATE) == file.path.stat().st_size
     loaded = file.load()
     assert loaded is not None
     np.testing.assert_array_equal(loaded['sums'], STATE['sums'])
+    assert {path.name: path.stat().st_mode & 0o777 for path in file.path.parent.iterdir()} == {
+        'state': 0o600, 'state.lock': 0o600}
+    content = file.path.read_bytes()
+    aside = file.keep_aside('foreign')
+    assert aside.name.startswith('state.foreign.20')
+    assert aside.read_bytes() == content
+    assert not file.path.exists()
 
 
 def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
@@ -120,6 +119,9 @@ def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
     file = StateFile(tmp_path / 'state')
     file.save(STATE)
     before = file.path.read_bytes()
+    with refused(Varying(f'{tmp_path / "state"}: a state of <number> bytes could not be resumed '
+                         'from, so it is not written; the one before it stays')):
+        file.save({'sums': np.zeros(9_000_000)})
 
     def full(*_: object) -> None:
         raise OSError(28, 'No space left on device')
@@ -129,25 +131,16 @@ def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
                  'folder that exists on a disk with room and may be written to'):
         file.save({'sums': np.zeros(5)})
     assert file.path.read_bytes() == before
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['state', 'state.lock']
-
-
-def test_what_is_kept_aside_keeps_its_content_and_says_why(tmp_path: Path) -> None:
-    file = StateFile(tmp_path / 'state')
-    file.path.write_bytes(b'precious')
-    aside = file.keep_aside('foreign')
-    assert aside.name.startswith('state.foreign.20')
-    assert aside.read_bytes() == b'precious'
-    assert not file.path.exists()
+    assert in_folder(tmp_path) == {'state', 'state.lock'}
 
 
 def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
     (tmp_path / '.state.a1b2c3d4').write_bytes(b'half of a state')
-    others = ['.state.keep.this.one', '.state.settings', '.state.database', '.state.A1B2C3D4']
+    others = {'.state.keep.this.one', '.state.settings', '.state.database', '.state.A1B2C3D4'}
     for name in others:
         (tmp_path / name).write_bytes(b'of somebody else')
     StateFile(tmp_path / 'state')
-    assert {path.name for path in tmp_path.iterdir()} == {*others, 'state.lock'}
+    assert in_folder(tmp_path) == {*others, 'state.lock'}
 
 
 def test_a_file_in_use_is_refused_until_the_other_node_has_ended(tmp_path: Path) -> None:
@@ -160,52 +153,42 @@ def test_a_file_in_use_is_refused_until_the_other_node_has_ended(tmp_path: Path)
     StateFile(path).close()
 
 
-def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
-    (tmp_path / 'file').write_text('in the way')
-    with refused(f'state_file {tmp_path / "file" / "state"}: cannot be written (File exists); '
-                 'choose a folder that may be written to'):
-        StateFile(tmp_path / 'file' / 'state')
-    with refused(f'state_file {tmp_path}: is a folder; name a file in it'):
-        StateFile(tmp_path)
+WRITABLE = 'choose a folder that may be written to'
 
 
-@pytest.mark.parametrize('name', ['state', 'state.lock'])
-def test_a_pipe_as_state_or_lock_is_one_line_at_once(tmp_path: Path, name: str) -> None:
-    os.mkfifo(tmp_path / name)
-    began = time.monotonic()
-    with refused(f'state_file {tmp_path / "state"}: ' + (
-            'is a device, a pipe or a socket; name a regular file, or one that is not there yet'
-            if name == 'state' else
-            'cannot be written (state.lock is not a regular file); choose a folder that may be '
-            'written to')):
-        StateFile(tmp_path / 'state')
+@pytest.mark.parametrize(('made', 'path', 'words'), [
+    (lambda at: (at / 'file').write_text('in the way'), 'file/state',
+     f'cannot be written (File exists); {WRITABLE}'),
+    (lambda at: (at / 'state').mkdir(), 'state', 'is a folder; name a file in it'),
     # A pipe is waited for until somebody writes to it: for ever.
-    assert time.monotonic() - began < 60
-    assert sorted(path.name for path in tmp_path.iterdir()) == [name]
-
-
-def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    (lambda at: os.mkfifo(at / 'state'), 'state', 'is a device, a pipe or a socket; name a '
+     'regular file, or one that is not there yet'),
+    (lambda at: os.mkfifo(at / 'state.lock'), 'state',
+     f'cannot be written (state.lock is not a regular file); {WRITABLE}'),
+    (lambda at: (at / 'state.lock').symlink_to(at / 'precious'), 'state',
+     f'cannot be written (<words>); {WRITABLE}')],
+    ids=['below a file', 'folder', 'pipe', 'pipe as lock', 'link as lock'])
+def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(
+        tmp_path: Path, made: Callable[[Path], object], path: str, words: str) -> None:
     (tmp_path / 'precious').write_text('mine')
-    (tmp_path / 'state.lock').symlink_to(tmp_path / 'precious')
-    with refused(Varying(f'state_file {tmp_path / "state"}: cannot be written (<words>); choose a '
-                         'folder that may be written to')):
-        StateFile(tmp_path / 'state')
+    made(tmp_path)
+    before = in_folder(tmp_path)
+    with refused(Varying(f'state_file {tmp_path / path}: {words}')):
+        StateFile(tmp_path / path)
+    assert in_folder(tmp_path) == before
     assert (tmp_path / 'precious').read_text() == 'mine'
 
 
-def test_state_and_lock_are_read_by_nobody_else(tmp_path: Path) -> None:
+def test_states_kept_aside_are_capped_oldest_first(tmp_path: Path) -> None:
     file = StateFile(tmp_path / 'state')
-    file.save({'sums': np.arange(3.0)})
-    file.close()
-    assert {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {
-        'state': 0o600, 'state.lock': 0o600}
-
-
-def test_a_state_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
-    file = StateFile(tmp_path / 'state')
-    file.save({'sums': np.arange(3.0)})
-    with refused(Varying(f'{tmp_path / "state"}: a state of <number> bytes could not be resumed '
-                         'from, so it is not written; the one before it stays')):
-        file.save({'sums': np.zeros(9_000_000)})
-    assert file.load() is not None
+    aside = []
+    for number in range(25):
+        file.path.write_bytes(bytes([number]))
+        aside.append(file.keep_aside('rate' if number % 2 else 'frame_id').name)
+    (tmp_path / 'state.notes').write_text('of the user')
+    assert file.thin_out() == aside[4::-1]
+    assert in_folder(tmp_path) == {*aside[5:], 'state.lock', 'state.notes'}
+    for name in aside[-3:]:
+        os.truncate(tmp_path / name, 60_000_000)
+    assert file.thin_out() == aside[-2:4:-1]
     file.close()

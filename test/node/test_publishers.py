@@ -2,111 +2,88 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishers told apart by the numbers of their messages."""
 
-from collections.abc import Iterable
-
 from imu_allan.node.publishers import MIXED, Publishers
 import numpy as np
+import pytest
 
-STEP_NS = 5_000_000
-
-
-def told(publishers: Publishers, messages: Iterable[tuple[int, float]]) -> tuple[list[int], int]:
-    """Give who sent messages of these numbers, received at these seconds, and what is lost."""
-    numbers, seconds = zip(*messages, strict=True)
-    keys, lost = publishers.of(np.array(numbers), np.rint(np.array(seconds) * 1e9).astype(int))
-    return keys.tolist(), lost
+SECOND = 10**9
+Messages = list[tuple[int, float]]
 
 
-def stream(first: int, count: int, start_s: float) -> list[tuple[int, float]]:
+def stream(first: int, count: int, start_s: float) -> Messages:
+    """Give numbers of messages of one publisher, and when they are received, at 200 Hz."""
     return [(first + i, start_s + i * 0.005) for i in range(count)]
 
 
-def test_losses_are_numbers_that_one_publisher_has_left_out() -> None:
-    keys, lost = told(Publishers(), [*stream(1, 100, 0.0), *stream(111, 100, 0.55)])
-    assert (set(keys), lost) == ({1}, 10)
+def in_turn(*streams: Messages) -> Messages:
+    return sorted((message for one in streams for message in one), key=lambda message: message[1])
+
+
+@pytest.mark.parametrize('steps', [
+    # Of each step: what comes, whose it is, how many are lost, and who delivers a moment later.
+    pytest.param([([*stream(1, 100, 0.0), *stream(111, 100, 0.55)], [1], 10, 1)], id='losses'),
+    pytest.param([(stream(1, 1000, 0.0), [1], 0, 1), (stream(2001, 1000, 10.0), [1], 1000, 1)],
+                 id='a pause of the node'),
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1),
+                  (in_turn(stream(4001, 1000, 20.0), stream(1, 1000, 20.001)), [1, 2], 0, 2),
+                  (stream(5001, 2000, 25.0), [1], 0, 1)], id='two in turn'),
+    # The first messages may come before it is discovered.
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1), (stream(1, 4000, 20.5), [2], 0, 1),
+                  (stream(300, 4000, 41.0), [3], 0, 1)], id='a driver that starts anew'),
+    # In parts, one of which ends where the first driver has ended.
+    pytest.param([(stream(1, 100, 0.0), [1], 0, 1), *(
+        (stream(1 + 50 * part, 50, 3.0 + 0.25 * part), [2], 0, 1) for part in range(8))],
+        id='a driver that passes the last number of the one before')])
+def test_numbers_tell_whose_messages_are_and_how_many_are_lost(
+        steps: list[tuple[Messages, list[int], int, int]]) -> None:
+    publishers = Publishers()
+    for messages, senders, lost, delivering in steps:
+        numbers, seconds = zip(*messages, strict=True)
+        keys, missed = publishers.of(np.array(numbers),
+                                     np.rint(np.array(seconds) * SECOND).astype(int))
+        assert (list(dict.fromkeys(keys.tolist())), missed) == (senders, lost)
+        assert len(set(np.bincount(keys)[senders])) == 1
+        assert publishers.delivering(round((seconds[-1] + 4) * SECOND)) == delivering
 
 
 def test_whoever_sends_in_bursts_loses_more_than_its_rate_and_stays_the_same_publisher() -> None:
     offers = {b'a'}
     publishers = Publishers(lambda: set(offers))
-    assert told(publishers, stream(1, 1000, 0.0)) == ([1] * 1000, 0)
-    assert told(publishers, stream(3001, 10, 5.01)) == ([1] * 10, 2000)
+    for first, key, lost in (1, 1, 0), (3001, 1, 2990):
+        keys, missed = publishers.of(first + np.arange(10), SECOND * first // 200 + np.arange(10))
+        assert (set(keys.tolist()), missed) == ({key}, lost)
     # Where another one has come meanwhile, the numbers may be those of that one.
     offers |= {b'b'}
-    assert told(publishers, stream(9001, 10, 6.0)) == ([2] * 10, 0)
+    assert publishers.of(np.array([9001]), np.array([50 * SECOND])) == (np.array([2]), 0)
 
 
-def test_two_publishers_in_turn_are_two_that_have_lost_nothing() -> None:
+@pytest.mark.parametrize('bundle', [1, 20])
+def test_two_that_started_together_are_mixed_until_one_is_left(bundle: int) -> None:
     publishers = Publishers()
-    assert told(publishers, stream(1, 4000, 0.0)) == ([1] * 4000, 0)
-    both = sorted([*stream(4001, 1000, 20.0), *stream(1, 1000, 20.001)], key=lambda m: m[1])
-    keys, lost = told(publishers, both)
-    assert (keys, lost) == ([1, 2] * 1000, 0)
-    assert publishers.delivering(round(25e9)) == 2
-    assert told(publishers, stream(5001, 2000, 25.0)) == ([1] * 2000, 0)
-    assert publishers.delivering(round(35e9)) == 1
-
-
-def test_a_driver_that_starts_anew_is_another_publisher_and_not_two() -> None:
-    publishers = Publishers()
-    told(publishers, stream(1, 4000, 0.0))
-    for start_s, first, key in ((20.5, 1, 2), (41.0, 300, 3)):
-        # The first messages may come before it is discovered.
-        assert told(publishers, stream(first, 4000, start_s)) == ([key] * 4000, 0)
-        assert publishers.delivering(round((start_s + 20) * 1e9)) == 1
-
-
-def test_a_pause_of_the_node_is_a_loss_and_no_other_publisher() -> None:
-    publishers = Publishers()
-    told(publishers, stream(1, 1000, 0.0))
-    assert told(publishers, stream(2001, 1000, 10.0)) == ([1] * 1000, 1000)
-
-
-def test_two_that_started_together_are_mixed_until_one_is_left() -> None:
-    publishers = Publishers()
-    both = sorted([*stream(1, 1000, 0.0), *stream(1, 1000, 0.001)], key=lambda m: m[1])
-    keys, lost = told(publishers, both)
-    assert (set(keys[4:]), lost) == ({MIXED}, 0)
-    bundles = [message for first in range(1, 1000, 20)
-               for _ in range(2) for message in stream(first, 20, first * 0.005)]
-    keys, lost = told(Publishers(), bundles)
-    assert (set(keys[40:]), lost) == ({MIXED}, 0)
-    assert publishers.delivering(round(5e9)) == 2
-    keys, lost = told(publishers, stream(1001, 2000, 5.0))
-    assert keys[0] == MIXED
-    assert keys[-1] > 0
-    assert lost == 0
+    both = np.repeat(np.arange(1, 1001).reshape(-1, 1, bundle), 2, axis=1).ravel()
+    keys, lost = publishers.of(both, (5_000_000 * both).astype(int))
+    assert (set(keys[2 * bundle:].tolist()), lost) == ({MIXED}, 0)
+    assert publishers.delivering(5 * SECOND) == 2
+    left = np.arange(1001, 3001)
+    keys, lost = publishers.of(left, 5_000_000 * left)
+    assert (keys[0], keys[-1] > 0, lost) == (MIXED, True, 0)
 
 
 def test_without_numbers_another_set_of_offers_is_another_publisher() -> None:
     offers: set[bytes] = set()
-    publishers, times = Publishers(lambda: set(offers)), np.arange(3)
-    first, lost = publishers.of(None, times)
-    for there, key in (({b'a'}, 1), ({b'a', b'b'}, 1), ({b'b'}, 2), ({b'c'}, 3), (set(), 3)):
+    publishers = Publishers(lambda: set(offers))
+
+    def sender(seconds: float, *there: bytes) -> int:
         offers.clear()
-        offers |= there
-        keys, lost = publishers.of(None, times)
-        assert (set(keys.tolist()), lost) == ({key}, 0)
-    assert set(first.tolist()) == {1}
+        offers.update(there)
+        keys, lost = publishers.of(None, np.full(3, round(seconds * SECOND)))
+        assert (len(set(keys)), lost) == (1, 0)
+        return int(keys[0])
 
-
-def test_without_numbers_who_comes_after_a_silence_is_the_newcomer() -> None:
-    # The identity of a driver that was killed stays for a while.
-    offers = {b'a'}
-    publishers, second = Publishers(lambda: set(offers)), 10**9 * np.arange(2)
-    assert publishers.of(None, second)[0].tolist() == [1, 1]
-    offers |= {b'b'}
-    assert publishers.of(None, second + 2 * 10**9)[0].tolist() == [1, 1]
-    offers |= {b'c'}
-    assert publishers.of(None, second + 6 * 10**9)[0].tolist() == [2, 2]
-    # What it has lost is no other publisher.
-    assert publishers.of(None, second + 10 * 10**9)[0].tolist() == [2, 2]
-
-
-def test_a_driver_that_passes_the_last_number_of_the_one_before_stays_the_same() -> None:
-    publishers = Publishers()
-    told(publishers, stream(1, 100, 0.0))
-    # In parts, one of which ends where the first driver has ended.
-    for part in range(8):
-        keys, lost = told(publishers, stream(1 + 50 * part, 50, 3.0 + 0.25 * part))
-        assert (set(keys), lost) == ({2}, 0)
+    assert [sender(0, *there) for there in ([], [b'a'], [b'a', b'b'], [b'b'], [b'c'], [])] == [
+        1, 1, 1, 2, 3, 3]
+    # The identity of a driver that was killed stays for a while: after a silence it is the
+    # newcomer who sends. What that one loses is no other publisher.
+    killed, both, three = [b'c'], [b'c', b'd'], [b'c', b'd', b'e']
+    assert [sender(seconds, *there) for seconds, there in (
+        (0.5, killed), (1.5, both), (6.0, three), (10.0, three))] == [3, 3, 4, 4]

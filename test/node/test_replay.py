@@ -14,42 +14,40 @@ import numpy as np
 import pytest
 from whole_lines import refused
 
-STAMPS = 10**18 + 10_000_000 * np.arange(1000)
+SETUP = Setup('/imu', TimelineOptions())
 
 
-def played(samples: np.ndarray) -> ImuBlock:
-    return ImuBlock(STAMPS, STAMPS, samples, np.zeros((len(samples), 2), np.bool_), 'imu')
+def played(seed: int, count: int = 1000, gravity: float = 9.81) -> ImuBlock:
+    stamps = 10**18 + 10_000_000 * np.arange(count)
+    samples = np.random.default_rng(seed).normal([0, 0, 0, 0, 0, gravity], 1, (count, 6))
+    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), np.bool_), 'imu')
 
 
 @pytest.mark.parametrize('absent', [[], [3, 4, 5], [2]])
 def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int]) -> None:
-    samples = np.random.default_rng(1).normal(size=(1000, 6))
-    samples[:, absent] = np.nan
+    first, other = played(1), played(2)
+    first.samples[:, absent] = np.nan
     watch = Seen()
-    assert [len(block) for block in watch.unseen([played(samples)])] == [1000]
-    assert watch.unseen([played(samples), played(samples)]) == []
-    assert watch.looping
-
-
-def test_other_samples_under_old_stamps_are_no_loop() -> None:
-    rng = np.random.default_rng(2)
-    watch = Seen()
-    watch.unseen([played(rng.normal(size=(1000, 6)))])
-    assert [len(block) for block in watch.unseen([played(rng.normal(size=(1000, 6)))])] == [1000]
+    assert [len(block) for block in watch.unseen([first])] == [1000]
+    # Other samples under old stamps are no loop.
+    assert [len(block) for block in watch.unseen([other])] == [1000]
     assert not watch.looping
+    assert watch.unseen([first, first]) == []
+    assert watch.looping
+    # Played so fast that it begins twice among the messages that are taken together.
+    both = replace(first, header_ns=np.tile(first.header_ns, 2),
+                   receive_ns=np.tile(first.receive_ns, 2), samples=np.tile(first.samples, (2, 1)),
+                   absent=np.tile(first.absent, (2, 1)))
+    assert [len(block) for block in Seen().unseen([both])] == [1000]
 
 
 def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> None:
-    count = 100_000
-    stamps = 10**18 + 10_000_000 * np.arange(count)
-    samples = np.random.default_rng(3).normal(size=(count, 6))
-    whole = ImuBlock(stamps, stamps, samples, np.zeros((count, 2), np.bool_), 'imu')
-    watch = Seen()
-    for first in range(0, count, 100):
+    whole, watch = played(3, 100_000), Seen()
+    for first in range(0, len(whole), 100):
         watch.unseen([whole.part(slice(first, first + 100))])
     assert sum(array.nbytes for array in state_of(watch).values()) < 200_000
     for again in (watch, restored(Seen, state_of(watch))):
-        passed = sum(len(block) for first in range(50, count, 10)
+        passed = sum(len(block) for first in range(50, len(whole), 10)
                      for block in again.unseen([whole.part(slice(first, first + 10))]))
         assert passed < 500
         assert again.looping
@@ -57,27 +55,24 @@ def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> N
 
 @pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
 def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
-    setup = Setup('/imu', TimelineOptions())
-    samples = np.random.default_rng(4).normal([0, 0, 0, 0, 0, gravity], 1, (1000, 6))
-    run = new_run(setup)
-    run.lanes[0].update([played(samples)])
-    state = pack(run, setup)
-    resumed = unpack(decode_state(encode_state(state)), setup)
-    resumed.lanes[0].update([played(samples)])
+    run, block = new_run(SETUP), played(4, gravity=gravity)
+    run.lanes[0].update([block])
+    resumed = unpack(decode_state(encode_state(pack(run, SETUP))), SETUP)
+    resumed.lanes[0].update([block])
     assert resumed.snapshot().result().timeline.samples == 1000
     assert resumed.lanes[0].seen.looping == (gravity > 0)
 
 
 def test_an_older_recording_after_one_in_a_loop_is_no_repetition() -> None:
-    [lane] = new_run(Setup('/imu', TimelineOptions())).lanes
-    first, other = (played(np.random.default_rng(seed).normal([0, 0, 0, 0, 0, 9.81], 1, (1000, 6)))
-                    for seed in (6, 7))
+    [lane] = new_run(SETUP).lanes
+    first, other = played(6), played(7)
     for _ in range(3):
         lane.update([first])
     assert (lane.fed, lane.seen.looping) == (1000, True)
     # As when another driver is heard.
     lane.power_on()
-    lane.update([replace(other, header_ns=STAMPS - 10**12, receive_ns=STAMPS + 10**11)])
+    lane.update([replace(other, header_ns=other.header_ns - 10**12,
+                         receive_ns=other.receive_ns + 10**11)])
     assert (lane.fed, lane.seen.looping) == (2000, False)
     lane.power_on()
     lane.update([first])
@@ -86,7 +81,7 @@ def test_an_older_recording_after_one_in_a_loop_is_no_repetition() -> None:
 
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
     watch = Seen()
-    watch.unseen([played(np.random.default_rng(5).normal(size=(1000, 6)))])
+    watch.unseen([played(5)])
     whole = state_of(watch)
     for name in ('stamps', 'samples'):
         with pytest.raises((TypeError, ValueError)):

@@ -12,7 +12,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from imu_allan.finding import finding
 from imu_allan.node.characterization_node import queue_messages
-from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
+from imu_allan.node.diagnostics import (
+    diagnostics_message,
+    Facts,
+    reception_conditions,
+    timeline_conditions,
+    waiting_for,
+)
 from imu_allan.node.result_messages import result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import (
@@ -83,11 +89,13 @@ def entries(status: DiagnosticStatus) -> dict[str, str]:
     return {entry.key: entry.value for entry in status.values}
 
 
-def test_numbers_are_written_to_the_last_digit() -> None:
+def test_the_values_of_an_axis_are_written_to_the_last_digit() -> None:
     value = 0.1 + 0.2
-    found = entries(status_of('gyro_x', axis_result('gyro_x', {'noise_density': value})))
+    found = entries(status_of('gyro_x', axis_result(
+        'gyro_x', {'noise_density': value}, tones=(Tone(50.0, 1e-3),), band_limit_s=0.02)))
     assert float(found['noise_density/value']) == value
     assert found['noise_density/ci95_low'] == repr(value * 0.9)
+    assert (found['tones/0/frequency_hz'], found['band_limit_s']) == ('50.0', '0.02')
 
 
 @pytest.mark.parametrize(('values', 'fields', 'level', 'words'), [
@@ -101,13 +109,6 @@ def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
         values: Mapping[str, float], fields: dict[str, Any], level: bytes, words: str) -> None:
     status = status_of('accel_y', axis_result('accel_y', values, **dict(fields)))
     assert (status.level, status.message) == (level, words)
-
-
-def test_tones_and_band_limit_are_among_the_values() -> None:
-    found = entries(status_of('gyro_z', axis_result(
-        'gyro_z', ALL, tones=(Tone(50.0, 1e-3),), band_limit_s=0.02)))
-    assert found['tones/0/frequency_hz'] == '50.0'
-    assert found['band_limit_s'] == '0.02'
 
 
 def test_an_axis_that_is_absent_is_nan_beside_the_others() -> None:
@@ -197,66 +198,51 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
     ('reception', facts(publishers=0), summary(), ERROR, 'nothing publishes /imu'),
     ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
-    ('reception', facts(publishers=2, publisher_names=('/a', '/b')), summary(), WARN,
-     '2 publishers on /imu (/a and /b): where their samples mix they are passed over; give every '
-     'IMU a topic of its own'),
-    ('reception', facts(mixed=True, publishers=2), summary(), ERROR,
-     'the messages on /imu are of more than one publisher: they are passed over'),
-    ('reception', facts(namesakes=1), summary(), ERROR,
-     'another node has the same name: their topics and services cannot be kept apart; start one '
-     'of them with another name'),
-    ('reception', facts(publishers=0, refused=['/driver publishes a/msg/B, not sensor_msgs/Imu']),
-     summary(), ERROR, '/driver publishes a/msg/B, not sensor_msgs/Imu'),
-    ('reception', facts(looping=True), summary(), WARN,
-     'the messages on /imu repeat from the first one on, as a recording played in a loop does: '
-     'what has come before is passed over'),
     ('reception', facts({'lost': 12}), summary(), WARN,
      '12 messages on /imu lost in the last 30 s: on the way, between publisher and node; ask for '
      'reliable delivery with qos_overrides'),
-    ('reception', facts({'lost': 12, 'overrun': 1}, queue=5), summary(), WARN,
-     '12 messages on /imu lost in the last 30 s: the queue of 5 messages is too short for what '
-     'comes between two looks; leave qos_overrides./imu.subscription.depth out, or set it to '
-     '2.5 s of messages'),
     ('reception', facts(lost=12, malformed=3), summary(), OK, 'receiving 100 messages per second'),
-    ('reception', facts({'malformed': 3}, malformed_why='too short'), summary(), WARN,
-     '3 messages on /imu could not be decoded in the last 30 s: too short'),
-    ('reception', facts(temperature_topic='/t', temperature_missing=True), summary(), WARN,
-     'nothing publishes /t: there is no temperature'),
-    ('reception', facts(temperature_topic='/t', temperature_silent_s=40.0), summary(), WARN,
-     'no temperature on /t for 40 s'),
-    ('reception', facts(paused=True), summary(), WARN, 'paused: samples are passed over'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(), summary(moving=True), WARN,
      'the IMU moves: what it measures meanwhile is left out'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
-    ('timeline', facts(expected_rate=200.0), summary(), WARN,
-     'measured 100 Hz, expected 200 Hz; check expected_rate, or the setting of the driver'),
     ('timeline', facts(expected_rate=101.0), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
      'neighbouring messages differ in turn, as those of two sensors that publish with one '
      'frame_id do; give every IMU a topic of its own'),
-    ('timeline', facts({'rejected': 1}), summary(), WARN, '1 message rejected in the last 30 s'),
-    ('timeline', facts({'clock_jumps': 2}), summary(remarks=(JUMPED,)),
-     WARN, '2 jumps of the clock in the last 30 s; the header clock jumped 2 times: no '
-     'difference is taken across a jump'),
-    ('timeline', facts({'missing': 200, 'duplicates': 4}), summary(), WARN,
-     '200 samples missing, 4 duplicates in the last 30 s'),
+    ('timeline', facts({'clock_jumps': 2, 'missing': 200, 'duplicates': 4, 'rejected': 1}),
+     summary(remarks=(JUMPED,)), WARN,
+     '200 samples missing, 4 duplicates, 1 message rejected, 2 jumps of the clock in the last '
+     '30 s; the header clock jumped 2 times: no difference is taken across a jump'),
     ('timeline', facts(), summary(timeline=Timeline(
         100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
         remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),
     ('estimation', facts(), summary(), OK, 'no result yet'),
     ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),
-    ('storage', facts(state_file='/s', resumed='resumed 3 d of data'), summary(), OK,
-     'resumed 3 d of data'),
     ('storage', facts(checkpoint_error='No space left'), summary(), ERROR, 'No space left'),
     ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
-def test_the_verdict_of_a_status_names_what_is_wrong(
+def test_a_status_names_what_is_wrong(
         part: str, facts_: Facts, summary_: TimelineSummary, level: bytes, words: str) -> None:
     status = shown(part, facts_, summary_)
     assert (status.level, status.message, status.hardware_id) == (level, words, '/imu')
+
+
+def test_of_all_that_is_wrong_the_worst_comes_first() -> None:
+    bad = facts({'lost': 1, 'malformed': 1, 'missing': 1, 'rejected': 1, 'clock_jumps': 1},
+                publishers=0, silent_s=7.0, namesakes=1, mixed=True, looping=True, paused=True,
+                temperature_missing=True, update_error='no clock', expected_rate=200.0)
+    moving = summary(moving=True, mostly_motion=True, remarks=(finding('several_publishers'),))
+    assert [(one.name, one.level) for one in (
+        *reception_conditions(bad), *reception_conditions(facts(publishers=2)),
+        *timeline_conditions(bad, moving)) if one.present] == [
+        ('namesakes', ERROR), ('mixed', ERROR), ('unpublished', ERROR), ('silent', ERROR),
+        ('looping', WARN), ('malformed', WARN), ('lost', WARN), ('paused', WARN),
+        ('thermometer', WARN), ('publishers', WARN), ('useless', ERROR), ('moving', WARN),
+        ('mostly_motion', WARN), ('expected_rate', WARN), ('remarks', WARN), ('faults', WARN),
+        ('jumped', WARN)]
 
 
 def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:

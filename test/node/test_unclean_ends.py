@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run that ended without saving goes on; one that was ended is finished."""
 
-import os
 from pathlib import Path
 import signal
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.checkpoint import StateFile
 import pytest
 from ros_harness import Driver, Health, kept_in, Process, Ros
 from whole_lines import Varying
@@ -94,19 +92,3 @@ def test_what_makes_room_for_a_state_that_is_kept_aside_is_said(ros: Ros, home: 
     assert node.lines[1] == ('removed the oldest states that were kept aside: '
                              f'{old[1].name}, {old[0].name}')
     assert [path.exists() for path in old] == [False, False, *[True] * 19]
-
-
-def test_states_kept_aside_are_capped_oldest_first(tmp_path: Path) -> None:
-    file = StateFile(tmp_path / 'state')
-    aside = []
-    for number in range(25):
-        file.path.write_bytes(bytes([number]))
-        aside.append(file.keep_aside('rate' if number % 2 else 'frame_id').name)
-    (tmp_path / 'state.notes').write_text('of the user')
-    assert file.thin_out() == aside[4::-1]
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        [*aside[5:], 'state.lock', 'state.notes'])
-    for name in aside[-3:]:
-        os.truncate(tmp_path / name, 60_000_000)
-    assert file.thin_out() == aside[-2:4:-1]
-    file.close()
