@@ -214,7 +214,7 @@ class Seen(Record):
         """Give the samples of these blocks that are no repetition."""
         passed = []
         # A short recording that is played fast may begin several times in one block.
-        for block in (part for block in blocks for part in _passes(block)):
+        for block in (part for whole in blocks for part in _passes(whole)):
             if self.looping or self._begins_again(block):
                 new = block.header_ns > self.last_ns
                 self.looping = not new.any()

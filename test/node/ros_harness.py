@@ -46,9 +46,6 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ENTRY_POINTS = {'imu_allan_node': 'imu_allan.node.imu_allan_node',
                 'imu_simulator': 'imu_allan.node.imu_simulator'}
-LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
-            'qos_overrides./imu/data_raw.subscription.history': 'keep_all'}
-"""Parameters with which a subscriber makes a publisher that keeps all wait for it."""
 
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
@@ -130,6 +127,12 @@ class Process:
         return self.wait(max(self.starved_s - before, 0.1))
 
 
+def lossless(topic: str) -> dict[str, str]:
+    """Give parameters with which a subscriber makes a publisher that keeps all wait for it."""
+    return {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
+            f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+
+
 def told_in(log: str) -> list[str]:
     """Return the lines of a log, without level, time and name of the node."""
     return [re.sub(r'^\[[A-Z]+\] \[[\d.]+\] \[[^\]]*\]: ', '', line) for line in log.splitlines()]
@@ -192,9 +195,7 @@ class Ros:
             given.setdefault('output_dir', str(self.folder / 'output'))
             if not best_effort:
                 topic = (remaps or {}).get('imu/data_raw', 'imu/data_raw')
-                full = f'{namespace or self.namespace}/{topic}'
-                given |= {key.replace('/imu/data_raw', full): value
-                          for key, value in LOSSLESS.items()}
+                given |= lossless(f'{namespace or self.namespace}/{topic}')
         for key, value in given.items():
             args += ['-p', f'{key}:={yaml_value(value)}']
         for before, after in (remaps or {}).items():
@@ -262,8 +263,8 @@ class Ros:
         self._recorders.append(Node(
             f'recorder{len(self._recorders)}', namespace=self.namespace, context=self._context,
             **_NO_SERVICES,
-            parameter_overrides=[Parameter(key.replace('/imu/data_raw', full), value=value)
-                                 for key, value in LOSSLESS.items()]))
+            parameter_overrides=[Parameter(key, value=value)
+                                 for key, value in lossless(full).items()]))
         return DrainedSubscription(self._recorders[-1], Imu, full, 10_000)
 
     def call(self, kind: type, service: str, request: Any = None) -> Any:

@@ -15,7 +15,7 @@ import sys
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from repeated import slow
-from ros_harness import Driver, LOSSLESS, PATIENCE_S, resident_mb, Ros
+from ros_harness import Driver, lossless, PATIENCE_S, resident_mb, Ros
 from std_srvs.srv import SetBool
 
 PAGE = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
@@ -41,9 +41,8 @@ def spinning(ros: Ros, executor: str, namespaces: Sequence[str]) -> Iterator[sub
     code = code.replace('MultiThreadedExecutor', executor)
     arguments = ['--ros-args', '-p', 'publish_period:=0.5']
     for namespace in namespaces:
-        for key, value in LOSSLESS.items():
-            topic = f'{namespace}/imu/data_raw'
-            arguments += ['-p', f'{key.replace("/imu/data_raw", topic)}:={value}']
+        for key, value in lossless(f'{namespace}/imu/data_raw').items():
+            arguments += ['-p', f'{key}:={value}']
     process = subprocess.Popen([sys.executable, '-c', code, *arguments], env={
         **os.environ, 'HOME': str(ros.folder), 'ROS_HOME': str(ros.folder)})
     try:

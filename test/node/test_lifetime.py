@@ -208,15 +208,22 @@ def test_a_parameter_without_ros_args_is_refused_with_status_2() -> None:
         '--ros-args -p publish_period:=5.0\n')
 
 
-def test_too_few_samples_are_no_fault_of_the_storage_and_leave_no_files(
+def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault_and_leave_no_files(
         ros: Ros, health: Health) -> None:
-    node, driver = ros.start('imu_allan_node'), Driver(ros).wait_for_node()
+    file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
+    node = ros.start('imu_allan_node', {'publish_perid': 5.0, 'use_sim_time': True}, files=(file,))
+    driver = Driver(ros).wait_for_node()
     response = ros.call(Trigger, 'imu_allan/save')
     assert not response.success
     assert response.message == ('nothing to save: too few usable samples have come from '
                                 f'{ros.name("imu/data_raw")} yet')
+    assert 'unknown parameter publish_perid is ignored, did you mean publish_period?' in node.lines
+    # There is no clock yet, but time goes on.
     health.news()
-    assert health.level('storage') == b'\0', health.message('storage')
+    assert (health.level('storage'), health.stamp_s) == (b'\0', 0), health.message('storage')
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    ros.until(lambda: clock.publish(Clock(clock=Time(sec=1234))) or health.stamp_s == 1234)
+    ros.node.destroy_publisher(clock)
     driver.publish(1)
     assert driver.publisher.wait_for_all_acked()
     assert node.stop(signal.SIGTERM) == 0, node.log
@@ -232,25 +239,6 @@ def test_a_period_that_is_no_multiple_of_the_tick_is_kept_on_average(period_s: f
     began = time.monotonic()
     ticks = [began + TICK_S * number for number in range(1, 1001)]
     assert sum(map(results.due, ticks)) == pytest.approx(1000 * TICK_S / period_s, abs=1)
-
-
-def test_the_shipped_parameter_file_is_accepted_and_a_misspelt_name_told(ros: Ros) -> None:
-    file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
-    node = ros.start('imu_allan_node', {'publish_perid': 5.0}, files=(file,))
-    ros.until(lambda: 'characterizing the IMU' in node.log)
-    assert 'unknown parameter publish_perid is ignored, did you mean publish_period?' in node.lines
-
-
-def test_simulated_time_works_without_a_clock_and_with_one(ros: Ros, health: Health) -> None:
-    ros.start('imu_allan_node', {'use_sim_time': True, 'publish_period': 0.5})
-    driver = Driver(ros).wait_for_node()
-    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    driver.publish(1000)
-    ros.until(lambda: arrays)
-    ros.until(lambda: health.stamp_s == 0)
-    clock = ros.node.create_publisher(Clock, '/clock', 10)
-    ros.until(lambda: clock.publish(Clock(clock=Time(sec=1234))) or health.stamp_s == 1234)
-    ros.node.destroy_publisher(clock)
 
 
 def test_lost_messages_are_counted_by_their_numbers(ros: Ros, health: Health) -> None:

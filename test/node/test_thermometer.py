@@ -8,10 +8,8 @@ from typing import Any
 
 from imu_allan.cdr import encode_imu
 from imu_allan.node import temperature_topic
-from imu_allan.node.diagnostics import Facts
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 from ros_harness import Driver, Health, Ros
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
@@ -51,39 +49,22 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
         stamp = START + round(second * 1e9)
         driver.send(encode_imu(stamp, sample, 'imu'))
         if number % 8 == 0:
-            thermometer.publish(reading(stamp, float(celsius(second))))
+            # In kelvin, which is taken as in a recording.
+            thermometer.publish(reading(stamp, float(celsius(second)) + 273.15))
 
     def fitted() -> Any:
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
         return document if document['timeline']['samples'] == SAMPLES else None
 
     axes = ros.until(fitted)['axes']
+    assert health.number('reception', 'temperature_c') == pytest.approx(
+        celsius((SAMPLES - 8) / RATE_HZ), abs=1e-6)
     found = {name: axis['trend']['temperature'] for name, axis in axes.items()}
     assert [name for name, one in found.items() if one] == ['gyro_x']
     low, high = found['gyro_x']['ci95']
     assert low < PER_KELVIN < high
     assert high - low < 0.1 * PER_KELVIN
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
-
-
-def test_a_thermometer_in_kelvin_is_taken_as_in_a_recording(monkeypatch: Any) -> None:
-    kelvin = np.array([300.0, np.nan, 310.5])
-    batch = SimpleNamespace(
-        messages=[serialize_message(reading(START, value)) for value in kelvin],
-        receive_ns=np.full(3, START))
-    topic = SimpleNamespace(topic='/temperature', publishers=1, take=lambda: batch)
-    monkeypatch.setattr(temperature_topic, 'DrainedSubscription', lambda *_: topic)
-    facts = Facts('/imu', 100, 0.0, '')
-    thermometer = temperature_topic.TemperatureTopic(None, '/temperature', facts, 1)
-    thermometer.take()
-    assert facts.temperature_c == pytest.approx(37.35)
-    taken: list[Any] = []
-    characterization: Any = SimpleNamespace(
-        clock='header', take_temperature=lambda *readings: taken.append(readings))
-    thermometer.feed(0, characterization)
-    [(stamps, celsius_taken)] = taken
-    assert stamps.tolist() == [START] * 3
-    np.testing.assert_allclose(celsius_taken, kelvin - 273.15, rtol=0, atol=1e-9)
 
 
 def test_the_only_thermometer_in_the_namespace_of_the_imu_is_found(ros: Ros) -> None:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gyroscope and accelerometer on two topics, at two rates, as a RealSense publishes them."""
 
-from dataclasses import replace
 import json
 import signal
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from ros_harness import Driver, Health, Process, recorded, Ros
+from ros_harness import Driver, Health, lossless, Process, recorded, Ros
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -51,8 +50,7 @@ class Camera:
         parameters = {'publish_period': 0.5, 'gyro_topic': topics['gyro'],
                       'accel_topic': topics['accel'], **changes}
         for topic in topics.values():
-            parameters |= {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
-                           f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+            parameters |= lossless(topic)
         self.node = ros.start('imu_allan_node', parameters, best_effort=True)
         self.drivers = {name: Driver(ros, f'camera/{name}/sample') for name in topics}
         for driver in self.drivers.values():
@@ -76,21 +74,16 @@ def numbers_of(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_two_topics_give_the_result_of_a_recording_of_them(ros: Ros) -> None:
-    # The gyroscope has a gap of its own.
     blocks = {'gyro': half('gyro'), 'accel': half('accel')}
+    # The gyroscope has a gap of its own.
     kept = np.ones(len(blocks['gyro']), bool)
     kept[3000:3040] = False
-    gyro = blocks['gyro']
-    blocks['gyro'] = ImuBlock(gyro.header_ns[kept], gyro.receive_ns[kept], gyro.samples[kept],
-                              gyro.absent[kept], gyro.frame_id)
+    blocks['gyro'] = blocks['gyro'].part(kept)
     camera = Camera(ros)
     results = ros.listen(String, 'imu_allan/result')
     for start in range(0, len(kept), 500):
         for name, block in blocks.items():
-            part = slice(start, start + 500)
-            camera.publish(name, replace(
-                block, header_ns=block.header_ns[part], receive_ns=block.receive_ns[part],
-                samples=block.samples[part], absent=block.absent[part]))
+            camera.publish(name, block.part(slice(start, start + 500)))
     document = camera.saved(len(blocks['gyro']))
     path = recorded(ros.folder / 'both.mcap', blocks)
     expected = analyze(path, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'))
@@ -249,8 +242,7 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros: Ros) -
         'accel_type': 'geometry_msgs/msg/AccelStamped', 'accel_field': 'accel.linear',
         'state_file': str(state)}
     for topic in topics.values():
-        parameters |= {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
-                       f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+        parameters |= lossless(topic)
     node = ros.start('imu_allan_node', parameters, best_effort=True)
     publishers = {name: ros.node.create_publisher(kind, topics[name], QoSProfile(depth=10_000))
                   for name, kind in (('gyro', Vector3Stamped), ('accel', AccelStamped))}
