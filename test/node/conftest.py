@@ -16,7 +16,7 @@ import pytest
 
 if TYPE_CHECKING:
     from rclpy.context import Context
-    from ros_harness import Health, Ros
+    from ros_harness import Health, Heard, Ros
 
 if importlib.util.find_spec('rclpy') is None:
     # pytest collects nothing here: every test of this folder needs ROS.
@@ -96,6 +96,14 @@ def ros(ros_context: 'Context', tmp_path: Path,
     harness = Ros(ros_context, tmp_path, _namespace(request.config))
     yield harness
     harness.close()
+
+
+@pytest.fixture
+def heard() -> 'Heard':
+    """Give a logger that keeps what it is given."""
+    from ros_harness import Heard
+
+    return Heard()
 
 
 @pytest.fixture

@@ -59,6 +59,7 @@ RATE_HZ = 200.0
 NOISE = 0.01
 """Of a sample of a `Driver` and of a `Sensor`."""
 SECOND = 1_000_000_000
+START_NS = 1_700_000_000 * SECOND
 
 _NO_SERVICES: dict[str, Any] = {
     'enable_rosout': False, 'start_parameter_services': False}
@@ -142,6 +143,22 @@ def too_early(response: Any) -> bool:
     """Whether a save failed because the first samples tell nothing, or no noise density, yet."""
     return ('nothing to save' in response.message
             or 'has a noise density (constant or too short)' in response.message)
+
+
+class Heard:
+    """A logger that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def info(self, text: str) -> None:
+        self.lines.append(f'info {text}')
+
+    def warning(self, text: str) -> None:
+        self.lines.append(f'warning {text}')
+
+    def error(self, text: str) -> None:
+        self.lines.append(f'error {text}')
 
 
 class Ros:
@@ -405,7 +422,7 @@ class Driver:
         """Publish samples of white noise, `shaken` times that at rest, or so on each axis."""
         for sample in self.random.normal(0, 0.01 * np.asarray(shaken), (count, 6)):
             sample[5] += 9.8
-            stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
+            stamp = START_NS + round(self.next / rate_hz * 1e9)
             self.send(encode_imu(stamp, sample, frame_id))
             self.next += 1
 
@@ -424,13 +441,21 @@ class Driver:
                 return
 
 
+def at_rest(count: int, rate_hz: float = 100.0, *, start_s: float = 0.0, seed: int = 1,
+            noise: float = NOISE, mean: Sequence[float] = (0, 0, 0, 0, 0, 9.8)) -> ImuBlock:
+    """Give messages of an IMU of white noise."""
+    stamps = START_NS + np.rint((start_s + np.arange(count) / rate_hz) * SECOND).astype(np.int64)
+    samples = np.random.default_rng(seed).normal(mean, noise, (count, 6))
+    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool), 'imu')
+
+
 class Sensor:
     """An IMU of white noise whose driver may come and go; time goes on all the while."""
 
     def __init__(self, ros: Ros, rate_hz: float = 50.0, seed: int = 1) -> None:
         self.ros = ros
         self.rate_hz = rate_hz
-        self.now_ns = 1_700_000_000 * SECOND
+        self.now_ns = START_NS
         self.random = np.random.default_rng(seed)
         self.bias = np.array([0, 0, 0, 0, 0, 9.8])
         self.noise = NOISE

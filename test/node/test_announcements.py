@@ -15,29 +15,8 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.words import message_of
 import pytest
-from ros_harness import facts, summary
+from ros_harness import facts, Heard, summary
 from whole_lines import Varying
-
-
-class Heard:
-    """A logger that keeps what it is given."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def info(self, text: str) -> None:
-        self.lines.append(f'info {text}')
-
-    def warning(self, text: str) -> None:
-        self.lines.append(f'warning {text}')
-
-    def error(self, text: str) -> None:
-        self.lines.append(f'error {text}')
-
-
-@pytest.fixture
-def heard() -> Heard:
-    return Heard()
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
 import numpy as np
 import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_harness import (
     Driver,
     Health,
@@ -30,7 +31,7 @@ from ros_harness import (
     told_in,
 )
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Imu, Temperature
 from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
 
@@ -268,6 +269,35 @@ def test_lost_messages_are_counted_by_their_numbers(ros: Ros, health: Health) ->
     assert node.lines.count(line) >= 1  # type: ignore[arg-type]
     assert health.number('reception', 'queue') == 10
     assert 'too unevenly' not in node.log
+
+
+def test_a_publisher_of_another_type_or_qos_is_named(
+        shared_ros: Ros, node: Process, shared_health: Health) -> None:
+    ros, health, name = shared_ros, shared_health, shared_ros.name('tester')
+    topic = ros.name('imu/data_raw')
+    assert node.running
+    other = ros.node.create_publisher(Temperature, topic, 10)
+    ros.until(lambda: health.told('reception', f'{name} publishes sensor_msgs/msg/Temperature, '
+                                  'not sensor_msgs/msg/Imu'))
+    ros.node.destroy_publisher(other)
+    unreliable = ros.node.create_publisher(Imu, topic, QoSProfile(
+        depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+    # The node of a test asks for reliable delivery, with overrides.
+    ros.until(lambda: health.told(
+        'reception', f'the QoS of {name} does not go with that asked for (Best effort publisher '
+        'and reliable subscription); choose another with qos_overrides'))
+    ros.node.destroy_publisher(unreliable)
+
+
+def test_the_only_thermometer_in_the_namespace_of_the_imu_is_found(
+        shared_ros: Ros, node: Process) -> None:
+    elsewhere, own = (shared_ros.node.create_publisher(Temperature, shared_ros.name(name), 10)
+                      for name in ('motor/temperature', 'imu/temperature'))
+    shared_ros.until(own.get_subscription_count)
+    assert not elsewhere.get_subscription_count()
+    line = (f'temperature from {own.topic_name}, the only thermometer in the namespace of the '
+            'IMU')
+    shared_ros.until(lambda: line in node.lines)
 
 
 def test_nothing_is_drawn_while_nobody_watches(

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node import run as run_module
@@ -18,7 +17,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import Driver, RATE_HZ, Ros
+from ros_harness import at_rest, Driver, RATE_HZ, Ros
 
 SETUP = Setup('/imu', TimelineOptions())
 SIGMA = 0.01
@@ -36,14 +35,12 @@ def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def feed(run: Run, mean: float, seed: int, without: int = 0, count: int = SAMPLES,
          most: float = np.inf) -> float:
     """Give samples of one power-on, some without gyroscope; return the mean of the first axis."""
-    samples = np.random.default_rng(seed).normal(0, SIGMA, (count, 6))
-    samples[:, :3] += mean
-    samples = np.minimum(samples, most)
-    samples[count // 2:count // 2 + without, :3] = np.nan
-    stamps = np.rint((seed * 10**5 + np.arange(count) / RATE_HZ) * 1e9).astype(np.int64)
-    run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
-                                         np.zeros((count, 2), bool), 'imu'))
-    return float(np.nanmean(samples[:, 0]))
+    block = at_rest(count, RATE_HZ, start_s=seed * 1e5, seed=seed, noise=SIGMA,
+                    mean=(mean, mean, mean, 0, 0, 0))
+    np.minimum(block.samples, most, out=block.samples)
+    block.samples[count // 2:count // 2 + without, :3] = np.nan
+    run.lanes[0].characterization.update(block)
+    return float(np.nanmean(block.samples[:, 0]))
 
 
 def ended(run: Run) -> list[Any]:

@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 
-from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.same_imu import Seen
@@ -12,20 +11,15 @@ from imu_allan.state import restored, state_of
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
+from ros_harness import at_rest
 from whole_lines import refused
 
 SETUP = Setup('/imu', TimelineOptions())
 
 
-def played(seed: int, count: int = 1000, gravity: float = 9.81) -> ImuBlock:
-    stamps = 10**18 + 10_000_000 * np.arange(count)
-    samples = np.random.default_rng(seed).normal([0, 0, 0, 0, 0, gravity], 1, (count, 6))
-    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), np.bool_), 'imu')
-
-
 @pytest.mark.parametrize('absent', [[], [3, 4, 5], [2]])
 def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int]) -> None:
-    first, other = played(1), played(2)
+    first, other = at_rest(1000, seed=1), at_rest(1000, seed=2)
     first.samples[:, absent] = np.nan
     watch = Seen()
     assert [len(block) for block in watch.unseen([first])] == [1000]
@@ -42,7 +36,7 @@ def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int])
 
 
 def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> None:
-    whole, watch = played(3, 100_000), Seen()
+    whole, watch = at_rest(100_000), Seen()
     for first in range(0, len(whole), 100):
         watch.unseen([whole.part(slice(first, first + 100))])
     assert sum(array.nbytes for array in state_of(watch).values()) < 200_000
@@ -55,7 +49,7 @@ def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> N
 
 @pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
 def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
-    run, block = new_run(SETUP), played(4, gravity=gravity)
+    run, block = new_run(SETUP), at_rest(1000, noise=1.0, mean=(0, 0, 0, 0, 0, gravity))
     run.lanes[0].update([block])
     resumed = unpack(decode_state(encode_state(pack(run, SETUP))), SETUP)
     resumed.lanes[0].update([block])
@@ -65,7 +59,7 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
 
 def test_an_older_recording_after_one_in_a_loop_is_no_repetition() -> None:
     [lane] = new_run(SETUP).lanes
-    first, other = played(6), played(7)
+    first, other = at_rest(1000, seed=6), at_rest(1000, seed=7)
     for _ in range(3):
         lane.update([first])
     assert (lane.fed, lane.seen.looping) == (1000, True)
@@ -81,7 +75,7 @@ def test_an_older_recording_after_one_in_a_loop_is_no_repetition() -> None:
 
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
     watch = Seen()
-    watch.unseen([played(5)])
+    watch.unseen([at_rest(1000)])
     whole = state_of(watch)
     for name in ('stamps', 'samples'):
         with pytest.raises((TypeError, ValueError)):

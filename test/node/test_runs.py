@@ -15,18 +15,17 @@ from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from rclpy.logging import get_logger
+from ros_harness import at_rest, START_NS
 
 RATE_HZ = 100.0
 PROVEN_S = 300.0
 
 
-def block(pace: Sequence[tuple[float, float]], start_s: float, seed: int = 1) -> ImuBlock:
+def at_rates(pace: Sequence[tuple[float, float]], start_s: float) -> ImuBlock:
     """Give messages of one IMU that come for so many seconds at each rate."""
     steps = np.concatenate([np.full(round(seconds * rate), 1 / rate) for seconds, rate in pace])
-    stamps = 1_700_000_000 * 10**9 + np.rint(
-        (start_s + np.cumsum(steps)) * 1e9).astype(np.int64)
-    samples = np.random.default_rng(seed).normal(0, 0.01, (len(stamps), 6))
-    return ImuBlock(stamps, stamps, samples, np.zeros((len(stamps), 2), bool), 'imu')
+    stamps = START_NS + np.rint((start_s + np.cumsum(steps)) * 1e9).astype(np.int64)
+    return replace(at_rest(len(stamps), seed=2), header_ns=stamps, receive_ns=stamps)
 
 
 @pytest.fixture
@@ -48,7 +47,7 @@ def runs(facts: Facts, replaced: list[Run]) -> Runs:
         replaced.append(run)
 
     runs = Runs(setup, new_run(setup), [facts], lambda: 0.5, note, Log(get_logger('test_runs')))
-    runs.take(0, 1, [block([(PROVEN_S, RATE_HZ)], 0.0)])
+    runs.take(0, 1, [at_rest(round(PROVEN_S * RATE_HZ))])
     runs.run.learn([runs.run.lanes[0].characterization.result()], None)
     return runs
 
@@ -57,7 +56,7 @@ def runs(facts: Facts, replaced: list[Run]) -> Runs:
 def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_together(
         runs: Runs, replaced: list[Run], together: int) -> None:
     # At other rates for less time than it takes to prove another IMU.
-    later = block([(8.0, 109.4), (20.0, RATE_HZ), (8.0, 107.8), (50.0, RATE_HZ)], PROVEN_S, 2)
+    later = at_rates([(8.0, 109.4), (20.0, RATE_HZ), (8.0, 107.8), (50.0, RATE_HZ)], PROVEN_S)
     for first in range(0, len(later), together):
         runs.take(0, 1, [later.part(slice(first, first + together))])
     assert not replaced
@@ -67,7 +66,7 @@ def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_toge
 
 
 def test_a_reset_ends_the_look_at_whose_messages_come(runs: Runs, facts: Facts) -> None:
-    runs.take(0, 2, [block([(0.3, RATE_HZ)], PROVEN_S + 5, 2)])
+    runs.take(0, 2, [at_rest(30, start_s=PROVEN_S + 5, seed=2)])
     assert facts.on_probation
     runs.begin_anew()
     assert not facts.on_probation
@@ -76,6 +75,22 @@ def test_a_reset_ends_the_look_at_whose_messages_come(runs: Runs, facts: Facts) 
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:
     setup = Setup('/imu', TimelineOptions(clock='header'))
     [lane] = new_run(setup).lanes
-    sound = block([(60.0, RATE_HZ)], 0.0)
+    sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
     assert lane.error == 'header stamps are zero: choose the other clock (parameter clock)'
+
+
+def test_a_backtest_is_made_again_when_the_record_is_longer_by_a_part() -> None:
+    run, whole = new_run(Setup('/imu', TimelineOptions())), at_rest(8100, 10.0)
+
+    def trained_s(first: int, last: int) -> set[int]:
+        """Go on, and fit as the node does; give what the backtests were trained on."""
+        run.lanes[0].update([whole.part(slice(first, last))])
+        tested = run.backtests
+        results, _ = run.snapshot().fitted(tested)
+        run.learn(results, run.fed if tested is None else None)
+        return {round(axis.backtest.trained_s) for axis in
+                run.snapshot().as_one(results).axes.values() if axis.backtest is not None}
+
+    assert [trained_s(0, 7000), trained_s(7000, 8000), trained_s(8000, 8100)] == [
+        {350}, {350}, {405}]

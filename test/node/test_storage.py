@@ -7,7 +7,6 @@ from pathlib import Path
 import threading
 from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.node import checkpoint
 from imu_allan.node.checkpoint import decode_state, UnusableState
@@ -17,29 +16,14 @@ from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.storage import Storage
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
-import numpy as np
 import pytest
+from ros_harness import at_rest, Heard
 
 SETUP = Setup('/imu', TimelineOptions())
 
 
-class Logger:
-    """What a node logs to, as far as it is used here."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def info(self, line: str) -> None:
-        self.lines.append(line)
-
-    warning = error = info
-
-
 def feed(run: Run, count: int, start: int = 0) -> None:
-    numbers = np.arange(start, start + count)
-    stamps = 10**18 + 10_000_000 * numbers
-    samples = np.random.default_rng(start).normal([0, 0, 0, 0, 0, 10], 1, (count, 6))
-    run.lanes[0].update([ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool), 'imu')])
+    run.lanes[0].update([at_rest(count, start_s=start / 100, seed=start)])
 
 
 def samples_in(path: Path) -> int:
@@ -48,13 +32,8 @@ def samples_in(path: Path) -> int:
 
 
 @pytest.fixture
-def logger() -> Logger:
-    return Logger()
-
-
-@pytest.fixture
-def worker(logger: Any) -> Worker:
-    return Worker(Log(logger))
+def worker(heard: Any) -> Worker:
+    return Worker(Log(heard))
 
 
 @pytest.fixture
@@ -63,8 +42,8 @@ def facts() -> Facts:
 
 
 @pytest.fixture
-def storage(tmp_path: Path, logger: Any, worker: Worker, facts: Facts) -> Iterator[Storage]:
-    kept = Storage('/imu_allan', SETUP, worker, facts, Log(logger), {
+def storage(tmp_path: Path, heard: Any, worker: Worker, facts: Facts) -> Iterator[Storage]:
+    kept = Storage('/imu_allan', SETUP, worker, facts, Log(heard), {
         'state_file': str(tmp_path / 'state'), 'output_dir': str(tmp_path / 'output'),
         'checkpoint_period': 60.0, 'export_for': []})
     yield kept
@@ -72,7 +51,7 @@ def storage(tmp_path: Path, logger: Any, worker: Worker, facts: Facts) -> Iterat
 
 
 def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
-        storage: Storage, worker: Worker, facts: Facts, logger: Logger, tmp_path: Path,
+        storage: Storage, worker: Worker, facts: Facts, heard: Heard, tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch) -> None:
     run = storage.first_run()
     feed(run, 2000)
@@ -98,7 +77,7 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     worker.hand_out()
     assert facts.resumed == (f'a new run: {tmp_path / "state"} could not be resumed from, it is '
                              f'of 100 Hz; it is kept as {aside.name}')
-    assert 'its latest samples are not in it: No space left on device' in logger.lines
+    assert 'error its latest samples are not in it: No space left on device' in heard.lines
 
 
 def test_a_run_keeps_its_folder_over_a_restart_and_another_that_begins_alike_has_its_own(
@@ -129,16 +108,14 @@ def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
 
 
 def test_a_configuration_that_cannot_be_made_at_the_end_is_told_once(
-        worker: Worker, facts: Facts, logger: Any, tmp_path: Path) -> None:
-    storage = Storage('/imu_allan', SETUP, worker, facts, Log(logger), {
+        worker: Worker, facts: Facts, heard: Any, tmp_path: Path) -> None:
+    storage = Storage('/imu_allan', SETUP, worker, facts, Log(heard), {
         'state_file': '', 'output_dir': str(tmp_path / 'output'), 'checkpoint_period': 60.0,
         'export_for': ['kalibr']})
     run = storage.first_run()
     # Constant: there is no noise density.
-    stamps = 10**18 + 10_000_000 * np.arange(2000)
-    run.lanes[0].update([ImuBlock(stamps, stamps, np.full((2000, 6), 1.0),
-                                  np.zeros((2000, 2), bool), 'imu')])
+    run.lanes[0].update([at_rest(2000, noise=0.0)])
     assert not storage.save_files_at_end(run)
     worker.finish({'save'})
-    assert [line for line in logger.lines if 'kalibr' in line] == [logger.lines[-1]]
+    assert [line for line in heard.lines if 'kalibr' in line] == [heard.lines[-1]]
     storage.close()

@@ -67,17 +67,6 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
 
 
-def test_the_only_thermometer_in_the_namespace_of_the_imu_is_found(ros: Ros) -> None:
-    node = ros.start('imu_allan_node')
-    elsewhere, own = (ros.node.create_publisher(Temperature, ros.name(name), 10)
-                      for name in ('motor/temperature', 'imu/temperature'))
-    ros.until(own.get_subscription_count)
-    assert not elsewhere.get_subscription_count()
-    told = (f'temperature from {own.topic_name}, the only thermometer in the namespace of the '
-            'IMU')
-    ros.until(lambda: told in node.lines)
-
-
 def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone() -> None:
     seen: dict[str, str] = {}
     node: Any = SimpleNamespace(

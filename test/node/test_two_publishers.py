@@ -8,10 +8,8 @@ from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from repeated import slow
 from ros_harness import assert_density, Driver, Health, RATE_HZ, Ros
-from sensor_msgs.msg import Imu, Temperature
 from whole_lines import Varying
 
 MIXED = 'the messages on {} are of more than one publisher: they are passed over'
@@ -130,18 +128,3 @@ def test_two_nodes_of_one_name_are_told_and_have_a_folder_each(ros: Ros) -> None
             'start one of them with another name') in node.lines)
     assert [node.stop() for node in nodes] == [0, 0]
     assert [document['timeline']['samples'] for document in ros.results()] == [2000, 2000]
-
-
-def test_a_publisher_of_another_type_or_qos_is_named(ros: Ros, health: Health) -> None:
-    ros.start('imu_allan_node')
-    topic, name = ros.name('imu/data_raw'), ros.name('tester')
-    other = ros.node.create_publisher(Temperature, topic, 10)
-    ros.until(lambda: health.told('reception', f'{name} publishes sensor_msgs/msg/Temperature, '
-                                  'not sensor_msgs/msg/Imu'))
-    ros.node.destroy_publisher(other)
-    ros.node.create_publisher(Imu, topic, QoSProfile(
-        depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-    # The node of a test asks for reliable delivery, with overrides.
-    ros.until(lambda: health.told(
-        'reception', f'the QoS of {name} does not go with that asked for (Best effort publisher '
-        'and reliable subscription); choose another with qos_overrides'))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gyroscope and accelerometer on two topics, at two rates, as a RealSense publishes them."""
 
+from dataclasses import replace
 import json
 import signal
 from typing import Any
@@ -9,19 +10,18 @@ from typing import Any
 from geometry_msgs.msg import AccelStamped, Vector3Stamped
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu
+from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings import RecordingOptions
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from ros_harness import Driver, Health, lossless, Process, recorded, Ros
+from ros_harness import at_rest, Driver, Health, lossless, Process, recorded, Ros
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
 
-START_NS = 1_700_000_000 * 10**9
 RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
 SECONDS = 30.0
 
@@ -30,15 +30,10 @@ def half(name: str, seconds: float = SECONDS, start_s: float = 0.0, frame_id: st
          rate_hz: float = 0.0) -> ImuBlock:
     """Give messages of one sensor, the other half of each zero."""
     rate_hz = rate_hz or RATES_HZ[name]
-    count = round(seconds * rate_hz)
-    stamps = START_NS + np.rint((start_s + np.arange(count) / rate_hz) * 1e9).astype(np.int64)
-    samples = np.zeros((count, 6))
-    own = samples[:, :3] if name == 'gyro' else samples[:, 3:]
-    own[:] = np.random.default_rng(len(name) + round(start_s)).normal(0, 0.01, (count, 3))
-    if name == 'accel':
-        own[:, 2] += 9.8
-    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool),
-                    frame_id or f'{name}_frame')
+    block = at_rest(round(seconds * rate_hz), rate_hz, start_s=start_s,
+                    seed=len(name) + round(start_s))
+    block.samples[:, slice(3, 6) if name == 'gyro' else slice(3)] = 0
+    return replace(block, frame_id=frame_id or f'{name}_frame')
 
 
 class Camera:
@@ -58,8 +53,8 @@ class Camera:
 
     def publish(self, name: str, block: ImuBlock) -> None:
         publisher: Publisher = self.drivers[name].publisher
-        for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True):
-            publisher.publish(encode_imu(stamp, sample, block.frame_id))
+        for row in encode_imu_rows(block):
+            publisher.publish(row.tobytes())
 
     def saved(self, samples: int) -> dict[str, Any]:
         """Save until the file has so many samples, and return what it holds."""
@@ -287,10 +282,8 @@ def test_acceleration_in_g_is_converted(ros: Ros, said: dict[str, str]) -> None:
     results = ros.listen(String, 'imu_allan/result')
     publisher = ros.node.create_publisher(Imu, ros.name('imu/data_raw'), 10_000)
     ros.until(lambda: publisher.get_subscription_count() == 1)
-    samples = np.random.default_rng(1).normal(0, 0.001, (4000, 6))
-    samples[:, 5] += 1
-    for number, sample in enumerate(samples):
-        publisher.publish(encode_imu(START_NS + number * 10**7, sample, 'imu'))
+    for row in encode_imu_rows(at_rest(4000, noise=0.001, mean=(0, 0, 0, 0, 0, 1))):
+        publisher.publish(row.tobytes())
 
     def whole() -> Any:
         documents = [json.loads(message.data) for message in results[-1:]]
