@@ -35,7 +35,7 @@ EARLY_S = 600.0
 """In the first ten minutes somebody watches: a line a minute; after that one an hour."""
 LATER_S = 3600.0
 """A night makes ten lines."""
-_TOLD_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
+_REPORTED_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
                              'clock_jumps'})
 """Codes of remarks that progress lines or transitions of their own tell."""
 
@@ -46,7 +46,7 @@ class Announcements:
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
         self._topic = topic
-        self._told: dict[str, bool] = {}
+        self._reported: dict[str, bool] = {}
         self._restarts = 0
         self._overrun = False
         self._levels: dict[str, str] = {}
@@ -63,7 +63,7 @@ class Announcements:
         self._progress_at = 0.0
         self._said_codes: set[str] = set()
         for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
-            self._told.pop(name, None)
+            self._reported.pop(name, None)
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts) -> None:
@@ -83,10 +83,11 @@ class Announcements:
             if over is None:
                 continue
             if not present:
-                if self._told.pop(name, False) and over:
+                if self._reported.pop(name, False) and over:
                     self._log.info(over)
-            elif not self._told.get(name):
-                self._told[name] = self._log.warning(message, f'{name} {self._topic}', REPEAT_S)
+            elif not self._reported.get(name):
+                self._reported[name] = self._log.warning(
+                    message, f'{name} {self._topic}', REPEAT_S)
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
         """Tell of the first sample, of faults of clock and samples, and of motion."""
@@ -153,7 +154,7 @@ class Announcements:
 
     def _say_once(self, code: str, text: str) -> None:
         # Where the queue overruns, all that is odd about the samples may come of it.
-        if not self._overrun and code not in self._said_codes and code not in _TOLD_ELSEWHERE:
+        if not self._overrun and code not in self._said_codes and code not in _REPORTED_ELSEWHERE:
             self._said_codes.add(code)
             self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
 

@@ -130,7 +130,7 @@ class Runs:
         # so much may be lost in a crash.
         first = topic.publisher is None and self._look_s() < LOOK_S
         fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
-        if self._known(topic).is_told_by(topic.held, self._look_s(), by_level=topic.by_level,
+        if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
                                          fewest=fewest):
             self._decide(topic)
 
@@ -149,7 +149,7 @@ class Runs:
     def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
         # Another sensor by its noise alone may be the same one, shaken for a while.
         return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
-                or self._known(topic).looks_other(blocks))
+                or self._known(topic).may_be_another(blocks))
 
     def _decide(self, topic: _Topic) -> None:
         """Give the messages that are held to the run of their IMU."""
@@ -173,7 +173,7 @@ class Runs:
         lane = self.run.lanes[topic.number]
         why = lane.known.departure(held, by_level=by_level)
         if why is not None:
-            self._go_elsewhere(topic, why, held, by_level, is_new)
+            self._give_to_another_run(topic, why, held, by_level, is_new)
             return
         if topic.elsewhere:
             topic.elsewhere = False
@@ -186,15 +186,15 @@ class Runs:
             lane.power_on()
         self._feed(topic, held)
 
-    def _go_elsewhere(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
+    def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                       by_level: bool, is_new: bool) -> None:
         """Give messages to the run of another IMU, a new one if it is none that is known."""
         number, other, was_elsewhere = topic.number, self._other, topic.elsewhere
         if other is None or other.lanes[number].known.departure(
                 held, by_level=by_level) is not None:
             other = self._other = new_run(self._setup)
-            known = self.run.lanes[number].known.like(held)
-            while len(held) > 1 and known.looks_other(held[:1]):
+            known = self.run.lanes[number].known.another(held)
+            while len(held) > 1 and known.may_be_another(held[:1]):
                 # From before the change.
                 held = held[1:]
             other.lanes[number].known = known

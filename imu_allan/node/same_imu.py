@@ -93,7 +93,7 @@ class Known(Record):
             self.is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
-    def like(self, blocks: Sequence[ImuBlock]) -> 'Known':
+    def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Tell what is known of another IMU by its first messages."""
         other = Known()
         other.clock = self.clock
@@ -101,7 +101,7 @@ class Known(Record):
         other.rate_hz = other.measured_hz(blocks) or None
         return other
 
-    def looks_other(self, blocks: Sequence[ImuBlock]) -> bool:
+    def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
         """Tell, cheaply where nothing is wrong, whether the next messages want a look."""
         if self.frame_id is None or not blocks:
             return False
@@ -138,7 +138,7 @@ class Known(Record):
                                  f'{ratio:.2f} times as large, as another sensor would')
         return None
 
-    def is_told_by(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
+    def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
                    fewest: int = FEWEST_MESSAGES) -> bool:
         """Whether so many messages tell if they are of this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
@@ -174,7 +174,8 @@ class Known(Record):
         """Ratio of the noise to that known, where they differ by so many standard errors."""
         found: float | None = None
         for axis, groups in enumerate(_levels(blocks).T):
-            (before, error_before), (now, error_now) = map(_calm, (self.levels[:, axis], groups))
+            before, error_before = _level_at_rest(self.levels[:, axis])
+            now, error_now = _level_at_rest(groups)
             apart = abs(now - before)
             if (before > 0 and apart > _SAME_LEVEL * before
                     and apart > sure * np.hypot(error_before, error_now)
@@ -290,7 +291,7 @@ def _levels(blocks: Sequence[ImuBlock]) -> Floats:
         return np.asarray(steps[:whole].reshape(-1, _GROUP, 6).mean(axis=1))
 
 
-def _calm(groups: Floats) -> tuple[float, float]:
+def _level_at_rest(groups: Floats) -> tuple[float, float]:
     """Mean of the levels at rest and its standard error; infinite where they are too few."""
     groups = groups[np.isfinite(groups) & (groups > 0)]
     if len(groups) < _FEWEST_GROUPS:

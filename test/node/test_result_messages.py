@@ -96,6 +96,8 @@ def test_the_values_of_an_axis_are_written_to_the_last_digit() -> None:
     assert float(found['noise_density/value']) == value
     assert found['noise_density/ci95_low'] == repr(value * 0.9)
     assert (found['tones/0/frequency_hz'], found['band_limit_s']) == ('50.0', '0.02')
+    assert found['rate_random_walk/upper95'] == '1e-07'
+    assert 'rate_random_walk/value' not in found
 
 
 @pytest.mark.parametrize(('values', 'fields', 'level', 'words'), [

@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state, VERSION
 from imu_allan.node.run import Lane, pack, Run, Setup, unpack
@@ -22,6 +21,7 @@ import numpy as np
 import pytest
 from repeated import slow
 from ros_harness import (
+    at_rest,
     Driver,
     Health,
     kept_in,
@@ -104,12 +104,6 @@ def test_a_few_samples_at_the_end_of_a_look_do_not_harm_the_run(
     assert checkpoint.read_bytes() == before
 
 
-def messages(rate_hz: float, seconds: float, first_s: float = 0.0) -> ImuBlock:
-    stamps = np.rint((first_s + np.arange(0, seconds, 1 / rate_hz)) * 1e9).astype(np.int64)
-    return ImuBlock(stamps, stamps, np.zeros((len(stamps), 6)),
-                    np.zeros((len(stamps), 2), bool), 'imu')
-
-
 @pytest.mark.parametrize(('rate_hz', 'needed_s', 'reason'), [
     (200.0, 2.0, None), (202.0, 10.0, None), (400.0, 2.0, 'rate'),
     (50.0, 2.0, 'rate'), (220.0, 10.0, 'rate'), (206.0, 10.0, 'rate'), (4.0, 4.0, 'rate')])
@@ -117,10 +111,10 @@ def test_a_look_takes_longer_where_jitter_could_be_the_reason(
         ros: Ros, checkpoint: Path, rate_hz: float, needed_s: float, reason: str | None) -> None:
     run = unpack(decode_state(checkpoint.read_bytes()),
                  Setup(ros.name('imu/data_raw'), TimelineOptions()))
-    known, held = run.lanes[0].known, [messages(rate_hz, 0.5)]
-    while not known.is_told_by(held, LOOK_S, by_level=False):
+    known, held = run.lanes[0].known, [at_rest(round(rate_hz / 2), rate_hz)]
+    while not known.suffices(held, LOOK_S, by_level=False):
         assert len(held) < 40
-        held.append(messages(rate_hz, 0.5, 0.5 * len(held)))
+        held.append(at_rest(round(rate_hz / 2), rate_hz, start_s=0.5 * len(held)))
     assert 0.5 * len(held) == pytest.approx(needed_s, abs=0.5)
     why = known.departure(held, by_level=False)
     assert (why and why.reason) == reason
