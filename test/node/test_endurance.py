@@ -22,7 +22,6 @@ from ros_harness import (
     resident_mb,
     Ros,
 )
-from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import Trigger
 
 FLOOD_S = 180.0
@@ -75,18 +74,6 @@ def test_nothing_is_lost_in_real_time_beside_a_busy_core(
         assert simulator.wait() == 0
     assert_kept_up(node, health, rate_hz)
     assert node.stop() == 0
-
-
-def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
-    node = ros.start('imu_allan_node', {'publish_period': 0.5}, shared_memory=True)
-    ros.start('imu_simulator', {'rate': 1000.0, 'wait_for_subscriptions': 1},
-              shared_memory=True)
-    images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
-    health = Health(ros)
-    wait_for(ros, health, node, 1000)
-    while not images:
-        assert ros.call(Trigger, 'imu_allan/save').success
-    assert_kept_up(node, health, 1000.0)
 
 
 @pytest.mark.slow

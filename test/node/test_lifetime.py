@@ -11,12 +11,10 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.cdr import encode_imu
 from imu_allan.node.characterization_node import HURRY_S, pace_s, TICK_S
 from imu_allan.node.checkpoint import StateFile
 from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
-import numpy as np
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_harness import (
@@ -341,20 +339,6 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
     assert (timeline['samples'], timeline['missing']) == (1200, 400)
     [gap] = timeline['gaps']
     assert gap['duration_s'] == pytest.approx(400 / RATE_HZ, rel=1e-6)
-
-
-def test_messages_that_are_no_imu_are_counted_and_survived(
-        shared_ros: Ros, shared_driver: Driver, shared_health: Health) -> None:
-    ros, driver, health = shared_ros, shared_driver, shared_health
-    assert ros.call(Trigger, 'imu_allan/reset').success
-    driver.publish(300)
-    good = encode_imu(1, np.zeros(6), 'imu')
-    for length in (8, 100, len(good) - 9):
-        driver.send(good[:length])
-    driver.publish(300)
-    ros.until(lambda: health.number('timeline', 'samples') == 600)
-    assert health.number('reception', 'malformed') == 3
-    assert ros.saved()['timeline']['samples'] == 600
 
 
 def test_silence_is_told_with_the_topics_that_there_are(

@@ -41,7 +41,9 @@ def test_each_sample_has_the_number_of_its_message_unless_some_cannot_be_decoded
     assert [block.numbers.tolist() for block in found] == [
         list(range(1, 6)), list(range(6, 11)), list(range(11, 16))]
     talker.send(b'\0\1\0\0nothing of the kind')
-    talker.send(encode_imu(1, np.arange(6.0), 'imu'))
-    assert [block.numbers for block in blocks(2)] == [None]
-    assert reception.facts.malformed == 1
+    good = encode_imu(1, np.arange(6.0), 'imu')
+    for length in (8, 100, len(good) - 9, len(good)):
+        talker.send(good[:length])
+    assert [(len(block), block.numbers) for block in blocks(5)] == [(1, None)]
+    assert reception.facts.malformed == 4
     assert reception.facts.malformed_why

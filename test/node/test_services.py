@@ -24,6 +24,7 @@ from ros_harness import (
     Ros,
     too_early,
 )
+from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import SetBool, Trigger
 
 NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion', 'clock',
@@ -166,6 +167,7 @@ def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(
     node = ros.start('imu_allan_node', {'publish_period': 2.0}, best_effort=True,
                      shared_memory=True)
     health, client = Health(ros), Client(ros)
+    images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
     simulator = ros.start('imu_simulator', {
         'rate': 1000.0, 'wait_for_subscriptions': 1}, shared_memory=True)
     ros.until(lambda: 'publishing' in simulator.log)
@@ -178,7 +180,7 @@ def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(
         while time.monotonic() < began + number / 100:
             ros.executor.spin_once(timeout_sec=0.002)
     client.wait()
-    ros.until(lambda: health.number('reception', 'received') >= seconds * 1000)
+    ros.until(lambda: images and health.number('reception', 'received') >= seconds * 1000)
     assert simulator.running
     assert_kept_up(node, health, 1000.0)
     assert [answer.message for service, answer in client.answers if service == 'save'

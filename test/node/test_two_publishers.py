@@ -2,15 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Other IMUs on the topic: beside the first, instead of it, or the same one over and over."""
 
-from typing import Any
-
 from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
 import numpy as np
-import pytest
-from repeated import slow
 from ros_harness import assert_density, Driver, Health, RATE_HZ, Ros
-from whole_lines import Varying
 
 MIXED = 'the messages on {} are of more than one publisher: they are passed over'
 
@@ -54,42 +49,6 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
     document = ros.saved() or {'axes': {}}
     assert not any(coefficient['observable'] for axis in document['axes'].values()
                    for coefficient in axis['coefficients'].values())
-
-
-@pytest.mark.parametrize(('change', 'reason'), [
-    slow({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz'),
-    ({'frame_id': 'other'}, "it is of frame_id 'imu', the messages now have 'other'")])
-def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
-        ros: Ros, change: dict[str, Any], reason: str) -> None:
-    state = ros.folder / 'state'
-    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'state_file': str(state)})
-    driver = Driver(ros).wait_for_node()
-    driver.publish(4000)
-    driver.until_taken()
-    # The watch knows the rate from the first fit.
-    ros.until(lambda: Varying(
-        'observable: noise density (rad/s/sqrt(Hz)) of <words>') in node.lines)
-    # The stamps go on, at the new rate.
-    driver.next = round(driver.next * change.get('rate_hz', RATE_HZ) / RATE_HZ)
-    driver.publish(1000, **change)
-    begins = f'a new run begins, the one before cannot go on: {reason}'
-    ros.until(lambda: driver.publish(200, **change) or begins in node.lines)
-    driver.publish(2000, **change)
-    driver.until_taken()
-    kept = Varying(f'a new run: {state} could not be resumed from, {reason}; it is kept as '
-                   'state.<words>')
-    ros.until(lambda: kept in node.lines)
-    document = ros.until(ros.saved)
-    # It begins with the first sample after the change.
-    assert document['timeline']['rejected'] == 0
-    assert document['source']['frame_id'] == change.get('frame_id', 'imu')
-    assert document['timeline']['sample_rate_hz'] == pytest.approx(
-        change.get('rate_hz', RATE_HZ), rel=1e-3)
-    assert sorted(found['source']['frame_id'] for found in ros.results()) == sorted(
-        ['imu', change.get('frame_id', 'imu')])
-    [aside] = state.parent.glob('state.*Z')
-    assert aside.stat().st_size > 10_000
-    assert node.stop() == 0, node.log
 
 
 def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from repeated import slow
 from ros_harness import assert_density, Process, Ros, Sensor
+from whole_lines import Varying
 
 
 def begin(ros: Ros, **parameters: Any) -> Process:
@@ -130,10 +131,28 @@ def test_at_the_end_another_imu_is_saved_too_and_drawings_come_last(ros: Ros) ->
                   for path in files if path.name == 'result.json') == ['imu', 'other']
 
 
-def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ros) -> None:
-    node, sensor = begin(ros), Sensor(ros)
+@pytest.mark.parametrize(('rate_hz', 'frame_id', 'reason'), [
+    slow(100.0, 'imu', 'it is of 50 Hz, the messages now come at 100 Hz'),
+    (50.0, 'other', "it is of frame_id 'imu', the messages now have 'other'")])
+def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_returns(
+        ros: Ros, rate_hz: float, frame_id: str, reason: str) -> None:
+    state = ros.folder / 'state'
+    node, sensor = begin(ros, state_file=str(state)), Sensor(ros)
     other = replaced(ros, node, sensor, 300.0)
-    measure_until(ros, node, other, 'a new run begins', frame_id='other')
+    other.rate_hz = rate_hz
+    measure_until(ros, node, other,
+                  f'a new run begins, the one before cannot go on: {reason}', frame_id=frame_id)
+    other.measure(20.0, frame_id=frame_id)
+    document = saved(ros, other)
+    # It begins with the first sample after the change.
+    assert document['timeline']['rejected'] == 0
+    assert document['source']['frame_id'] == frame_id
+    assert document['timeline']['sample_rate_hz'] == pytest.approx(rate_hz, rel=1e-3)
+    ros.until(lambda: Varying(f'a new run: {state} could not be resumed from, {reason}; it is '
+                              'kept as state.<words>') in node.lines)
+    [aside] = ros.folder.glob('state.*Z')
+    assert aside.stat().st_size > 10_000
+    assert sorted(found['source']['frame_id'] for found in ros.results()) == ['imu', frame_id]
     other.unplug()
     sensor.now_ns = other.now_ns
     sensor.plug_in()
@@ -142,6 +161,7 @@ def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ro
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
     assert document['source']['frame_id'] == 'imu'
+    assert node.stop() == 0, node.log
 
 
 def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) -> None:
