@@ -253,7 +253,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
     return [
         Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
         Condition('probation', facts.on_probation, OK,
-                  'looking whether this is the IMU of the state file'),
+                  'looking whether the messages are of the IMU of the run'),
         Condition('moving', summary.moving, WARN,
                   'the IMU moves: what it measures meanwhile is left out',
                   'the IMU is at rest again'),

@@ -209,6 +209,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
      'the IMU moves: what it measures meanwhile is left out'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
+    ('timeline', facts(on_probation=True), summary(), OK,
+     'looking whether the messages are of the IMU of the run'),
     ('timeline', facts(expected_rate=101.0), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
