@@ -77,8 +77,10 @@ class Runs:
 
     @property
     def unproven(self) -> Run | None:
-        """Return the run of another IMU that has not taken the place of this one yet."""
-        return None if self._other is None or self._other.over else self._other
+        """Return the run of another IMU that has not taken the place of this one yet, or again."""
+        settled = self._other is None or (
+            self._other.over and not any(topic.elsewhere for topic in self._topics))
+        return None if settled else self._other
 
     def begin_anew(self) -> None:
         """Leave everything; whose messages come stays known."""

@@ -65,6 +65,17 @@ def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_toge
     assert samples > RATE_HZ * (PROVEN_S + 70 - 20)
 
 
+def test_a_run_that_its_imu_has_just_returned_to_is_one_to_save_at_the_end(
+        runs: Runs, replaced: list[Run]) -> None:
+    before = runs.run
+    # For so long that the first has to last again before it takes its place.
+    runs.take(0, 2, [replace(at_rest(350_000, start_s=PROVEN_S + 5, seed=2), frame_id='other')])
+    assert replaced == [before]
+    assert runs.unproven is None
+    runs.take(0, 3, [at_rest(1000, start_s=PROVEN_S + 3600, seed=3)])
+    assert runs.unproven is before
+
+
 def test_a_reset_ends_the_look_at_whose_messages_come(runs: Runs, facts: Facts) -> None:
     runs.take(0, 2, [at_rest(30, start_s=PROVEN_S + 5, seed=2)])
     assert facts.on_probation
