@@ -135,24 +135,15 @@ class CsvRecording(FileRecording):
 
     def _texts(self) -> Iterator[tuple[str, int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
-        rest = b''
-        position = self._data_at
         with self._stored.open('rb') as file:
-            file.seek(position)
+            file.seek(self._data_at)
             while data := file.read(_PIECE):
-                position += len(data)
-                lines, newline, end = data.rpartition(b'\n')
-                if newline:
-                    yield (rest + lines + newline).decode('utf-8', 'replace'), position
-                    rest = end
-                else:
-                    rest += end
-                if len(rest) > _PIECE:
+                last = file.readline(_PIECE + 1)
+                if len(last) > _PIECE:
                     raise ImuAllanError(
-                        f'{printable(self.path)}: a line ending at byte {position} is longer '
+                        f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
                         f'than {_PIECE} bytes; not a CSV file of samples')
-        if rest:
-            yield rest.decode('utf-8', 'replace'), position
+                yield (data + last).decode('utf-8', 'replace'), file.tell()
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:

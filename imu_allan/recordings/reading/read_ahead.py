@@ -75,20 +75,26 @@ def larger_blocks(
     """
     Join blocks of one frame_id until they hold at least `messages`.
 
-    The second item of each pair, the position in the file, is that of the last block joined.
+    The second item of each pair, the position in the file, is that of the last block joined. An
+    exception comes after the blocks before it.
     """
     held: list[ImuBlock] = []
     count = position = 0
-    for block, at in blocks:
-        if held and held[0].frame_id != block.frame_id:
+    try:
+        for block, at in blocks:
+            if held and held[0].frame_id != block.frame_id:
+                yield _joined(held), position
+                held, count = [], 0
+            held.append(block)
+            count += len(block)
+            position = at
+            if count >= messages:
+                yield _joined(held), position
+                held, count = [], 0
+    except Exception:
+        if held:
             yield _joined(held), position
-            held, count = [], 0
-        held.append(block)
-        count += len(block)
-        position = at
-        if count >= messages:
-            yield _joined(held), position
-            held, count = [], 0
+        raise
     if held:
         yield _joined(held), position
 

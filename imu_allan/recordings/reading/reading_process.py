@@ -159,28 +159,45 @@ def serve() -> None:
     end_in_peace()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
-    writer = _Writer(_Slots(memory), os.dup(1))
-    writer.tell(True)
+    slots, free = _Slots(memory), list(range(SLOTS))
+    reports = os.fdopen(os.dup(1), 'wb')
+
+    def report(item: object) -> None:
+        pickle.dump(item, reports)
+        reports.flush()
+
+    report(True)
     # What a library might print must not get among the reports.
     os.dup2(2, 1)
     failure = None
     with suppress(BrokenPipeError):
         try:
             # Closed whatever comes, since a recording may have unpacked files to remove.
-            with closing(recording.decoded(topic)) as blocks:
-                for block, position in blocks:
-                    writer.put(block, position)
-            writer.flush()
+            with closing(recording.decoded(topic)) as decoded:
+                for block, position in larger_blocks(decoded, SLOT_MESSAGES):
+                    for start in range(0, len(block), SLOT_MESSAGES):
+                        part = block.part(slice(start, start + SLOT_MESSAGES))
+                        free += b'' if free else _given_back()
+                        slot = free.pop(0)
+                        slots.put(slot, part)
+                        report((slot, len(part), part.frame_id, position))
         except BrokenPipeError:
             raise
         except Exception as error:
-            writer.flush()
             failure = portable(error)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        writer.tell(None)
-        writer.tell((failure, recording.remarks))
+        report(None)
+        report((failure, recording.remarks))
     # Nothing is left to tidy up, and the other process waits.
     os._exit(0)
+
+
+def _given_back() -> bytes:
+    """Wait for slots whose messages were copied."""
+    slots = os.read(0, SLOTS)
+    if not slots:
+        raise BrokenPipeError
+    return slots
 
 
 def _keep_memory() -> None:
@@ -200,66 +217,19 @@ class _Slots:
     def __init__(self, memory: int) -> None:
         self._slots = np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
 
-    def put(self, slot: int, at: int, block: ImuBlock, start: int, stop: int) -> None:
-        """Copy messages of a block into a slot, to `at` and on."""
-        part = block.part(slice(start, stop))
-        for name, values in self._slot(slot, at, at + len(part)).items():
-            values[:] = getattr(part, name)
+    def put(self, slot: int, block: ImuBlock) -> None:
+        """Copy a block into a slot."""
+        for name, values in self._slot(slot, len(block)).items():
+            values[:] = getattr(block, name)
 
     def take(self, slot: int, messages: int, frame_id: str) -> ImuBlock:
         """Copy the first messages out of a slot."""
         return ImuBlock(frame_id=frame_id, **{
-            name: values.copy('K') for name, values in self._slot(slot, 0, messages).items()})
+            name: values.copy('K') for name, values in self._slot(slot, messages).items()})
 
-    def _slot(self, slot: int, first: int, last: int) -> dict[str, NDArray[Any]]:
-        """View some messages of a slot, the samples axis by axis in memory."""
-        return {name: self._slots[slot][name].T[first:last] for name in _FIELDS}
-
-
-class _Writer:
-    """Fills slots and reports them."""
-
-    def __init__(self, slots: _Slots, reports: int) -> None:
-        self._slots = slots
-        self._reports = os.fdopen(reports, 'wb')
-        self._free = list(range(SLOTS))
-        self._slot = self._held = self._position = 0
-        self._frame_id = ''
-
-    def put(self, block: ImuBlock, position: int) -> None:
-        """Copy a block; it is reported once its slot is full, or another frame_id comes."""
-        if block.frame_id != self._frame_id:
-            self.flush()
-        self._frame_id, self._position = block.frame_id, position
-        start = 0
-        while start < len(block):
-            if not self._held:
-                self._slot = self._free_slot()
-            stop = min(start + SLOT_MESSAGES - self._held, len(block))
-            self._slots.put(self._slot, self._held, block, start, stop)
-            self._held += stop - start
-            start = stop
-            if self._held == SLOT_MESSAGES:
-                self.flush()
-
-    def flush(self) -> None:
-        """Report what is held."""
-        if self._held:
-            self.tell((self._slot, self._held, self._frame_id, self._position))
-            self._held = 0
-
-    def tell(self, item: object) -> None:
-        """Write a report."""
-        pickle.dump(item, self._reports)
-        self._reports.flush()
-
-    def _free_slot(self) -> int:
-        if not self._free:
-            given_back = os.read(0, SLOTS)
-            if not given_back:
-                raise BrokenPipeError
-            self._free.extend(given_back)
-        return self._free.pop(0)
+    def _slot(self, slot: int, messages: int) -> dict[str, NDArray[Any]]:
+        """View the first messages of a slot, the samples axis by axis in memory."""
+        return {name: self._slots[slot][name].T[:messages] for name in _FIELDS}
 
 
 def _shared_memory() -> int:

@@ -177,7 +177,7 @@ def test_other_columns_are_left_out_and_named(path):
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time_s,time [s],gyro_x\n0,5,6\n', 'two time columns'),
     (b'time_s,gyro_x\n' + b'1' * 3_000_000,
-     'a line ending at byte 2097166 is longer than 1048576 bytes; not a CSV file of samples'),
+     'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
 ])
 def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
     assert refusal(path, text) == reason
