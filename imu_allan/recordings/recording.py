@@ -167,9 +167,14 @@ class Recording(ABC):
 
     def remark(self, code: str, **values: Any) -> None:
         """Add a finding about this recording, once."""
-        self.keep_remark(finding(code, recording=printable(self.path), **values))
+        self._keep_remark(finding(code, recording=printable(self.path), **values))
 
-    def keep_remark(self, remark: Finding) -> None:
+    def keep_remarks_of(self, part: 'Recording') -> None:
+        """Add the remarks on a recording of which this one is made."""
+        for remark in part.remarks:
+            self._keep_remark(remark)
+
+    def _keep_remark(self, remark: Finding) -> None:
         """Add a remark, once; of the same kind ten are kept, and the others counted."""
         same = [kept.code for kept in self.remarks].count(remark.code)
         if remark in self.remarks:

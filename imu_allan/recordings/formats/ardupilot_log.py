@@ -28,7 +28,6 @@ from imu_allan.recordings.formats.table import (
     lacking,
     Records,
     TableLog,
-    THIN_HZ,
     times_of,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
@@ -86,16 +85,10 @@ class ArduPilotRecording(TableLog):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         for name, rate in rates.items():
-            base = name.partition('.')[0]
-            if rate < THIN_HZ:
-                self.reasons[name] = f'{rate:.3g} Hz are too thin; {_RAW}'
-                self.other_topics[name] = f'ArduPilot {base}'
-            else:
-                self.topics.append(ImuTopic(name, sum(map(len, times[name])), ImuMessages(
-                    f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)))
-        for name in rates:
-            # The other messages of a sensor hold no temperature; the thinnest IMU has enough.
             base, dot, number = name.partition('.')
+            self.list_at(rate, ImuTopic(name, sum(map(len, times[name])), ImuMessages(
+                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)), _RAW)
+            # The other messages of a sensor hold no temperature; the thinnest IMU has enough.
             source = f'IMU{dot}{number}'
             if source in rates:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(

@@ -9,7 +9,7 @@ whose metadata is missing, because its recorder was killed, is read all the same
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -39,8 +39,8 @@ class BagDirectory(Recording):
     ) -> None:
         super().__init__(path, options)
         self._open_file = open_file
-        metadata = self.read_metadata()
-        if metadata is None:
+        listed = self._read_metadata()
+        if not listed:
             self._files = _recorded_files(path)
             if not self._files:
                 hint = ('; name one of its .bag files'
@@ -51,9 +51,7 @@ class BagDirectory(Recording):
                         if any(path.iterdir()) else 'an empty folder; name a recording'))
             self._list_from_files()
         else:
-            self._files = self._existing(metadata.files)
-            self.topics = metadata.topics
-            self.other_topics = metadata.other_topics
+            self._files = self._existing(listed)
             if (not self.topics or any(topic.count == 0 for topic in self.topics)
                     or any(map(may_hold_imu, self.other_topics.values()))
                     or TEMPERATURE_TYPES & set(self.other_topics.values())
@@ -74,7 +72,7 @@ class BagDirectory(Recording):
                         for block, position in part.decoded(topic):
                             messages += len(block)
                             yield block, before + position
-                    self._adopt(part)
+                    self.keep_remarks_of(part)
             before += file.stat().st_size
         counted = self.imu(topic).count or 0
         if messages < counted and _TOLD_LOSSES.isdisjoint(
@@ -90,10 +88,6 @@ class BagDirectory(Recording):
                 raise
             self.remark('damaged_recording', fault='file', reason=str(error))
             return None
-
-    def _adopt(self, part: Recording) -> None:
-        for remark in part.remarks:
-            self.keep_remark(remark)
 
     def _list_from_files(self) -> None:
         listed = {topic.name: topic for topic in self.topics}
@@ -113,7 +107,7 @@ class BagDirectory(Recording):
                                       if heat.name not in known]
                 self.other_topics.update(part.other_topics)
                 self.reasons.update(part.reasons)
-                self._adopt(part)
+                self.keep_remarks_of(part)
         self.topics = [
             replace(listed[name], count=counted.get(name) or None if count is None else count)
             for name, count in counts.items()]
@@ -121,27 +115,26 @@ class BagDirectory(Recording):
         self.other_topics = {name: kind for name, kind in self.other_topics.items()
                              if name not in recorded}
 
-    def read_metadata(self) -> '_Metadata | None':
-        """Parse metadata.yaml; None, with a remark, where that is not possible."""
+    def _read_metadata(self) -> list[str]:
+        """List topics and return the files by metadata.yaml; none, with a remark, without it."""
         path = self.path / 'metadata.yaml'
         if not path.is_file():
             if _recorded_files(self.path):
-                self.remark(
-                    'no_metadata', reason=None)
-            return None
+                self.remark('no_metadata', reason=None)
+            return []
         try:
             with path.open('rb') as file:
                 text = file.read(_LARGEST_METADATA + 1)
             if len(text) > _LARGEST_METADATA:
                 raise ValueError(f'it is larger than {_LARGEST_METADATA} bytes')
-            return _parse(yaml.load(text, _Loader))
+            files, self.topics, self.other_topics = _parse(yaml.load(text, _Loader))
+            return files
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
             reason = printable(' '.join(str(error).split())[:200])
             if not _recorded_files(self.path):
                 raise ImuAllanError(f'{printable(path)}: damaged ({reason})') from error
-            self.remark(
-                'no_metadata', reason=reason)
-            return None
+            self.remark('no_metadata', reason=reason)
+            return []
 
     def _existing(self, names: list[str]) -> list[Path]:
         """Find the files by their listed names, or by those they have when (un)compressed."""
@@ -179,27 +172,20 @@ class _Loader(yaml.BaseLoader):
         return super().compose_node(parent, index)
 
 
-@dataclass
-class _Metadata:
-    files: list[str] = field(default_factory=list)
-    topics: list[ImuTopic] = field(default_factory=list)
-    other_topics: dict[str, str] = field(default_factory=dict)
-
-
-def _parse(document: object) -> _Metadata:
-    """Take files and topics from metadata.yaml; raises ValueError where a field is missing."""
+def _parse(document: object) -> tuple[list[str], list[ImuTopic], dict[str, str]]:
+    """Take files, Imu topics and others from metadata.yaml; ValueError where a field lacks."""
     information = _item(document, 'rosbag2_bagfile_information', dict)
-    metadata = _Metadata()
-    for name in _item(information, 'relative_file_paths', list):
-        if not isinstance(name, str) or not PurePosixPath(name).name:
-            raise ValueError('relative_file_paths holds something else than file names')
-        # Before version 4 the directory stood in front; and no file outside of it is meant.
-        metadata.files.append(PurePosixPath(name).name)
-    if not metadata.files:
+    # Before version 4 the directory stood in front; and no file outside of it is meant.
+    files = [PurePosixPath(name).name if isinstance(name, str) else ''
+             for name in _item(information, 'relative_file_paths', list)]
+    if not all(files):
+        raise ValueError('relative_file_paths holds something else than file names')
+    if not files:
         raise ValueError('relative_file_paths is empty')
-    if len(set(metadata.files)) < len(metadata.files):
+    if len(set(files)) < len(files):
         raise ValueError('relative_file_paths names a file twice')
-    counts: dict[str, int | None] = {}
+    counts: dict[str, int] = {}
+    others: dict[str, str] = {}
     for entry in _item(information, 'topics_with_message_count', list):
         topic = _item(entry, 'topic_metadata', dict)
         name, kind = _item(topic, 'name', str), _item(topic, 'type', str)
@@ -209,11 +195,10 @@ def _parse(document: object) -> _Metadata:
             # Twenty digits hold any number of 64 bits.
             if not (count.isascii() and count.isdecimal()) or int(count) >= 1 << 63:
                 raise ValueError(f'message_count is {count}')
-            counts[name] = (counts.get(name) or 0) + int(count)
+            counts[name] = counts.get(name, 0) + int(count)
         else:
-            metadata.other_topics[name] = kind if form == 'cdr' else f'{kind} encoded as {form}'
-    metadata.topics = [ImuTopic(name, count) for name, count in counts.items()]
-    return metadata
+            others[name] = kind if form == 'cdr' else f'{kind} encoded as {form}'
+    return files, [ImuTopic(name, count) for name, count in counts.items()], others
 
 
 def _item(mapping: object, key: str, kind: type) -> Any:

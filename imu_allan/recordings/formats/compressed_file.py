@@ -54,8 +54,7 @@ class CompressedRecording(Recording):
                 for block, position in inner.decoded(topic):
                     yield block, int(position * share)
             finally:
-                for remark in inner.remarks:
-                    self.keep_remark(remark)
+                self.keep_remarks_of(inner)
 
     def _unpack(self, stored: Path) -> None:
         room = room_in(self._folder)

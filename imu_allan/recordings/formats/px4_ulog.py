@@ -27,12 +27,12 @@ from imu_allan.recordings.formats.table import (
     lacking,
     Records,
     TableLog,
-    THIN_HZ,
     times_of,
     with_elements,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
+from imu_allan.recordings.messages.imu_fields import ImuFields
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
 import numpy as np
@@ -54,6 +54,9 @@ _MESSAGE = Struct('<HBH')
 _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
           'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
           'bool': '?', 'char': 'S1'}
+_FASTER = ('set SDLOG_PROFILE in the autopilot (bit 4: high rate; bits 8 and 9: FIFOs of '
+           'gyroscope and accelerometer) and record again')
+"""PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default."""
 _FIELD = re.compile(r'(\w+)(?:\[(\d{1,4})\])? (\w+)')
 
 
@@ -64,8 +67,8 @@ class UlogRecording(TableLog):
         super().__init__(path, stored, options)
         seen: dict[str, _Seen] = {}
         walk = _Walk(set(_TYPES))
-        for name, kind, records, _ in self._tables(walk):
-            seen.setdefault(name, _Seen(kind)).add(records)
+        for name, records, _ in self._tables(walk):
+            seen.setdefault(name, _Seen(KNOWN[_type_of(name)])).add(records)
         for name, reason in walk.reasons.items():
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
@@ -74,31 +77,21 @@ class UlogRecording(TableLog):
         if walk.left:
             self.remark('truncated_recording', fault='log', bytes=walk.left)
         for name, topic in seen.items():
-            messages = ImuMessages(topic.kind, fields=replace(
-                KNOWN[topic.kind], what='as logged',
-                temperature=KNOWN[topic.kind].temperature if topic.heated else None),
-                factors=options.factors)
-            imu = ImuTopic(name, topic.messages, messages)
-            if topic.rate_hz < THIN_HZ:
-                # PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default.
-                self.reasons[name] = (
-                    f'{topic.rate_hz:.3g} Hz are too thin; set SDLOG_PROFILE in the autopilot '
-                    '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and '
-                    'record again')
-                self.other_topics[name] = topic.kind
-            else:
-                self.topics.append(imu)
+            imu = ImuTopic(name, topic.messages, ImuMessages(
+                _type_of(name), factors=options.factors, fields=replace(
+                    topic.fields, what='as logged',
+                    temperature=topic.fields.temperature if topic.heated else None)))
+            self.list_at(topic.rate_hz, imu, _FASTER)
             self.list_own_thermometer(imu)
         self.preferred = fastest(
             {imu.name: seen[imu.name].rate_hz for imu in self.topics}, _PARTNER)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic, and of others like it."""
-        for name, _, table, position in self._tables(_Walk({topic.partition('.')[0]})):
-            yield name, table, position
+        yield from self._tables(_Walk({topic.partition('.')[0]}))
 
-    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, str, Records, int]]:
-        """Gather messages: name and type of the topic, columns, bytes consumed."""
+    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, Records, int]]:
+        """Gather messages: name of the topic, columns, bytes consumed."""
         with self._stored.open('rb') as file:
             for start, stop in _stretches(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
                 file.seek(start)
@@ -108,22 +101,22 @@ class UlogRecording(TableLog):
                     data = rest + piece
                     rest = data[walk.through(data):]
                     for name, table in walk.taken(data):
-                        yield name, _type_of(name), table, at
+                        yield name, table, at
                 walk.left = len(rest)
 
 
 class _Seen:
     """What the messages of a topic tell about all of them."""
 
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
+    def __init__(self, fields: ImuFields) -> None:
+        self.fields = fields
         self.heated = False
         self.messages = self._samples = 0
         self._ends: tuple[int, int] | None = None
 
     def add(self, records: Records) -> None:
         """Count messages and samples, and look when they were taken."""
-        fields = KNOWN[self.kind]
+        fields = self.fields
         self.heated = fields.temperature in (records.dtype.names or ())
         self.messages += len(records)
         self._samples += len(records) if fields.burst is None else int(

@@ -9,7 +9,6 @@ left beside the file, that is done in a copy.
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -58,8 +57,8 @@ _MOST_NUMBERS = 500
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 _NO_MESSAGE = MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most')
 
-Row = tuple[int, bytes]
-"""Receive stamp and message, or whatever else stands there."""
+Row = tuple[int, bytes | None]
+"""Receive stamp and message; None for whatever else stands there."""
 
 
 class SqliteRecording(FileRecording):
@@ -90,8 +89,9 @@ class SqliteRecording(FileRecording):
         decode, malformed = imu.messages.decoder(), MalformedMessages()
         effort = Effort(self.path, 0)
         with self._database() as (database, budget):
-            for stamps, messages, position in self._batches(database, budget, imu, malformed):
-                pieces = starmap(Piece, rows_of(messages, np.array(stamps)))
+            for rows, position in self._batches(database, budget, imu, malformed):
+                stamps, messages = zip(*rows, strict=True)
+                pieces = starmap(Piece, rows_of(messages, np.array(stamps, np.int64)))
                 for block in decode(unpacked(pieces, effort), malformed):
                     yield block, position
         malformed.report(imu, self.remark)
@@ -219,39 +219,30 @@ class SqliteRecording(FileRecording):
     # ------------------------------------------------------------------------------ going through
 
     def _batches(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
-                 malformed: MalformedMessages) -> Iterator[tuple[array[int], list[bytes], int]]:
+                 malformed: MalformedMessages) -> Iterator[tuple[list[tuple[int, bytes]], int]]:
         """Join rows to thousands of stamps and messages, with the bytes consumed so far."""
         left = self._room
-        stamps: array[int] = array('q')
-        messages: list[bytes] = []
-        held = position = total = 0
+        held: list[tuple[int, bytes]] = []
+        held_bytes = position = total = 0
         for rows, position in self._fetched(database, budget, imu):
-            if len(messages) >= _DECODE or held >= _HELD_BYTES:
-                yield stamps, messages, position
-                stamps, messages, held = array('q'), [], 0
-            times, data = zip(*rows, strict=True)
-            try:
-                size, received = len(b''.join(data)), array('q', times)
-            except TypeError:
-                left -= sum(len(str(value)) for row in rows for value in row)
-                kept = [(stamp if isinstance(stamp, int) else 0, message)
-                        for stamp, message in rows if isinstance(message, bytes)]
-                if len(kept) < len(rows):
-                    malformed(len(rows) - len(kept), _NO_MESSAGE)
-                data = tuple(message for _, message in kept)
-                size, received = len(b''.join(data)), array('q', [stamp for stamp, _ in kept])
+            if len(held) >= _DECODE or held_bytes >= _HELD_BYTES:
+                yield held, position
+                held, held_bytes = [], 0
+            messages = [(stamp, message) for stamp, message in rows if message is not None]
+            if len(messages) < len(rows):
+                malformed(len(rows) - len(messages), _NO_MESSAGE)
+            size = sum(len(message) for _, message in messages)
             left -= size
             if left < 0:
                 self.remark('damaged_recording', fault='database', places=1, read=total,
                             reason='its messages have more bytes than the file',
                             topic=printable(imu.name))
                 break
-            stamps += received
-            messages += data
-            held += size
-            total += len(data)
-        if messages:
-            yield stamps, messages, position
+            held += messages
+            held_bytes += size
+            total += len(messages)
+        if held:
+            yield held, position
 
     def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
                  ) -> Iterator[tuple[list[Row], int]]:
@@ -261,12 +252,13 @@ class SqliteRecording(FileRecording):
             self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
                         entries=len(numbers), read=_MOST_NUMBERS)
             numbers = numbers[:_MOST_NUMBERS]
-        rows_of = ('FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
-                   "AND typeof(topic_id) = 'integer' "
-                   f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
-        # The length is known without the value, however long that is.
-        query = ('SELECT rowid, timestamp, '
-                 f'CASE WHEN length(data) <= {LONGEST_VALUE} THEN data END {rows_of}')
+        selected = ('FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
+                    "AND typeof(topic_id) = 'integer' "
+                    f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
+        # Type and length are known without the value, however long that is.
+        query = ("SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
+                 f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
+                 f'THEN data END {selected}')
         ends = [0, 0]
         for end, order in enumerate(('ASC', 'DESC')):
             with suppress(sqlite3.Error):
@@ -290,10 +282,10 @@ class SqliteRecording(FileRecording):
                     while found := cursor.fetchmany(most):
                         # Damaged pages may lead back to rows that were read already.
                         rows = []
-                        for number, *row in found:
+                        for number, stamp, message in found:
                             if number > latest:
                                 latest = number
-                                rows.append((row[0], row[1]))
+                                rows.append((stamp, message))
                         if rows:
                             messages += len(rows)
                             seen, step = True, 1

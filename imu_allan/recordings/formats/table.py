@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.recordings.imu_topic import MalformedMessages
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.columns import taken, time_of
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
-THIN_HZ = 20.0
+_THIN_HZ = 20.0
 """Below it, messages are logged for show: no IMU is as slow."""
 
 Records = NDArray[np.void]
@@ -26,6 +26,14 @@ Records = NDArray[np.void]
 
 class TableLog(FileRecording):
     """The log of an autopilot."""
+
+    def list_at(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
+        """Enter an IMU among `topics`, or say why it is not read and what to do."""
+        if rate_hz < _THIN_HZ:
+            self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
+            self.other_topics[imu.name] = imu.messages.type_name
+        else:
+            self.topics.append(imu)
 
     @abstractmethod
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:

@@ -68,8 +68,7 @@ class TableFolder(Recording):
         with self._table(file) as table:
             for block, position in table.decoded(TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
-        for remark in table.remarks:
-            self.keep_remark(remark)
+        self.keep_remarks_of(table)
 
     def _table(self, file: Path) -> CsvRecording:
         """Open a table; which sensor its x, y and z are of is what it may be called after."""

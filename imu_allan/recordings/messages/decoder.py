@@ -64,9 +64,23 @@ class ImuMessages:
 
     def decoder(self) -> Decoder:
         """Return a decoder for one reading."""
-        plain = (_BareImu(self.serialization) if self.fields is None
-                 else FieldsDecoder(self))
-        return plain if self.factors == (1.0, 1.0) else _Scaled(plain, self.factors)
+        plain = self._decoded if self.fields is None else FieldsDecoder(self)
+        if self.factors == (1.0, 1.0):
+            return plain
+        factors = np.repeat(self.factors, 3)
+
+        def scaled(pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+                   ) -> list[ImuBlock]:
+            return [replace(block, samples=block.samples * factors)
+                    for block in plain(pieces, on_malformed)]
+
+        return scaled
+
+    def _decoded(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+                 ) -> list[ImuBlock]:
+        """Decode sensor_msgs/Imu itself."""
+        return [block for piece in pieces for block in decode_imu_rows(
+            piece.rows, piece.receive_ns, self.serialization, on_malformed)]
 
     @property
     def half(self) -> Literal['gyro', 'accel'] | None:
@@ -83,27 +97,6 @@ class ImuMessages:
 
 
 BARE_IMU = ImuMessages('sensor_msgs/msg/Imu')
-
-
-class _BareImu:
-    def __init__(self, serialization: Serialization) -> None:
-        self._serialization = serialization
-
-    def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
-                 ) -> list[ImuBlock]:
-        return [block for piece in pieces for block in decode_imu_rows(
-            piece.rows, piece.receive_ns, self._serialization, on_malformed)]
-
-
-class _Scaled:
-    def __init__(self, plain: Decoder, factors: tuple[float, float]) -> None:
-        self._plain = plain
-        self._factors = np.repeat(factors, 3)
-
-    def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
-                 ) -> list[ImuBlock]:
-        return [replace(block, samples=block.samples * self._factors)
-                for block in self._plain(pieces, on_malformed)]
 
 
 class FieldsDecoder:

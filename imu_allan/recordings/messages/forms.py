@@ -13,7 +13,7 @@ from typing import Any
 from imu_allan.cdr import MalformedImu, rows_like_first, Serialization
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields, split_path, Vector
-from imu_allan.recordings.messages.layout import MessageLayout, Place, walk
+from imu_allan.recordings.messages.layout import MessageLayout, Place
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,9 +69,8 @@ class Forms:
         for key, form in self._known.get(len(message), ()):
             if key == _key(message, form):
                 return form
-        layout = walk(self._types, self._type_name, message,
-                      self._serialization, self._wanted)
-        self._require_all(layout)
+        layout = MessageLayout(
+            self._types, self._type_name, message, self._serialization, self._wanted)
         form = self._described(layout, len(message))
         if len(self._known) < _REMEMBERED:
             known = self._known.setdefault(len(message), [])
@@ -110,12 +109,17 @@ class Forms:
         return found
 
     def _described(self, layout: MessageLayout, size: int) -> Form:
-        """Make a record of the places of the fields."""
+        """Make a record of the places of the fields, of which none may lack."""
+        for path in self._wanted - layout.places.keys():
+            raise MalformedImu(f'it has no field {path}')
         fields: dict[str, tuple[Any, int]] = {}
         for path in self._fields.numbers():
-            place = layout.places[split_path(path)[0]]
+            field, element = split_path(path)
+            place = layout.places[field]
+            if element >= place.count:
+                raise MalformedImu(f'{field} has {place.count} elements')
             number = np.dtype(layout.byte_order + place.kind)
-            fields[path] = (number, place.at + split_path(path)[1] * number.itemsize)
+            fields[path] = (number, place.at + element * number.itemsize)
         for _, vector in self._fields.vectors():
             first, at = fields[vector.paths[0]]
             if self._fields.burst is not None:
@@ -127,19 +131,11 @@ class Forms:
                 fields[together(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
         frame = None if frame_id is None else layout.places[frame_id]
-        return Form(layout.keys, layout.keys if frame is None else _joined(
-            layout.keys, (frame.at, frame.at + frame.count)), np.dtype({
+        keys = tuple(layout.keys)
+        return Form(keys, keys if frame is None else _joined(
+            keys, (frame.at, frame.at + frame.count)), np.dtype({
                 'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
                 'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
-
-    def _require_all(self, layout: MessageLayout) -> None:
-        for path in self._wanted - layout.places.keys():
-            raise MalformedImu(f'it has no field {path}')
-        for _, vector in self._fields.vectors():
-            for path in vector.paths:
-                field, number = split_path(path)
-                if number >= layout.places[field].count:
-                    raise MalformedImu(f'{field} has {layout.places[field].count} elements')
 
 
 def _key(message: memoryview, form: Form) -> bytes:

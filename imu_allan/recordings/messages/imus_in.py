@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which IMUs the messages of a topic hold, in one module as name and definition lead to one."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 from imu_allan.cdr import Serialization
@@ -94,22 +95,15 @@ def imus_in(
         If there might be one and it cannot be read, or holds no raw data.
 
     """
-    kind = normal_name(type_name)
-    found = _imus_in(topic, kind, serialization, definition, options)
-    return {name: _with_temperature(messages, options.temperature)
-            for name, messages in found.items()}
-
-
-def _with_temperature(messages: ImuMessages, field: str | None) -> ImuMessages:
-    """Take the field that the user names, where the messages have it, for the temperature."""
-    if field is None or messages.fields is None or messages.types is None:
-        return messages
-    try:
-        number_at(messages.types, messages.type_name, field, '--temperature')
-    except ImuAllanError:
-        # It may be a topic.
-        return messages
-    return replace(messages, fields=replace(messages.fields, temperature=field))
+    found = _imus_in(topic, normal_name(type_name), serialization, definition, options)
+    heat = options.temperature
+    for name, messages in found.items():
+        if heat is not None and messages.fields is not None and messages.types is not None:
+            # It may be a topic instead of a field.
+            with suppress(ImuAllanError):
+                number_at(messages.types, messages.type_name, heat, '--temperature')
+                found[name] = replace(messages, fields=replace(messages.fields, temperature=heat))
+    return found
 
 
 def _imus_in(

@@ -14,7 +14,7 @@ As for `imu_allan.cdr`: CDR aligns every number to its own size, counted from by
 
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -48,57 +48,40 @@ class Place:
     count: int
 
 
-@dataclass(frozen=True)
 class MessageLayout:
     """
-    Places of fields in messages that are alike.
+    Places of the fields `wanted`, such as ``imu.angular_velocity.x``; raises MalformedImu.
 
     Attributes
     ----------
     byte_order : {'<', '>'}
         Little or big endian.
-    places : mapping of str to Place
+    places : dict of str to Place
         By the path of the field.
-    keys : tuple of (int, int)
+    keys : list of (int, int)
         Start and stop of the bytes that messages of equal size must have in common.
 
     """
 
-    byte_order: Literal['<', '>']
-    places: Mapping[str, Place]
-    keys: tuple[tuple[int, int], ...]
-
-
-def walk(
-    types: Types, type_name: str, message: bytes | memoryview, serialization: Serialization,
-    wanted: Collection[str],
-) -> MessageLayout:
-    """Find the fields `wanted`, such as ``imu.angular_velocity.x``; raises MalformedImu."""
-    return _Walk(types, message, serialization, wanted).run(type_name)
-
-
-class _Walk:
-    def __init__(self, types: Types, message: bytes | memoryview, serialization: Serialization,
-                 wanted: Collection[str]) -> None:
+    def __init__(self, types: Types, type_name: str, message: bytes | memoryview,
+                 serialization: Serialization, wanted: Collection[str]) -> None:
         self._types = types
         self._message = message
         self._aligned = serialization == 'cdr'
         self._wanted = wanted
-        self._places: dict[str, Place] = {}
-        self._keys: list[tuple[int, int]] = []
-        self._byte_order: Literal['<', '>'] = '<'
+        self.places: dict[str, Place] = {}
+        self.keys: list[tuple[int, int]] = []
+        self.byte_order: Literal['<', '>'] = '<'
         self._at = self._steps = 0
-
-    def run(self, type_name: str) -> MessageLayout:
-        size = len(self._message)
+        size = len(message)
         if self._aligned:
             if size < 4:
                 raise MalformedImu(f'{size} bytes are too few for a message')
-            encapsulation = int.from_bytes(self._message[:2], 'big')
+            encapsulation = int.from_bytes(message[:2], 'big')
             if encapsulation > 1:
                 raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
-            self._byte_order = '<' if encapsulation else '>'
-            self._keys.append((0, 2))
+            self.byte_order = '<' if encapsulation else '>'
+            self.keys.append((0, 2))
             self._at = 4
         self._visit(type_name, '', 0)
         # Some middleware pads a payload to a multiple of four bytes, older ones of eight.
@@ -107,9 +90,8 @@ class _Walk:
             raise MalformedImu(f'{size} bytes are not a message of type {type_name}, which takes '
                                f'{self._at}')
         # What comes behind the last field that is asked for moves none of them.
-        end = max((place.at for place in self._places.values()), default=0)
-        return MessageLayout(self._byte_order, self._places,
-                             tuple(key for key in self._keys if key[0] < end))
+        end = max((place.at for place in self.places.values()), default=0)
+        self.keys = [key for key in self.keys if key[0] < end]
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:
         if depth > _DEEPEST:
@@ -147,7 +129,7 @@ class _Walk:
 
     def _note(self, name: str, at: int, kind: str, count: int) -> None:
         if name in self._wanted:
-            self._places[name] = Place(at, kind, count)
+            self.places[name] = Place(at, kind, count)
 
     def _step(self) -> None:
         self._steps += 1
@@ -156,9 +138,9 @@ class _Walk:
 
     def _length(self) -> int:
         start = self._pass_over(4, 4)
-        self._keys.append((start, start + 4))
+        self.keys.append((start, start + 4))
         return int.from_bytes(self._message[start:start + 4],
-                              'little' if self._byte_order == '<' else 'big')
+                              'little' if self.byte_order == '<' else 'big')
 
     def _pass_over(self, size: int, alignment: int) -> int:
         """Go behind the next `size` bytes; returns where they begin."""
