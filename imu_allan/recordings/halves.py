@@ -133,7 +133,7 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
     if topic is None and recording.apart:
         raise ImuAllanError(f'{printable(recording.path)}: {recording.apart}')
     if topic is None and recording.preferred:
-        _tell_others(recording)
+        _report_choice(recording)
         if len(recording.preferred) == 2:
             return [Stream(recording.preferred[0], 'gyro'),
                     Stream(recording.preferred[1], 'accel')]
@@ -145,11 +145,11 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             names = dict(halves)
             return [Stream(names['gyro'], 'gyro'), Stream(names['accel'], 'accel')]
     chosen = choose_topic(recording, topic)
-    _tell_filtered(recording, chosen)
+    _report_filtered(recording, chosen)
     return _united(recording, chosen)
 
 
-def _tell_filtered(recording: Recording, topic: str) -> None:
+def _report_filtered(recording: Recording, topic: str) -> None:
     """
     Say so where samples have passed an orientation filter that changes them.
 
@@ -171,7 +171,7 @@ def _tell_filtered(recording: Recording, topic: str) -> None:
             'filtered', by='orientation', topic=printable(topic), raw=printable(raw))
 
 
-def _tell_others(recording: Recording) -> None:
+def _report_choice(recording: Recording) -> None:
     """Name what else could have been chosen than what is preferred."""
     chosen = recording.preferred
     others = [imu.name for imu in recording.topics if imu.name not in chosen]
@@ -201,10 +201,10 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
         return [Stream(topic)]
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])
-    made = {half: _made_of_fewer(samples[:, columns], stamps)
+    made = {half: _upsampled(samples[:, columns], stamps)
             for half, columns in _COLUMNS.items()}
     if made['gyro'] == made['accel']:
-        if made['gyro'] == 'repeated' and _come_in_turn(samples):
+        if made['gyro'] == 'repeated' and _alternate(samples):
             recording.remark('repeated_half', topic=printable(topic), half=None)
             return [Stream(topic, half, only_new=True) for half in _OTHER]
         return [Stream(topic)]
@@ -217,7 +217,7 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
     return [Stream(topic)]
 
 
-def _come_in_turn(samples: NDArray[np.float64]) -> bool:
+def _alternate(samples: NDArray[np.float64]) -> bool:
     """
     Whether a message has news of one half alone, as realsense2_camera united them until 2019.
 
@@ -240,7 +240,7 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
 
 
 @np.errstate(over='ignore', invalid='ignore')
-def _made_of_fewer(half: NDArray[np.float64], stamps: NDArray[np.int64],
+def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
                    ) -> Literal['repeated', 'interpolated'] | None:
     """
     Tell how a half was made of fewer samples: many then follow from those beside them.
@@ -261,11 +261,11 @@ def _made_of_fewer(half: NDArray[np.float64], stamps: NDArray[np.int64],
         usual = np.percentile(bends, 90)
         if usual > 0 and (bends < _BENT * usual).mean() >= _STRAIGHT:
             return 'interpolated'
-    return 'interpolated' if _beats(half) else None
+    return 'interpolated' if _is_cyclostationary(half) else None
 
 
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')
-def _beats(half: NDArray[np.float64]) -> bool:
+def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     """
     Whether the variance of the samples goes up and down with one period, as of two rates.
 
@@ -285,8 +285,8 @@ def _beats(half: NDArray[np.float64]) -> bool:
     peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
     # A vibration at a quarter of the rate beats there, too, but leaves the upper band as it is.
     return (_stands_out(variance, peak, _BEAT, _CLEAR)
-            and (peak < last - _BAND or _is_dull(noise))) or (
-        _is_dull(noise) and any(_stands_out(each, last, _TWICE, _CLEAR_TWICE)
+            and (peak < last - _BAND or _lacks_upper_band(noise))) or (
+        _lacks_upper_band(noise) and any(_stands_out(each, last, _TWICE, _CLEAR_TWICE)
                                 for each in (variance, covariance)))
 
 
@@ -307,7 +307,7 @@ def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.fft.irfft(spectrum, n, axis=0)
 
 
-def _is_dull(noise: NDArray[np.float64]) -> bool:
+def _lacks_upper_band(noise: NDArray[np.float64]) -> bool:
     """Whether the upper quarter of the band holds next to nothing: half the rate has none."""
     power = (np.abs(np.fft.rfft(noise, axis=0)) ** 2).sum(axis=1)
     quarter = len(power) // 4

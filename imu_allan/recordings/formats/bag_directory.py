@@ -22,8 +22,8 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 import yaml
 
-_TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
-                'unfinished_recording'}
+_REPORTED_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file',
+                    'truncated_recording', 'unfinished_recording'}
 """Remarks that say why there are fewer messages than metadata.yaml counts."""
 _LARGEST_METADATA = 1 << 20
 """Bytes: 500 topics of two publishers each, with their quality of service, take 700,000."""
@@ -75,7 +75,7 @@ class BagDirectory(Recording):
                     self.keep_remarks_of(part)
             before += file.stat().st_size
         counted = self.imu(topic).count or 0
-        if messages < counted and _TOLD_LOSSES.isdisjoint(
+        if messages < counted and _REPORTED_LOSSES.isdisjoint(
                 remark.code for remark in self.remarks):
             self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic))
 

@@ -35,7 +35,7 @@ Decode = Callable[[Iterable[Piece]], list[ImuBlock]]
 @dataclass
 class Part:
     """
-    A chunk, or a stretch of records outside of chunks.
+    A chunk, or a segment of records outside of chunks.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class ChunkedRecording(FileRecording):
         """Take channels, counts and chunk places from the end of the file; False without them."""
 
     @abstractmethod
-    def _walk(self, file: BinaryIO, damage: 'Damage') -> Iterator[Part]:
+    def _parts(self, file: BinaryIO, damage: 'Damage') -> Iterator[Part]:
         """Step through the parts of the file."""
 
     @abstractmethod
@@ -126,7 +126,7 @@ class ChunkedRecording(FileRecording):
             return [block for held in in_batches(pieces) for block in decoder(held, malformed)]
 
         with self._stored.open('rb') as file:
-            for part in self._walk(file, damage):
+            for part in self._parts(file, damage):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
@@ -150,7 +150,7 @@ class ChunkedRecording(FileRecording):
         counts: Counter[int] = Counter()
         effort = Effort(self.path, *self._effort)
         damage = Damage()
-        for part in self._walk(file, damage):
+        for part in self._parts(file, damage):
             counts.update(part.counts)
             if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
                 try:

@@ -201,7 +201,7 @@ class CsvRecording(FileRecording):
             _refuse_more_fields_than_names(cells_of(header)[1], rows, columns)
         _refuse_grouped_times(rows, columns)
         columns = _with_known_times(columns, rows, options.rate_hz)
-        self._tell_ignored(columns)
+        self._report_ignored(columns)
         if columns.time is None and options.rate_hz is None:
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
                                 "which column is the time: --columns 'time=NAME ms'")
@@ -213,7 +213,7 @@ class CsvRecording(FileRecording):
             return _QUOTED_COMMA.sub(r'\1.\2', text)
         return text.replace(',', '.') if self._decimal_comma else text
 
-    def _tell_ignored(self, columns: Columns) -> None:
+    def _report_ignored(self, columns: Columns) -> None:
         lookalikes = {*columns.lookalikes}
         others = [cell for cell in columns.ignored
                   if cell and cell not in lookalikes and not is_rest_of_imu(cell)]

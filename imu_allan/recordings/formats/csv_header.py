@@ -17,6 +17,7 @@ import re
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
+from imu_allan.sensor.units import convert
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 """A first line that needs no option."""
@@ -59,7 +60,7 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
     r'|epoch?(?:_(s|ms|us|ns))?'))
 """Names of times, the best first: of the sensor, since the beginning of the log, of the day."""
-_NANOSECONDS = ('%time', 'field.header.stamp')
+_IN_NANOSECONDS = ('%time', 'field.header.stamp')
 """Columns that are nanoseconds without saying so."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 _SECONDS = re.compile(r'((?:.*[/._])?)(?:secs?|seconds)')
@@ -198,8 +199,13 @@ def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[st
 
     def rank(column: int) -> tuple[bool, int]:
         # What stands in the place of a unit may say that dates are written there.
-        unit = units[column]
-        return (unit is not None and not _is_time_unit(unit)), _clock_rank(names[column]) or 0
+        is_date = False
+        if units[column] is not None:
+            try:
+                _converted('', str(units[column]), 's')
+            except ImuAllanError:
+                is_date = True
+        return is_date, (_clock_named(names[column]) or (0, None))[0]
 
     if not times:
         return None, None
@@ -209,17 +215,9 @@ def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[st
     time = times[0]
     unit = units[time]
     if unit is None:
-        return time, _unit_in_name(names[time])
-    _converted(names[time], unit.strip(), 's')
+        return time, (_clock_named(names[time]) or (0, None))[1]
+    _converted(names[time], unit, 's')
     return time, unit.strip()
-
-
-def _is_time_unit(unit: str) -> bool:
-    try:
-        _converted('', unit.strip(), 's')
-    except ImuAllanError:
-        return False
-    return True
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
@@ -339,7 +337,7 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
 
     """
     lower = name.lower()
-    if _clock_rank(lower) is not None:
+    if _clock_named(lower) is not None:
         return 'time'
     if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
         lower = with_unit[1]
@@ -409,10 +407,14 @@ def _split_seconds(names: Sequence[str]) -> tuple[int, int] | None:
                  and match[1] in parts), None)
 
 
-def _clock_rank(name: str) -> int | None:
-    """Tell how good a name of a time is: 0 for the best, None for none."""
+def _clock_named(name: str) -> tuple[int, str | None] | None:
+    """Rank the name of a time, 0 for the best, with the unit in it; None where it is no time."""
     lower = name.lower()
-    return next((rank for rank, form in enumerate(_CLOCKS) if form.fullmatch(lower)), None)
+    for rank, form in enumerate(_CLOCKS):
+        if (match := form.fullmatch(lower)) is not None:
+            in_name = next((unit for unit in match.groups() if unit), None)
+            return rank, 'ns' if lower in _IN_NANOSECONDS else in_name
+    return None
 
 
 def _stamp_of_axes(names: Sequence[str]) -> int | None:
@@ -442,22 +444,10 @@ def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
     return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
 
 
-def _unit_in_name(name: str) -> str | None:
-    """Tell the unit that the name of a column has, as in ``time_ms`` and ``gx_dps``."""
-    lower = name.lower()
-    if lower in _NANOSECONDS:
-        return 'ns'
-    for form in _CLOCKS:
-        if (match := form.fullmatch(lower)) is not None:
-            return next((unit for unit in match.groups() if unit), None)
-    if (match := _UNIT_BEHIND.fullmatch(lower)) is not None:
-        return next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
-    return None
-
-
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
-    unit = unit or _unit_in_name(name)
-    if unit is None:
+    if not unit and (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
+        unit = next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
+    if not unit:
         return options.factors[0 if axis.startswith('gyro') else 1]
     # EuRoC writes rad s^-1, others m/s2, and phones G.
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
@@ -468,11 +458,8 @@ def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -
 
 
 def _converted(name: str, unit: str, si_unit: str) -> float:
-    if unit == si_unit:
-        return 1.0
-    from imu_allan.sensor.units import convert
     try:
-        return convert(1.0, unit, si_unit)
+        return convert(1.0, unit.strip(), si_unit)
     except ImuAllanError as error:
         raise ImuAllanError(f'column {printable(name)}: {printable(error)}') from error
 

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-MCAP files, chunk by chunk; whole and damaged ones take the same walk.
+MCAP files, chunk by chunk; whole and damaged ones are read the same way.
 
 Records are read with the classes of the `mcap` library, except messages and message indexes: a
 chunk is decompressed whole and the messages of the topic are gathered from it as arrays. The file
-is walked from its start, so that one whose end is missing is read like any other; the summary at
+is read from its start, so that one whose end is missing is read like any other; the summary at
 its end serves to list the topics, to count, and to find the next chunk behind a damaged place.
 
 References
@@ -170,8 +170,8 @@ class McapRecording(ChunkedRecording):
                 return number
         return None
 
-    def _walk(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
-        """Step through the data section: chunks, and stretches of records outside of chunks."""
+    def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
+        """Step through the data section: chunks, and segments of records outside of chunks."""
         at = len(MAGIC)
         part: Part | None = None
         while True:

@@ -66,16 +66,16 @@ class UlogRecording(TableLog):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
         seen: dict[str, _Seen] = {}
-        walk = _Walk(set(_TYPES))
-        for name, records, _ in self._tables(walk):
+        reader = _LogReader(set(_TYPES))
+        for name, records, _ in self._tables(reader):
             seen.setdefault(name, _Seen(KNOWN[_type_of(name)])).add(records)
-        for name, reason in walk.reasons.items():
+        for name, reason in reader.reasons.items():
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
-        if walk.damaged:
-            self.remark('damaged_recording', fault='bytes', bytes=walk.damaged)
-        if walk.left:
-            self.remark('truncated_recording', fault='log', bytes=walk.left)
+        if reader.damaged:
+            self.remark('damaged_recording', fault='bytes', bytes=reader.damaged)
+        if reader.left:
+            self.remark('truncated_recording', fault='log', bytes=reader.left)
         for name, topic in seen.items():
             imu = ImuTopic(name, topic.messages, ImuMessages(
                 _type_of(name), factors=options.factors, fields=replace(
@@ -88,21 +88,21 @@ class UlogRecording(TableLog):
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic, and of others like it."""
-        yield from self._tables(_Walk({topic.partition('.')[0]}))
+        yield from self._tables(_LogReader({topic.partition('.')[0]}))
 
-    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, Records, int]]:
+    def _tables(self, reader: '_LogReader') -> Iterator[tuple[str, Records, int]]:
         """Gather messages: name of the topic, columns, bytes consumed."""
         with self._stored.open('rb') as file:
-            for start, stop in _stretches(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
+            for start, stop in _segments(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
                 file.seek(start)
                 rest, at = b'', start
                 while at < stop and (piece := file.read(min(_READ, stop - at))):
                     at += len(piece)
                     data = rest + piece
-                    rest = data[walk.through(data):]
-                    for name, table in walk.taken(data):
+                    rest = data[reader.through(data):]
+                    for name, table in reader.taken(data):
                         yield name, table, at
-                walk.left = len(rest)
+                reader.left = len(rest)
 
 
 class _Seen:
@@ -135,8 +135,8 @@ def _type_of(topic: str) -> str:
     return f'px4_msgs/msg/{_TYPES[topic.partition(".")[0]]}'
 
 
-def _stretches(head: bytes, size: int) -> list[tuple[int, int]]:
-    """Return where the data stand: one stretch, and each that was appended."""
+def _segments(head: bytes, size: int) -> list[tuple[int, int]]:
+    """Return where the data stand: one segment, and each that was appended."""
     places = [_HEAD]
     if len(head) >= _HEAD + 3 + _FLAGS and head[_HEAD + 2] == ord('B') and head[_HEAD + 11] & 1:
         places += [place for place in unpack_from('<3Q', head, _HEAD + 19)
@@ -145,8 +145,8 @@ def _stretches(head: bytes, size: int) -> list[tuple[int, int]]:
     return list(zip(places, [*places[1:], size], strict=True))
 
 
-class _Walk:
-    """What is known on the way through a log."""
+class _LogReader:
+    """Finds the messages of topics, and what they are, while a log is read."""
 
     def __init__(self, names: set[str]) -> None:
         self.reasons: dict[str, str] = {}

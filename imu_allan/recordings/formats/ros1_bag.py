@@ -133,7 +133,7 @@ class Ros1Recording(ChunkedRecording):
             return number
         return None
 
-    def _walk(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
+    def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
         """Step through the chunks."""
         at = len(MAGIC)
         part: Part | None = None

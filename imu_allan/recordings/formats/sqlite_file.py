@@ -44,7 +44,7 @@ _FETCH = 64
 """Rows fetched at a time: few enough to be held where each is as large as it may be."""
 _DECODE, _HELD_BYTES = 1 << 11, 1 << 24
 """Messages decoded at a time, which stay in the cache, and their bytes where they are large."""
-_STRETCHES = 200
+_SEGMENTS = 200
 """Statements for all rows, so that it is known how far reading has come."""
 _SEARCHED_BYTES = 1 << 26
 """Bytes of a file in which a message of each topic is sought on opening."""
@@ -266,9 +266,9 @@ class SqliteRecording(FileRecording):
                         f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
                     pass
         first, last = sorted(ends)
-        stretch = (last - first) // _STRETCHES + 1
+        span = (last - first) // _SEGMENTS + 1
         # In a damaged file rows may lie beyond its ends.
-        edges = [first, *range(first + stretch, last + 1, stretch), 2**63]
+        edges = [first, *range(first + span, last + 1, span), 2**63]
         messages = places = 0
         step, latest = 1, -2**63
         reason: sqlite3.Error | None = None

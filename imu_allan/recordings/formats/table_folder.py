@@ -19,7 +19,7 @@ from imu_allan.wording import duration, SENSORS
 
 _MOST_TABLES = 64
 """Files that are looked into; a phone has some thirty sensors."""
-_TOLD = 2
+_REPORTED = 2
 """Files of which it is reported why none is read."""
 _CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
 _LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
@@ -92,7 +92,7 @@ class TableFolder(Recording):
         said = f'its CSV files give no {" and no ".join(lacking)}'
         # Of thirty sensors of a phone the others have no axis of an IMU either.
         names = sorted(self.reasons, key=lambda name: _LIKELY.search(name) is None)
-        return '; '.join([said, *(self.reasons[name] for name in names[:_TOLD])])
+        return '; '.join([said, *(self.reasons[name] for name in names[:_REPORTED])])
 
     def _why_apart(self, gyro: str, accel: str) -> str:
         """Say why two tables are not of one recording; empty where their times overlap."""
@@ -113,8 +113,8 @@ class TableFolder(Recording):
 
 def _some(names: Sequence[str]) -> str:
     """Name the first of some files."""
-    shown = ', '.join(map(printable, names[:_TOLD]))
-    return f'each of {len(names)} files ({shown}, ...)' if len(names) > _TOLD else (
+    shown = ', '.join(map(printable, names[:_REPORTED]))
+    return f'each of {len(names)} files ({shown}, ...)' if len(names) > _REPORTED else (
         f'each of {shown}' if len(names) > 1 else shown)
 
 

@@ -153,7 +153,7 @@ class FieldsDecoder:
             rows = np.concatenate([pieces[number].rows for number in numbers])
             receive_ns = np.concatenate([pieces[number].receive_ns for number in numbers])
             index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
-            for which, form in self._forms.alike(rows, on_malformed):
+            for which, form in self._forms.groups(rows, on_malformed):
                 same = rows if len(which) == len(rows) else rows[which]
                 part = self._taken(same, receive_ns[which], form, on_malformed)
                 frames = frames_of(same, form.frame_id, self._frames)

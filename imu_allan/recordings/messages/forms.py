@@ -78,7 +78,7 @@ class Forms:
                 known.append((_key(message, form), form))
         return form
 
-    def alike(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
+    def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
               ) -> list[tuple[NDArray[np.intp], Form]]:
         """Find which rows, messages of equal size, have their fields in the same places."""
         found: list[tuple[NDArray[np.intp], Form]] = []
@@ -103,7 +103,7 @@ class Forms:
                 # To compare each of many with all the others would take the square of the time.
                 for start in range(0, len(left), _WINDOW):
                     part = left[start:start + _WINDOW]
-                    found += [(part[chosen], form) for chosen, form in self.alike(
+                    found += [(part[chosen], form) for chosen, form in self.groups(
                         rows[part], on_malformed)]
                 break
         return found
