@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.sensor.units import convert
 
 RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
 
@@ -71,7 +72,6 @@ def factor(option: str, unit: str | None, si_unit: str) -> float:
     """Return how many SI units one `unit` is; 1 for None; raises ImuAllanError."""
     if unit is None or unit == si_unit:
         return 1.0
-    from imu_allan.sensor.units import convert
     try:
         return convert(1.0, unit, si_unit)
     except ImuAllanError as error:

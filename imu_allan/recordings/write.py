@@ -80,8 +80,9 @@ def write_recording(
             f'{printable(path)}: cannot be created ({error.strerror}: '
             f'{printable(error.filename)}); choose a folder that may be written to') from error
     try:
-        file = unfinished / f'{path.name}_0.{_SUFFIXES[storage]}'
-        extent = _WRITERS[storage](file, blocks, topic, compression)
+        write, suffix = _WRITERS[storage]
+        file = unfinished / f'{path.name}_0.{suffix}'
+        extent = write(file, blocks, topic, compression)
         (unfinished / 'metadata.yaml').write_text(
             _metadata(file.name, topic, storage, extent), encoding='utf-8')
         unfinished.rename(path)
@@ -99,22 +100,18 @@ def write_recording(
 class _Extent:
     """Count and time span of what was written."""
 
-    def __init__(self) -> None:
-        self.count = 0
-        self.start = 0
-        self.end = 0
+    count = start = end = 0
 
     def add(self, stamps: NDArray[np.int64]) -> None:
-        if len(stamps) == 0:
-            return
         low, high = int(stamps.min()), int(stamps.max())
-        self.start = low if self.count == 0 else min(self.start, low)
-        self.end = high if self.count == 0 else max(self.end, high)
+        self.start = min(self.start, low) if self.count else low
+        self.end = max(self.end, high) if self.count else high
         self.count += len(stamps)
 
 
 def _metadata(file: str, topic: str, storage: Storage, extent: _Extent) -> str:
     def span() -> dict[str, Any]:
+        # Not one object for both places: YAML would write the second as an alias.
         return {
             'duration': {'nanoseconds': extent.end - extent.start},
             'starting_time': {'nanoseconds_since_epoch': extent.start},
@@ -194,7 +191,8 @@ def _write_mcap(
     extent = _Extent()
     definition, digest = _imu_type()
     with file.open('wb') as out:
-        writer = Writer(out, chunk_size=_CHUNK_BYTES, compression=_COMPRESSIONS[compression])
+        kind = CompressionType[compression.upper() or 'NONE']
+        writer = Writer(out, chunk_size=_CHUNK_BYTES, compression=kind)
         writer.start('ros2', 'imu_allan')
         schema = writer.register_schema(_IMU_TYPE, 'ros2msg', definition.encode())
         channel = writer.register_channel(
@@ -209,10 +207,7 @@ def _write_mcap(
     return extent
 
 
-_COMPRESSIONS = {
-    '': CompressionType.NONE, 'lz4': CompressionType.LZ4, 'zstd': CompressionType.ZSTD}
-_WRITERS = {'mcap': _write_mcap, 'sqlite3': _write_sqlite}
-_SUFFIXES = {'mcap': 'mcap', 'sqlite3': 'db3'}
+_WRITERS = {'mcap': (_write_mcap, 'mcap'), 'sqlite3': (_write_sqlite, 'db3')}
 _SQLITE_SCHEMA = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
 CREATE TABLE metadata(

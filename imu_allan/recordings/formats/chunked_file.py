@@ -186,7 +186,7 @@ class ChunkedRecording(FileRecording):
                     listed.add(topic)
 
     def _next_chunk(self, at: int) -> int | None:
-        """Tell where the next chunk begins that the index knows."""
+        """Return where the next chunk begins that the index knows."""
         place = bisect_right(self._chunk_starts, at)
         return self._chunk_starts[place] if place < len(self._chunk_starts) else None
 
