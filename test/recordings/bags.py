@@ -3,13 +3,15 @@
 """Recordings as other programs write them, and what is read from a recording."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 import re
 import sqlite3
 import struct
+from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
+from imu_allan.cdr import encode_imu_rows, Serialization
 from imu_allan.finding import Finding, finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
 from mcap.writer import CompressionType, Writer
@@ -70,6 +72,35 @@ def assert_same(first: ImuBlock, second: ImuBlock) -> None:
         assert one.tobytes() == other.tobytes(), field
 
 
+@contextmanager
+def mcap_written(path: Path, profile: str = 'ros2', **options: Any,
+                 ) -> Iterator[Callable[..., None]]:
+    """Give what writes a message of a topic into an MCAP file with the mcap library."""
+    with path.open('wb') as file:
+        writer = Writer(file, **options)
+        writer.start(profile)
+        channels: dict[tuple[str, int], int] = {}
+
+        def write(topic: str, stamp: int, data: bytes, kind: str = IMU, definition: str = '',
+                  encodings: tuple[str, str] = ('cdr', 'ros2msg'), number: int = 0) -> None:
+            if (topic, number) not in channels:
+                schema = kind and writer.register_schema(
+                    kind, encodings[1], definition.encode())
+                channels[topic, number] = writer.register_channel(
+                    topic, encodings[0], schema or 0)
+            writer.add_message(channels[topic, number], stamp, bytes(data), stamp)
+
+        yield write
+        writer.finish()
+
+
+def serialized(messages: ImuBlock, serialization: Serialization = 'cdr',
+               ) -> Iterator[tuple[int, bytes]]:
+    """Give the receive stamp and the bytes of each message."""
+    return zip(messages.receive_ns.tolist(), map(bytes, encode_imu_rows(messages, serialization)),
+               strict=True)
+
+
 def write_mcap(
     path: Path, messages: ImuBlock, *, compression: str = 'zstd', chunk_size: int = 50_000,
     others: Callable[[int], int] = lambda _: 0, **options: object,
@@ -87,11 +118,10 @@ def write_mcap(
             '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b'float64 x'))
         other = writer.register_channel(
             '/other', 'cdr', writer.register_schema('a_msgs/msg/B', 'ros2msg', b'string s'))
-        for number, (row, stamp) in enumerate(
-                zip(encode_imu_rows(messages), messages.receive_ns.tolist(), strict=True)):
+        for number, (stamp, row) in enumerate(serialized(messages)):
             for _ in range(others(number)):
                 writer.add_message(other, stamp, b'\0\1\0\0' + bytes(number % 7 + 300), stamp)
-            writer.add_message(imu, stamp, row.tobytes(), stamp, number)
+            writer.add_message(imu, stamp, row, stamp, number)
         writer.finish()
     return path
 
@@ -109,12 +139,17 @@ def write_db3(path: Path, messages: ImuBlock, topics: Iterable[tuple[str, str]] 
         database.execute(
             "INSERT INTO topics(name, type, serialization_format) VALUES (?, ?, 'cdr')",
             (name, kind))
-    database.executemany(
-        'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
-        zip(messages.receive_ns.tolist(), map(bytes, encode_imu_rows(messages)), strict=True))
+    insert(database, serialized(messages))
     database.commit()
     database.close()
     return path
+
+
+def insert(database: sqlite3.Connection, messages: Iterable[tuple[int, bytes]], topic: int = 1,
+           ) -> None:
+    """Add stamps and messages of a topic to a database of rosbag2."""
+    database.executemany(f'INSERT INTO messages(topic_id, timestamp, data) VALUES ({topic}, ?, ?)',
+                         messages)
 
 
 def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
@@ -128,11 +163,10 @@ def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
     with writer:
         imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=ROS1_STORE)
         chatter = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=ROS1_STORE)
-        for number, (row, stamp) in enumerate(zip(
-                encode_imu_rows(messages, 'ros1'), messages.receive_ns.tolist(), strict=True)):
+        for number, (stamp, row) in enumerate(serialized(messages, 'ros1')):
             for _ in range(others(number)):
                 writer.write(chatter, stamp, b'\5\0\0\0hello')
-            writer.write(imu, stamp, row.tobytes())
+            writer.write(imu, stamp, row)
     return path
 
 

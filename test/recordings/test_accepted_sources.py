@@ -10,6 +10,7 @@ import re
 from struct import pack
 from typing import Any
 
+from bags import mcap_written
 from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.messages.imus_in import imu_messages
@@ -63,24 +64,17 @@ def imu(store: Any, number: int, gyro: bool = True, accel: bool = True) -> Any:
 def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], Any]],
          **more: Any) -> Source:
     """Write topics of ROS 2 messages: type, definitions, and what makes message n."""
-    from mcap.writer import Writer
     kinds = {}
     path = folder / 'a.mcap'
-    with path.open('wb') as file:
-        writer = Writer(file, chunk_size=50_000)
-        writer.start('ros2')
+    with mcap_written(path, chunk_size=50_000) as write:
         for number, (kind, definitions, make) in enumerate(topics):
             store = store_with(definitions)
             kinds[kind] = full_definition(store, kind)
-            channel = writer.register_channel(f'/sensor{number}', 'cdr', writer.register_schema(
-                kind, 'ros2msg', kinds[kind].encode()))
             for message in range(COUNT):
                 made = make(store, message)
                 if made is not None:
-                    stamp = int(TIMES_US[message]) * 1000 + 700
-                    writer.add_message(channel, stamp, bytes(store.serialize_cdr(made, kind)),
-                                       stamp)
-        writer.finish()
+                    write(f'/sensor{number}', int(TIMES_US[message]) * 1000 + 700,
+                          store.serialize_cdr(made, kind), kind, kinds[kind])
     return Source(path, kinds=kinds, **more)
 
 

@@ -7,16 +7,14 @@ import json
 from pathlib import Path
 import re
 
-from bags import IMU, START_NS
+from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
 from imu_allan.cli.main import main
 from imu_allan.finding import finding
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.timeline import TimelineOptions
-from mcap.writer import Writer
 import numpy as np
 import pytest
 from repeated import slow
@@ -38,16 +36,10 @@ def block(rate_hz: float, count: int, gyro: bool, accel: bool) -> ImuBlock:
 
 
 def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        schema = writer.register_schema(IMU, 'ros2msg', b'float64 x')
+    with mcap_written(path) as message:
         for topic, messages in topics.items():
-            channel = writer.register_channel(topic, 'cdr', schema)
-            for row, stamp in zip(encode_imu_rows(messages), messages.receive_ns.tolist(),
-                                  strict=True):
-                writer.add_message(channel, stamp, row.tobytes(), stamp)
-        writer.finish()
+            for stamp, row in serialized(messages):
+                message(topic, stamp, row)
     return path
 
 

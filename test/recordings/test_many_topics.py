@@ -10,7 +10,7 @@ from random import Random
 import sqlite3
 import tempfile
 
-from bags import assert_same, block, COMPRESSIONS, IMU, joined, START_NS
+from bags import assert_same, block, IMU, joined, mcap_written, START_NS
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.cli.main import main
@@ -18,7 +18,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.recordings.recording import Recording
-from mcap.writer import Writer
 import pytest
 import zstandard
 
@@ -43,16 +42,9 @@ def messages(topics: int, each: int) -> list[Message]:
 
 
 def write_mcap(path: Path, recorded: Sequence[Message]) -> Path:
-    with path.open('wb') as file:
-        writer = Writer(file, chunk_size=20_000, compression=COMPRESSIONS['zstd'])
-        writer.start('ros2')
-        schema = writer.register_schema(IMU, 'ros2msg', b'float64 x')
-        numbers: dict[str, int] = {}
-        for topic, stamp, data in recorded:
-            if topic not in numbers:
-                numbers[topic] = writer.register_channel(topic, 'cdr', schema)
-            writer.add_message(numbers[topic], stamp, data, stamp)
-        writer.finish()
+    with mcap_written(path, chunk_size=20_000) as message:
+        for each in recorded:
+            message(*each)
     return path
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from bags import assert_same, block, IMU, read, write_db3, write_mcap
+from bags import assert_same, block, mcap_written, read, write_db3, write_mcap
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings import (
     choose_topic,
@@ -17,7 +17,6 @@ from imu_allan.recordings import (
     Recording,
     recordings_in,
 )
-from mcap.writer import Writer
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -140,13 +139,8 @@ def test_a_topic_that_holds_nothing_readable_is_told_at_its_end():
 
 def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):
     path = tmp_path / 'a.mcap'
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        channel = writer.register_channel('/json', 'json', writer.register_schema(
-            IMU, 'jsonschema', b'{}'))
-        writer.add_message(channel, 1, b'{}', 1)
-        writer.finish()
+    with mcap_written(path) as message:
+        message('/json', 1, b'{}', encodings=('json', 'jsonschema'))
     with open_recording(path) as recording, refused(
             f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
             'encoded as json)'):

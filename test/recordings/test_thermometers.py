@@ -4,7 +4,7 @@
 
 from pathlib import Path
 
-from bags import IMU, START_NS
+from bags import IMU, mcap_written, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
@@ -13,7 +13,6 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.thermometers import temperatures, thermometer_of
 from imu_allan.result import Result
-from mcap.writer import Writer
 import numpy as np
 from other_types import full_definition, sample, stamped, store_with, vector, write_mcap
 import pytest
@@ -55,21 +54,14 @@ def heat(celsius: float, stamp_ns: int, frame_id: str = 'imu_link') -> bytes:
 def write(path: Path, samples: np.ndarray, thermometers: dict[str, str],
           imu: str = '/imu/data_raw', headers: bool = True) -> Path:
     """Write an Imu topic, and one for each thermometer, with its frame_id; every 2 s."""
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        channel = writer.register_channel(imu, 'cdr', writer.register_schema(
-            IMU, 'ros2msg', b'float64 x'))
-        schema = writer.register_schema(
-            TEMPERATURE, 'ros2msg', full_definition(STORE, TEMPERATURE).encode())
-        channels = {name: writer.register_channel(name, 'cdr', schema) for name in thermometers}
+    definition = full_definition(STORE, TEMPERATURE)
+    with mcap_written(path) as message:
         for number, (row, stamp) in enumerate(zip(*imu_rows(samples), strict=True)):
-            writer.add_message(channel, stamp, row, stamp)
+            message(imu, stamp, row)
             if number % 20 == 0:
                 for name, frame_id in thermometers.items():
-                    writer.add_message(channels[name], stamp, heat(
-                        CELSIUS[number], stamp if headers else 0, frame_id), stamp)
-        writer.finish()
+                    message(name, stamp, heat(CELSIUS[number], stamp if headers else 0, frame_id),
+                            TEMPERATURE, definition)
     return path
 
 

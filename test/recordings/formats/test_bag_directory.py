@@ -13,14 +13,16 @@ from bags import (
     block,
     figures,
     IMU,
+    insert,
     joined,
+    mcap_written,
     read,
+    serialized,
     told,
     write_db3,
     write_mcap,
     write_metadata,
 )
-from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 import pytest
 from whole_lines import refused, Varying
@@ -183,26 +185,18 @@ def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monke
 @pytest.mark.parametrize('container', ['mcap', 'db3'])
 def test_messages_compressed_one_by_one_are_read(tmp_path, container):
     messages = block(300)
-    packed = [zstandard.compress(row.tobytes()) for row in encode_imu_rows(messages)]
-    packed[7] = packed[7][:20]
+    stamped = [(stamp, zstandard.compress(row)) for stamp, row in serialized(messages)]
+    stamped[7] = stamped[7][0], stamped[7][1][:20]
     path = tmp_path / f'bag_0.{container}'
     if container == 'db3':
         write_db3(path, block(0))
         with sqlite3.connect(path) as database:
-            database.executemany(
-                'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
-                zip(messages.receive_ns.tolist(), packed, strict=True))
+            insert(database, stamped)
         database.close()
     else:
-        from mcap.writer import Writer
-        with path.open('wb') as file:
-            writer = Writer(file)
-            writer.start('ros2')
-            channel = writer.register_channel(
-                '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
-            for data, stamp in zip(packed, messages.receive_ns.tolist(), strict=True):
-                writer.add_message(channel, stamp, data, stamp)
-            writer.finish()
+        with mcap_written(path) as message:
+            for stamp, data in stamped:
+                message('/imu', stamp, data)
     write_metadata(tmp_path, [path.name], [('/imu', IMU, 300)],
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
@@ -219,7 +213,7 @@ def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
     folder = tmp_path / 'bag' / 'inner'
     folder.mkdir(parents=True)
     write_metadata(folder, [listed], [('/imu', IMU, 5)])
-    with refused(f'{folder}: missing outside.mcap: no file that metadata.yaml lists is '
+    with refused(f'{folder}: missing outside.mcap: no file that metadata.yaml lists is there; '
                  'copy them beside it'):
         open_recording(folder)
 

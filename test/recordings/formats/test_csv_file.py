@@ -8,6 +8,7 @@ import time
 
 from bags import no_axes, read, START_NS, told
 from hypothesis import given, HealthCheck, settings, strategies as st
+from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
@@ -16,10 +17,18 @@ import numpy as np
 import pytest
 from whole_lines import refused
 
+STAMP = 1_403_636_579_758_555_392
+
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / 'imu.csv'
+
+
+def read_text(path: Path, text: str, **options: object) -> tuple[ImuBlock, list[Finding]]:
+    """Read a file with this content."""
+    path.write_text(text)
+    return read(path, **options)
 
 
 def refusal(path: Path, text: str | bytes, **options: float) -> str:
@@ -43,9 +52,8 @@ def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
 
 
 def test_all_columns_in_si_units(path):
-    path.write_text('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
-                    '0.00,1,2,3,4,5,6\n0.01,1.5,2.5,-3.5,4e-3,5.25,-6\n')
-    messages, remarks = read(path)
+    messages, remarks = read_text(path, 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
+                                        '0.00,1,2,3,4,5,6\n0.01,1.5,2.5,-3.5,4e-3,5.25,-6\n')
     assert messages.header_ns.tolist() == messages.receive_ns.tolist() == [0, 10_000_000]
     assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6], [1.5, 2.5, -3.5, 4e-3, 5.25, -6]]
     assert not messages.absent.any()
@@ -62,9 +70,8 @@ def test_any_subset_of_columns_in_any_order(path, columns, left_out):
     if not set(columns) & set(AXES):
         return
     values = {name: number + 1.0 for number, name in enumerate(['time_s', *AXES])}
-    path.write_text(','.join(columns) + '\n'
-                    + ','.join(repr(values[name]) for name in columns) + '\n')
-    messages, _ = read(path)
+    messages, _ = read_text(path, ','.join(columns) + '\n'
+                                  + ','.join(repr(values[name]) for name in columns) + '\n')
     assert messages.header_ns.tolist() == [10**9]
     for axis, name in enumerate(AXES):
         assert np.array_equal(messages.samples[:, axis],
@@ -124,36 +131,26 @@ def test_what_spreadsheets_do_to_a_csv_is_understood(path, text):
     assert remarks == []
 
 
-def test_lines_that_are_not_numbers_are_counted_and_empty_cells_are_not_a_number(path):
-    path.write_text('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n')
-    messages, [remark] = read(path)
-    assert messages.header_ns.tolist() == [10**9, 4 * 10**9, 7 * 10**9]
-    assert np.array_equal(messages.samples[:, 0], [5, np.nan, 9], equal_nan=True)
-    assert remark == bad_lines(path, 4, 'line 3: x,6')
-
-
-def test_an_empty_first_time_costs_its_line_alone(path):
-    start = 1_700_000_000_000_000_000
-    path.write_text('time,gyro_x\n,0.5\n' + ''.join(
-        f'{start + n * 5_000_001},{n}\n' for n in range(100)))
-    messages, [remark] = read(path)
-    assert messages.header_ns.tolist() == [start + n * 5_000_001 for n in range(100)]
-    assert remark == bad_lines(path, 1, 'line 2: ,0.5')
-
-
-def test_the_line_without_a_time_is_the_one_that_is_named(path):
-    path.write_text('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n')
-    messages, [remark] = read(path)
-    assert messages.samples[:, 0].tolist() == [1, 2, 4]
-    assert remark == bad_lines(path, 4, 'line 5: nothing,1')
-    path.write_text('time_s,gyro_x\n0.0,1\n\n\n0.1,2\n1e300,3\nx\n')
-    _, [remark] = read(path)
-    assert remark == bad_lines(path, 2, 'line 6: 1e300,3')
+@pytest.mark.parametrize(('text', 'stamps', 'values', 'count', 'first'), [
+    ('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
+     [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
+    (f'time,gyro_x\n,0.5\n{STAMP},1\n{STAMP + 5_000_001},2\n',
+     [STAMP, STAMP + 5_000_001], [1, 2], 1, 'line 2: ,0.5'),
+    ('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
+     [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1'),
+    ('time_s,gyro_x\n0.0,1\n\n\n0.1,2\n1e300,3\nx\n', [0, 10**8], [1, 2], 2,
+     'line 6: 1e300,3')],
+    ids=['empty cell', 'no first time', 'no time', 'absurd time'])
+def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
+        path, text, stamps, values, count, first):
+    messages, [remark] = read_text(path, text)
+    assert messages.header_ns.tolist() == stamps
+    assert np.array_equal(messages.samples[:, 0], values, equal_nan=True)
+    assert remark == bad_lines(path, count, first)
 
 
 def test_other_columns_are_left_out_and_named(path):
-    path.write_text('time_s,gyro_q,gyro_y,mag_x\n1,2,3,warm\n')
-    messages, [remark] = read(path)
+    messages, [remark] = read_text(path, 'time_s,gyro_q,gyro_y,mag_x\n1,2,3,warm\n')
     assert messages.samples[0, 1] == 3
     assert remark == ignored(path, ['gyro_q', 'mag_x'])
 
@@ -190,7 +187,6 @@ def test_an_impossible_rate_is_refused(path, rate):
         open_recording(path, rate_hz=rate)
 
 
-STAMP = 1_403_636_579_758_555_392
 ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
             'field.orientation.x,field.orientation_covariance0,field.angular_velocity.x,'
             'field.angular_velocity.y,field.angular_velocity.z,field.angular_velocity_covariance0,'
@@ -261,8 +257,7 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
         'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
         'units in names', 'sensorlog', 'androsensor', 'units alone'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
-    path.write_text(text)
-    messages, remarks = read(path)
+    messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
     assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6]] * len(stamps)
     # The rest of an Imu is nobody's loss.
@@ -284,8 +279,7 @@ def test_nanoseconds_in_quotes_keep_all_their_digits(path):
      (pi / 180, 1.0)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
-    path.write_text(f't,{header}\n1,1,2,3,4,5,6\n')
-    messages, _ = read(path)
+    messages, _ = read_text(path, f't,{header}\n1,1,2,3,4,5,6\n')
     assert messages.samples[0] == pytest.approx(
         np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
 
@@ -307,16 +301,14 @@ def test_times_that_are_written_as_dates_are_no_numbers_and_told(path, options):
         'holds none can be left out: --columns names the others, and --rate takes the place of '
         'the time')
     columns = RecordingOptions(rate_hz=100.0, columns=(('gyro_x', 'gx'),))
-    with open_recording(path, options=columns) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read(path, options=columns)
     assert block.header_ns.tolist() == [0, 10_000_000]
 
 
 def test_another_time_is_read_where_dates_stand_beside_it(path):
-    path.write_text('epoc (ms),timestamp (+0900),elapsed (s),x-axis (deg/s)\n'
-                    '1562737867234,2019-07-10T14:51:07.234,0.5,180\n'
-                    '1562737867244,2019-07-10T14:51:07.244,0.51,90\n')
-    messages, _ = read(path)
+    messages, _ = read_text(path, 'epoc (ms),timestamp (+0900),elapsed (s),x-axis (deg/s)\n'
+                                  '1562737867234,2019-07-10T14:51:07.234,0.5,180\n'
+                                  '1562737867244,2019-07-10T14:51:07.244,0.51,90\n')
     assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
     assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
 
@@ -324,9 +316,7 @@ def test_another_time_is_read_where_dates_stand_beside_it(path):
 def test_columns_of_any_name_can_be_named(path):
     path.write_text('when,w0,w1,other,up [g]\n2,180,90,7,1\n')
     columns = (('time', 'when'), ('gyro_x', 'w0'), ('gyro_y', 'w1'), ('accel_z', 'up'))
-    with open_recording(path, options=RecordingOptions(
-            gyro_unit='deg/s', columns=columns)) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read(path, options=RecordingOptions(gyro_unit='deg/s', columns=columns))
     assert block.header_ns.tolist() == [2 * 10**9]
     assert block.samples[0, [0, 1, 5]] == pytest.approx([pi, pi / 2, 9.80665], rel=1e-15)
 
@@ -339,9 +329,8 @@ def test_columns_of_any_name_can_be_named(path):
 def test_columns_can_be_numbered_from_one(path, text, others):
     path.write_text(text)
     columns = (('time', '1 ms'), ('gyro_z', '3 deg/s'), ('accel_x', '4 g'))
-    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
-        [block] = read_blocks(recording, 'csv')
-        assert [remark.code for remark in recording.remarks] == ['ignored_columns'] * others
+    block, remarks = read(path, options=RecordingOptions(columns=columns))
+    assert [remark.code for remark in remarks] == ['ignored_columns'] * others
     assert block.header_ns.tolist() == [2_500_000_000, 3_500_000_000]
     assert block.samples[:, [2, 3]].ravel() == pytest.approx(
         [pi / 2, 9.80665, pi, 19.6133], rel=1e-15)
@@ -354,8 +343,7 @@ def test_columns_can_be_numbered_from_one(path, text, others):
 def test_a_header_behind_the_mark_of_a_comment_is_told_by_the_names_of_the_user(path, text):
     path.write_text(text)
     columns = (('gyro_x', 'w0'), ('time', 'time'))
-    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read(path, options=RecordingOptions(columns=columns))
     assert block.header_ns.tolist() == [10**9, 2 * 10**9]
     assert block.samples[:, 0].tolist() == [2, 3]
 
@@ -366,15 +354,13 @@ def test_a_header_behind_the_mark_of_a_comment_is_told_by_the_names_of_the_user(
 def test_without_names_the_first_sample_is_none_of_them(path, text, first):
     path.write_text(text)
     columns = (('time', '1'), ('gyro_x', '2'))
-    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read(path, options=RecordingOptions(columns=columns))
     assert block.header_ns.tolist() == [0, 100_000_000]
     assert block.samples[:, 0].tolist() == first
 
 
 def test_decimal_commas_are_seen_behind_whole_numbers(path):
-    path.write_text('time;gx\n0;0\n0,01;0,5\n0,02;0,6\n')
-    messages, remarks = read(path)
+    messages, remarks = read_text(path, 'time;gx\n0;0\n0,01;0,5\n0,02;0,6\n')
     assert messages.samples[:, 0].tolist() == [0, 0.5, 0.6]
     assert remarks == []
 
@@ -404,28 +390,23 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, step):
     assert refusal(path, text) == of_no_imu(str(step), f'{1 / step:.3g}')
     for options, nanoseconds in (({'rate_hz': 50.0}, 20_000_000),
                                  ({'columns': (('time', 'timestamp us'),)}, step * 1000)):
-        with open_recording(path, options=RecordingOptions(**options)) as recording:
-            [block] = read_blocks(recording, 'csv')
+        block, _ = read(path, options=RecordingOptions(**options))
         assert (np.diff(block.header_ns) == nanoseconds).all()
         assert block.samples[:, 0].tolist() == list(range(200))
 
 
-def test_units_may_stand_in_a_line_of_their_own(path):
-    path.write_text(',time,gyro_x,accel_z,note\n,ms,deg/s,g,\n0,500,180,1,a\n1,510,90,2,b\n')
-    messages, remarks = read(path)
-    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
+@pytest.mark.parametrize('units', ['ms,deg/s,g,', '[ms],[deg/s],[g],', '"ms","deg/s","g",',
+                                   '-,deg/s,g,', 'ms,(deg/s),g,'])
+def test_units_may_stand_in_a_line_of_their_own(path, units):
+    messages, remarks = read_text(
+        path, f',time,gyro_x,accel_z,note\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n')
+    if units.startswith('-'):
+        assert messages.header_ns.tolist() == [500 * 10**9, 510 * 10**9]
+    else:
+        assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
     assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
     assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
     assert remarks == [ignored(path, ['note'])]
-
-
-@pytest.mark.parametrize('units', ['[ms],[deg/s],[g]', '"ms","deg/s","g"', '-,deg/s,g',
-                                   'ms,(deg/s),g'])
-def test_units_below_may_be_marked_in_any_way(path, units):
-    path.write_text(f'time,gyro_x,accel_z\n{units}\n0.5,180,1\n1.0,90,2\n')
-    messages, _ = read(path)
-    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
-    assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
 
 
 def test_a_unit_below_that_nobody_knows_is_told(path):
@@ -469,8 +450,7 @@ def test_times_without_a_unit_that_would_be_the_rate_of_no_imu_are_asked_for(
     if not jitter:
         assert reason == of_no_imu(interval, hz)
     options = RecordingOptions(columns=(('time', f'time {unit}'),))
-    with open_recording(path, options=options) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read(path, options=options)
     np.testing.assert_allclose(block.header_ns, seconds * 1e9, atol=4000)
 
 
@@ -483,9 +463,7 @@ def test_times_without_a_unit_that_would_be_the_rate_of_no_imu_are_asked_for(
     np.arange(200) // 100, 1.7e9 + np.arange(200) / 100],
     ids=['slow', 'fast', 'pairs', 'batches', 'outage', 'set back', 'whole seconds', 'epoch'])
 def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
-    path.write_text(_rows(seconds))
-    with open_recording(path) as recording:
-        [block] = read_blocks(recording, 'csv')
+    block, _ = read_text(path, _rows(seconds))
     np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
 
 
@@ -519,8 +497,7 @@ def test_a_table_of_all_topics_of_a_robot_is_read(path):
     # Its header has 300 kB.
     names = ['time_s', *(f'/robot/topic/field_{number}' for number in range(12_000)), 'gyro_y']
     row = ','.join(['1', *['0'] * 12_000, '3'])
-    path.write_text(f'{",".join(names)}\n{row}\n')
-    messages, [remark] = read(path)
+    messages, [remark] = read_text(path, f'{",".join(names)}\n{row}\n')
     assert messages.samples[0, 1] == 3
     assert remark == ignored(path, names[1:11], count=12_000)
 

@@ -9,7 +9,18 @@ import resource
 import struct
 import time
 
-from bags import assert_same, block, COMPRESSIONS, figures, IMU, joined, read, told, write_mcap
+from bags import (
+    assert_same,
+    block,
+    COMPRESSIONS,
+    figures,
+    joined,
+    mcap_written,
+    read,
+    serialized,
+    told,
+    write_mcap,
+)
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
@@ -20,6 +31,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 import numpy as np
+from numpy.typing import NDArray
 import pytest
 from whole_lines import refused
 import zstandard
@@ -58,21 +70,25 @@ def test_messages_outside_of_chunks_are_read(tmp_path, others):
 def test_an_image_outside_of_chunks_that_is_larger_than_a_window_is_passed_over(
         tmp_path, monkeypatch):
     path = tmp_path / 'a.mcap'
-    with path.open('wb') as file:
-        writer = Writer(file, use_chunking=False)
-        writer.start('ros2')
-        imu = writer.register_channel('/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
-        image = writer.register_channel('/image', 'cdr', 0)
-        for number, row in enumerate(encode_imu_rows(MESSAGES)):
-            stamp = int(MESSAGES.receive_ns[number])
+    with mcap_written(path, use_chunking=False) as message:
+        for number, (stamp, row) in enumerate(serialized(MESSAGES)):
             if number % 100 == 50:
-                writer.add_message(image, stamp, bytes(5000 + number), stamp)
-            writer.add_message(imu, stamp, row.tobytes(), stamp)
-        writer.finish()
+                message('/image', stamp, bytes(5000 + number), kind='')
+            message('/imu', stamp, row)
     monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.WINDOW', 1000)
     after, remarks = read(path)
     assert_same(MESSAGES, after)
     assert remarks == []
+
+
+def message_places(data: bytes) -> NDArray[np.int64]:
+    """Return where the messages of a chunk begin."""
+    places, at = [], 0
+    while at < len(data):
+        opcode, length = struct.unpack_from('<BQ', data, at)
+        places += [at] * (opcode == 5)
+        at += 9 + length
+    return np.array(places, np.int64)
 
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -95,12 +111,7 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
                   if isinstance(record, Chunk)]
     for chunk in chunks:
         expected = [record for record in breakup_chunk(chunk) if hasattr(record, 'log_time')]
-        offsets, at = [], 0
-        while at < len(chunk.data):
-            opcode, length = struct.unpack_from('<BQ', chunk.data, at)
-            offsets += [at] * (opcode == 5)
-            at += 9 + length
-        claim = np.array(offsets[::-1], np.int64)
+        claim = message_places(chunk.data)[::-1]
         for wanted in ({channels[0]}, {channels[1], channels[3]}, set(channels)):
             pieces, consumed = gather(
                 chunk.data, wanted, None, partial(np.copy, claim) if index else None)
@@ -121,12 +132,7 @@ def test_a_wrong_message_index_loses_nothing(tmp_path, claim):
     with path.open('rb') as file:
         [chunk] = [record for record in StreamReader(file, emit_chunks=True).records
                    if isinstance(record, Chunk)]
-    places, at = [], 0
-    while at < len(chunk.data):
-        opcode, length = struct.unpack_from('<BQ', chunk.data, at)
-        places += [at] * (opcode == 5)
-        at += 9 + length
-    pieces, consumed = gather(chunk.data, {1}, None, lambda: claim(np.array(places, np.int64)))
+    pieces, consumed = gather(chunk.data, {1}, None, lambda: claim(message_places(chunk.data)))
     assert consumed == len(chunk.data)
     assert np.concatenate([piece.receive_ns for piece in pieces]).tolist() == (
         MESSAGES.receive_ns.tolist())
@@ -134,15 +140,9 @@ def test_a_wrong_message_index_loses_nothing(tmp_path, claim):
 
 def test_several_channels_of_one_topic_are_read_together(tmp_path):
     path = tmp_path / 'a.mcap'
-    rows = encode_imu_rows(MESSAGES)
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        schema = writer.register_schema(IMU, 'ros2msg', b'')
-        channels = [writer.register_channel('/imu', 'cdr', schema) for _ in range(3)]
-        for number, stamp in enumerate(MESSAGES.receive_ns.tolist()):
-            writer.add_message(channels[number * 3 // 1000], stamp, rows[number].tobytes(), stamp)
-        writer.finish()
+    with mcap_written(path) as message:
+        for number, (stamp, row) in enumerate(serialized(MESSAGES)):
+            message('/imu', stamp, row, number=number * 3 // 1000)
     with open_recording(path) as recording:
         assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1000)]
     assert_same(MESSAGES, read(path)[0])
@@ -150,15 +150,9 @@ def test_several_channels_of_one_topic_are_read_together(tmp_path):
 
 def test_ros1_messages_inside_mcap_are_read(tmp_path):
     path = tmp_path / 'a.mcap'
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros1')
-        channel = writer.register_channel(
-            '/imu', 'ros1', writer.register_schema('sensor_msgs/Imu', 'ros1msg', b''))
-        for row, stamp in zip(encode_imu_rows(MESSAGES, 'ros1'), MESSAGES.receive_ns.tolist(),
-                              strict=True):
-            writer.add_message(channel, stamp, row.tobytes(), stamp)
-        writer.finish()
+    with mcap_written(path, 'ros1') as message:
+        for stamp, row in serialized(MESSAGES, 'ros1'):
+            message('/imu', stamp, row, 'sensor_msgs/Imu', encodings=('ros1', 'ros1msg'))
     assert_same(MESSAGES, read(path)[0])
 
 
@@ -262,15 +256,9 @@ def test_reading_goes_on_behind_bytes_that_are_no_records(tmp_path):
 
 def test_malformed_messages_are_counted(tmp_path):
     path = tmp_path / 'a.mcap'
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        channel = writer.register_channel(
-            '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
-        for number, row in enumerate(encode_imu_rows(MESSAGES)):
-            data = row.tobytes() if number % 10 else b'\0\1\0\0junk'
-            writer.add_message(channel, int(MESSAGES.receive_ns[number]), data, 0)
-        writer.finish()
+    with mcap_written(path) as message:
+        for number, (stamp, row) in enumerate(serialized(MESSAGES)):
+            message('/imu', stamp, row if number % 10 else b'\0\1\0\0junk')
     after, [remark] = read(path)
     assert len(after) == 900
     assert remark == told(path, 'malformed_messages', what='message', count=100, topic='/imu',

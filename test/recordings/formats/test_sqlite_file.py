@@ -8,22 +8,14 @@ import shutil
 import sqlite3
 import stat
 
-from bags import assert_same, block, IMU, joined, read, told, write_db3
+from bags import assert_same, block, IMU, insert, joined, read, serialized, told, write_db3
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings import open_recording
 import numpy as np
 import pytest
 from whole_lines import refused
 
 MESSAGES = block(5000)
-
-
-def insert(database: sqlite3.Connection, messages: ImuBlock, topic: int = 1) -> None:
-    database.executemany(
-        'INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)',
-        ((topic, stamp, row.tobytes()) for row, stamp in zip(
-            encode_imu_rows(messages), messages.receive_ns.tolist(), strict=True)))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -44,7 +36,7 @@ def test_messages_of_two_topics_do_not_mix(tmp_path):
     path = write_db3(tmp_path / 'a.db3', MESSAGES, [('/second', 'sensor_msgs/msg/Imu')])
     second = block(300, 'other_frame')
     with sqlite3.connect(path) as database:
-        insert(database, second, 2)
+        insert(database, serialized(second), 2)
     assert_same(MESSAGES, read(path, '/imu')[0])
     assert_same(second, read(path, '/second')[0])
 
@@ -61,7 +53,7 @@ def test_messages_of_differing_size_are_read_in_order(tmp_path):
     parts = [block(10), block(3, 'a_much_longer_frame_id', 10), block(700, first=13)]
     with sqlite3.connect(path) as database:
         for part in parts[1:]:
-            insert(database, part)
+            insert(database, serialized(part))
     after, _ = read(path)
     assert after.receive_ns.tolist() == joined(parts).receive_ns.tolist()
     assert after.samples.tobytes() == joined(parts).samples.tobytes()
@@ -99,7 +91,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
     database = sqlite3.connect(path)
     database.execute('PRAGMA journal_mode = WAL')
     database.execute('PRAGMA wal_autocheckpoint = 0')
-    insert(database, block(100, first=5000))
+    insert(database, serialized(block(100, first=5000)))
     database.commit()
     killed = tmp_path / 'killed'
     killed.mkdir()

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from mcap.writer import Writer
+from bags import mcap_written
 import numpy as np
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -70,16 +70,10 @@ def imu(store: Any, number: int, header: Any = None, absent: bool = False) -> An
 def write_mcap(path: Path, type_name: str, definition: str, messages: Iterable[bytes],
                encoding: str = 'ros2msg', topic: str = '/sensor') -> Path:
     """Write serialized messages with the mcap library, stamped by their number."""
-    with path.open('wb') as file:
-        writer = Writer(file, chunk_size=50_000)
-        writer.start('ros2')
-        channel = writer.register_channel(
-            topic, 'ros1' if encoding == 'ros1msg' else 'cdr',
-            writer.register_schema(type_name, encoding, definition.encode()))
+    encodings = 'ros1' if encoding == 'ros1msg' else 'cdr', encoding
+    with mcap_written(path, chunk_size=50_000) as write:
         for number, message in enumerate(messages):
-            stamp = START_NS + number * STEP_NS
-            writer.add_message(channel, stamp, bytes(message), stamp, number)
-        writer.finish()
+            write(topic, START_NS + number * STEP_NS, message, type_name, definition, encodings)
     return path
 
 
