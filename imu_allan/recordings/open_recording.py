@@ -8,7 +8,7 @@ from pathlib import Path
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.temporary_folder import unreadable
-from imu_allan.recordings.messages.definitions import definition_paths
+from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 
@@ -50,7 +50,7 @@ def open_recording(
     if rate_hz is not None:
         options = replace(options, rate_hz=rate_hz)
     try:
-        definition_paths(options.definitions)
+        definition_files(options.definitions)
         if path.is_dir():
             for name in ('result.json', 'fleet.json'):
                 if (path / name).is_file() and not holds_recording(path):

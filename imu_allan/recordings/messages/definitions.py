@@ -164,58 +164,55 @@ def _field(name: str, node: tuple[int, Any]) -> Field:
     return Field(name, _BASE.get(base, base), base not in _BASE, None)
 
 
-class DefinitionPaths:
-    """``.msg`` files and folders that the user names; then packages that are sourced."""
-
-    def __init__(self, paths: Iterable[Path | str] = ()) -> None:
-        self._files: dict[str, Path] = {}
-        for path in map(Path, paths):
-            files = [path] if path.is_file() else list(_message_files(path))
-            if not path.exists():
-                raise ImuAllanError(f'--definitions {printable(path)}: no such file or directory')
-            if not files:
-                raise ImuAllanError(f'--definitions {printable(path)}: no .msg file in it')
-            for file in files:
-                self._files.setdefault(_type_of(file), file)
-
-    def find(self, type_name: str) -> Definition | None:
-        """Put together the definition of a type with those in it; None where there is none."""
-        name = normal_name(type_name)
-        texts: dict[str, str] = {}
-        wanted = [name]
-        while wanted:
-            kind = wanted.pop()
-            file = self._file(kind)
-            if kind in texts or file is None:
-                continue
-            try:
-                texts[kind] = file.read_bytes()[:_LARGEST].decode('utf-8', 'replace')
-            except OSError as error:
-                raise ImuAllanError(f'{printable(file)}: {error.strerror}') from error
-            wanted += _named_types(texts[kind], kind.partition('/')[0])
-        if name not in texts:
-            return None
-        first = texts.pop(name)
-        return Definition(first + ''.join(
-            f'\n{_SEPARATOR}MSG: {kind}\n{text}' for kind, text in texts.items()))
-
-    def _file(self, name: str) -> Path | None:
-        # A file of its own, not in a folder named msg, stands for the type of whatever package.
-        file = self._files.get(name) or self._files.get(name.rpartition('/')[2])
-        if file is not None:
-            return file
-        package, _, base = name.partition('/')
-        for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-            file = Path(prefix, 'share', package, f'{base}.msg')
-            if prefix and file.is_file():
-                return file
-        return None
-
-
 @lru_cache(maxsize=4)
-def definition_paths(paths: tuple[Path | str, ...]) -> DefinitionPaths:
-    """Go through `paths` once, not for every topic; raises as DefinitionPaths."""
-    return DefinitionPaths(paths)
+def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
+    """Find the ``.msg`` files in what the user names, by their types; raises ImuAllanError."""
+    found: dict[str, Path] = {}
+    for path in map(Path, paths):
+        files = [path] if path.is_file() else list(_message_files(path))
+        if not path.exists():
+            raise ImuAllanError(f'--definitions {printable(path)}: no such file or directory')
+        if not files:
+            raise ImuAllanError(f'--definitions {printable(path)}: no .msg file in it')
+        for file in files:
+            found.setdefault(_type_of(file), file)
+    return found
+
+
+def find_definition(type_name: str, files: Mapping[str, Path]) -> Definition | None:
+    """
+    Put together the definition of a type with those in it; None where there is none.
+
+    From `files`, else from packages that are sourced.
+    """
+    name = normal_name(type_name)
+    texts: dict[str, str] = {}
+    wanted = [name]
+    while wanted:
+        kind = wanted.pop()
+        # A file of its own, not in a folder named msg, stands for the type of whatever package.
+        file = files.get(kind) or files.get(kind.rpartition('/')[2]) or _sourced(kind)
+        if kind in texts or file is None:
+            continue
+        try:
+            texts[kind] = file.read_bytes()[:_LARGEST].decode('utf-8', 'replace')
+        except OSError as error:
+            raise ImuAllanError(f'{printable(file)}: {error.strerror}') from error
+        wanted += _named_types(texts[kind], kind.partition('/')[0])
+    if name not in texts:
+        return None
+    first = texts.pop(name)
+    return Definition(first + ''.join(
+        f'\n{_SEPARATOR}MSG: {kind}\n{text}' for kind, text in texts.items()))
+
+
+def _sourced(type_name: str) -> Path | None:
+    package, _, base = type_name.partition('/')
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        file = Path(prefix, 'share', package, f'{base}.msg')
+        if prefix and file.is_file():
+            return file
+    return None
 
 
 def _message_files(folder: Path) -> Iterable[Path]:

@@ -10,7 +10,8 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.decoder import Decoder, ImuMessages
 from imu_allan.recordings.messages.definitions import (
     Definition,
-    definition_paths,
+    definition_files,
+    find_definition,
     normal_name,
     parse,
     Types,
@@ -237,7 +238,7 @@ def _types(kind: str, serialization: Serialization, carried: Definition | None,
 
 
 def _outside(kind: str, options: RecordingOptions) -> Definition | None:
-    return definition_paths(options.definitions).find(kind)
+    return find_definition(kind, definition_files(options.definitions))
 
 
 def _undefined(kind: str) -> str:

@@ -7,10 +7,9 @@ Decompression, sqlite and numpy release the interpreter lock for most of their t
 suffices.
 """
 
+from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
-from queue import Empty, Full, Queue
-from threading import Event, Thread
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 from imu_allan.block import ImuBlock
@@ -30,43 +29,17 @@ def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
     An exception of the producer is raised in the consumer after the items before it. The thread
     ends when the consumer does, also early.
     """
-    ready: Queue[Item | None] = Queue(depth)
-    stopped = Event()
-    failure: list[BaseException] = []
-
-    def put(item: Item | None) -> None:
-        while not stopped.is_set():
-            with suppress(Full):
-                ready.put(item, timeout=0.1)
-                return
-
-    def produce() -> None:
+    with ThreadPoolExecutor(1, 'imu_allan read-ahead') as thread:
+        ahead = deque(thread.submit(next, items, None) for _ in range(depth))
         try:
-            for item in items:
-                put(item)
-                if stopped.is_set():
-                    break
-        except BaseException as error:
-            failure.append(error)
+            while (item := ahead.popleft().result()) is not None:
+                ahead.append(thread.submit(next, items, None))
+                yield item
         finally:
-            close = getattr(items, 'close', None)
-            if close is not None:
-                close()
-            put(None)
-
-    thread = Thread(target=produce, name='imu_allan read-ahead', daemon=True)
-    thread.start()
-    try:
-        while (item := ready.get()) is not None:
-            yield item
-    finally:
-        stopped.set()
-        with suppress(Empty):
-            while True:
-                ready.get_nowait()
-        thread.join()
-    if failure:
-        raise failure[0]
+            for future in ahead:
+                future.cancel()
+            # What it opened is closed by the thread that opened it, as SQLite demands.
+            thread.submit(getattr(items, 'close', lambda: None))
 
 
 def larger_blocks(
