@@ -3,7 +3,7 @@
 """Recordings as other programs write them, and what is read from a recording."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 import re
 import sqlite3
@@ -14,9 +14,10 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows, Serialization
 from imu_allan.finding import Finding, finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 import numpy as np
-from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag1 import Reader as Ros1Reader, Writer as Ros1Writer
 from rosbags.typesys import get_typestore, Stores
 
 START_NS = 1_700_000_000_000_000_000
@@ -126,30 +127,33 @@ def write_mcap(
     return path
 
 
-def write_db3(path: Path, messages: ImuBlock, topics: Iterable[tuple[str, str]] = ()) -> Path:
-    """Write topic /imu in the schema that rosbag2 had before Foxy."""
-    database = sqlite3.connect(path)
-    database.executescript(
+def database(path: Path, topics: Iterable[tuple[str, str]]) -> sqlite3.Connection:
+    """Begin a database, with names and types of topics, in rosbag2's schema before Foxy."""
+    opened = sqlite3.connect(path)
+    opened.executescript(
         'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, '
         'serialization_format TEXT NOT NULL);'
         'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, '
         'timestamp INTEGER NOT NULL, data BLOB NOT NULL);'
         'CREATE INDEX timestamp_idx ON messages (timestamp ASC);')
-    for name, kind in [('/imu', IMU), *topics]:
-        database.execute(
-            "INSERT INTO topics(name, type, serialization_format) VALUES (?, ?, 'cdr')",
-            (name, kind))
-    insert(database, serialized(messages))
-    database.commit()
-    database.close()
+    opened.executemany(
+        "INSERT INTO topics(name, type, serialization_format) VALUES (?, ?, 'cdr')", topics)
+    return opened
+
+
+def write_db3(path: Path, messages: ImuBlock, topics: Iterable[tuple[str, str]] = ()) -> Path:
+    """Write topic /imu, and enter others."""
+    with closing(database(path, [('/imu', IMU), *topics])) as opened:
+        insert(opened, serialized(messages))
+        opened.commit()
     return path
 
 
-def insert(database: sqlite3.Connection, messages: Iterable[tuple[int, bytes]], topic: int = 1,
+def insert(opened: sqlite3.Connection, messages: Iterable[tuple[int, bytes]], topic: int = 1,
            ) -> None:
     """Add stamps and messages of a topic to a database of rosbag2."""
-    database.executemany(f'INSERT INTO messages(topic_id, timestamp, data) VALUES ({topic}, ?, ?)',
-                         messages)
+    opened.executemany(f'INSERT INTO messages(topic_id, timestamp, data) VALUES ({topic}, ?, ?)',
+                       messages)
 
 
 def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
@@ -168,6 +172,16 @@ def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
                 writer.write(chatter, stamp, b'\5\0\0\0hello')
             writer.write(imu, stamp, row)
     return path
+
+
+def chunk_starts(path: Path) -> list[int]:
+    """Return where the chunks of an MCAP file or a bag begin, by its index."""
+    if path.read_bytes().startswith(b'#ROSBAG'):
+        with Ros1Reader(path) as reader:
+            return [info.pos for info in reader.chunk_infos]
+    with path.open('rb') as file:
+        return [index.chunk_start_offset
+                for index in make_reader(file).get_summary().chunk_indexes]
 
 
 def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:

@@ -7,10 +7,9 @@ from contextlib import AbstractContextManager, closing
 from functools import partial
 from pathlib import Path
 from random import Random
-import sqlite3
 import tempfile
 
-from bags import assert_same, block, IMU, joined, mcap_written, START_NS
+from bags import assert_same, block, database, IMU, insert, joined, mcap_written, START_NS
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.cli.main import main
@@ -58,17 +57,10 @@ def write_damaged_mcap(path: Path, recorded: Sequence[Message]) -> Path:
 
 def write_db3(path: Path, recorded: Sequence[Message]) -> Path:
     topics = list(dict.fromkeys(topic for topic, *_ in recorded))
-    with closing(sqlite3.connect(path)) as database:
-        database.executescript(
-            'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, '
-            'serialization_format TEXT);'
-            'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, '
-            'data BLOB);')
-        database.executemany("INSERT INTO topics VALUES (?, ?, ?, 'cdr')", [
-            (number, topic, IMU) for number, topic in enumerate(topics)])
-        database.executemany('INSERT INTO messages VALUES (NULL, ?, ?, ?)', [
-            (topics.index(topic), stamp, data) for topic, stamp, data in recorded])
-        database.commit()
+    with closing(database(path, [(topic, IMU) for topic in topics])) as opened:
+        for topic, *message in recorded:
+            insert(opened, [message], topics.index(topic) + 1)
+        opened.commit()
     return path
 
 

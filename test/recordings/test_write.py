@@ -29,9 +29,7 @@ MESSAGES = replace(
 
 def parts(messages: ImuBlock, size: int) -> Iterator[ImuBlock]:
     for start in range(0, len(messages), size):
-        cut = slice(start, start + size)
-        yield ImuBlock(messages.header_ns[cut], messages.receive_ns[cut], messages.samples[cut],
-                       messages.absent[cut], messages.frame_id)
+        yield messages.part(slice(start, start + size))
 
 
 @every_kind

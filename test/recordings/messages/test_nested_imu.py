@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """An Imu inside a message of another type, found through its definition."""
 
+from contextlib import closing
 import os
 from pathlib import Path
-import sqlite3
 
-from bags import figures, joined, read, told
+from bags import database, figures, insert, joined, read, told
 from imu_allan.cdr import rows_like_first
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages import forms
@@ -199,18 +199,10 @@ def test_a_flat_message_is_recognised_by_its_vectors(tmp_path):
 def without_definitions(folder: Path) -> Path:
     """Write a database as ROS 2 Humble does, which holds no definitions."""
     store = store_with({DRIVER: TEXT})
-    database = sqlite3.connect(folder / 'a.db3')
-    database.executescript(
-        'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, '
-        'serialization_format TEXT); CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id '
-        'INTEGER, timestamp INTEGER, data BLOB);')
-    database.execute("INSERT INTO topics VALUES (1, '/sensor', ?, 'cdr')", [DRIVER])
-    database.executemany(
-        'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
-        [(START_NS + n * STEP_NS, bytes(data))
-         for n, data in enumerate(cdr(store, driver_messages(store)))])
-    database.commit()
-    database.close()
+    messages = cdr(store, driver_messages(store))
+    with closing(database(folder / 'a.db3', [('/sensor', DRIVER)])) as opened:
+        insert(opened, zip(STAMPS.tolist(), map(bytes, messages), strict=True))
+        opened.commit()
     return folder / 'a.db3'
 
 
