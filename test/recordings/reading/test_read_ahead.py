@@ -8,6 +8,7 @@ import time
 
 from bags import assert_same, block, joined
 from hypothesis import given, strategies as st
+from imu_allan.block import ImuBlock
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from whole_lines import refused
 
@@ -67,6 +68,18 @@ def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
     stream.close()
     assert closed == [True]
     assert threads() == 0
+
+
+def test_blocks_before_an_exception_are_joined_and_come_before_it():
+    def failing() -> Iterator[tuple[ImuBlock, int]]:
+        yield block(3), 1
+        yield block(2, first=3), 2
+        raise OSError('disk on fire')
+
+    stream = larger_blocks(failing())
+    assert_same(block(5), next(stream)[0])
+    with refused('disk on fire', OSError):
+        next(stream)
 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from(['a', 'b'])), max_size=30),
