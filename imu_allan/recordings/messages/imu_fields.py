@@ -311,7 +311,7 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
     if not is_array or stop - start != 3 or (field.count and stop > field.count) or (
             match is None and field.count != 3):
         raise ImuAllanError(
-            f'{what} {_shown(text)}: not three numbers in {_shown(type_name)}; name a field with '
+            f'{what} {shown(text)}: not three numbers in {shown(type_name)}; name a field with '
             'x, y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz')
     return Vector((f'{path}[{start}]', f'{path}[{start + 1}]', f'{path}[{start + 2}]'))
 
@@ -319,13 +319,13 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
 def number_at(types: Types, type_name: str, path: str, what: str) -> None:
     """Raise ImuAllanError unless a single number stands at `path`."""
     if not _is_number(field_at(types, type_name, path, what)):
-        raise ImuAllanError(f'{what} {_shown(path)}: not a number in {_shown(type_name)}')
+        raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
 
 
 def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
     """Find a field by its dotted path; ImuAllanError names those that there are."""
     if len(path) > _LONGEST_PATH or _PATH.fullmatch(path) is None:
-        raise ImuAllanError(f'{what} {_shown(path)}: not a field path such as imu.gyro[0:3]')
+        raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
     kind = type_name
     parts = path.split('.')
     field = Field('', kind, True, None)
@@ -333,21 +333,22 @@ def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
         name, number = split_path(part)
         fields = {field.name: field for field in types.get(kind, ())}
         if name not in fields:
-            known = ', '.join(_shown(name) for name in list(fields)[:10])
-            raise ImuAllanError(f'{what} {_shown(path)}: {_shown(kind)} has no field '
-                                f'{_shown(name)}; it has {known or "none"}')
+            known = ', '.join(shown(name) for name in list(fields)[:10])
+            raise ImuAllanError(f'{what} {shown(path)}: {shown(kind)} has no field '
+                                f'{shown(name)}; it has {known or "none"}')
         field = fields[name]
         indexed = name != part
         if indexed and (field.count is None or (field.count and number >= field.count)):
-            raise ImuAllanError(f'{what} {_shown(path)}: {_shown(name)} has no such element')
+            raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no such element')
         if place + 1 < len(parts) and (
                 not field.is_message or (field.count is not None) != indexed):
-            raise ImuAllanError(f'{what} {_shown(path)}: {_shown(name)} has no fields of its own')
+            raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no fields of its own')
         kind = field.kind
         if indexed:
             field = Field(name, kind, field.is_message, None)
     return field
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
+    """Write what somebody else chose so that it fits into a line."""
     return printable(shorten(text, 80))

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from imu_allan.cdr import Serialization
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.messages.decoder import Decoder, ImuMessages
 from imu_allan.recordings.messages.definitions import (
     Definition,
@@ -22,6 +22,7 @@ from imu_allan.recordings.messages.imu_fields import (
     ImuFields,
     number_at,
     own_clock,
+    shown,
     split_path,
     Stamp,
     Vector,
@@ -128,12 +129,10 @@ def _imus_in(
                                    types, factors)}
     if not may_hold_imu(kind):
         return {}
-    carried = definition or _outside(kind, options)
-    if carried is None:
-        raise NotRead(_undefined(kind))
-    if not _shows_imu(carried):
+    known = _definition_of(kind, definition, options)
+    if not _shows_imu(known):
         return {}
-    types = parse(kind, carried, serialization)
+    types = parse(kind, known, serialization)
     found = found_by_shape(types, kind)
     return {
         topic if len(found) == 1 else f'{topic}.{fields.gyro.paths[0].rpartition(".angular")[0]}':
@@ -214,11 +213,11 @@ def imu_messages(type_name: str, definition: str, serialization: Serialization =
     found = imus_in('', type_name, serialization, text, options)
     if len(found) > 1:
         raise ImuAllanError(
-            f'type {_shown(type_name)} holds {len(found)} IMUs '
+            f'type {shown(type_name)} holds {len(found)} IMUs '
             f'({", ".join(name[1:] for name in found)}); name the fields of one with --gyro and '
             '--accel')
     if not found:
-        raise ImuAllanError(f'type {_shown(type_name)} holds no samples of an IMU that are known; '
+        raise ImuAllanError(f'type {shown(type_name)} holds no samples of an IMU that are known; '
                             'name the fields that hold them with --gyro and --accel')
     [messages] = found.values()
     return messages
@@ -226,24 +225,26 @@ def imu_messages(type_name: str, definition: str, serialization: Serialization =
 
 def _types(kind: str, serialization: Serialization, carried: Definition | None,
            options: RecordingOptions) -> Types:
-    definition = carried or _outside(kind, options)
-    if definition is None and not may_hold_imu(kind):
+    try:
+        return parse(kind, _definition_of(kind, carried, options), serialization)
+    except NotRead:
         # A type of ROS itself: `parse` knows it as a field.
-        outer = parse('imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
-        if kind in outer:
-            return outer
-    if definition is None:
-        raise NotRead(_undefined(kind))
-    return parse(kind, definition, serialization)
+        outer = {} if may_hold_imu(kind) else parse(
+            'imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
+        if kind not in outer:
+            raise
+        return outer
 
 
-def _outside(kind: str, options: RecordingOptions) -> Definition | None:
-    return find_definition(kind, definition_files(options.definitions))
-
-
-def _undefined(kind: str) -> str:
-    return (f'the definition of {_shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
+def _definition_of(kind: str, carried: Definition | None, options: RecordingOptions,
+                   ) -> Definition:
+    """Return what the recording carries, or else what the user names or has sourced."""
+    found = carried or find_definition(kind, definition_files(options.definitions))
+    if found is None:
+        raise NotRead(
+            f'the definition of {shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
             'Iron carry none); name its .msg files with --definitions')
+    return found
 
 
 def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
@@ -261,7 +262,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
         needed |= {fields.burst.samples, fields.burst.step_us}
     for path in sorted(needed):
         if not has(path):
-            raise NotRead(f'{_shown(kind)} has no field {split_path(path)[0]} in the definition '
+            raise NotRead(f'{shown(kind)} has no field {split_path(path)[0]} in the definition '
                           'that comes with it; name the fields with --gyro and --accel')
     paths = [vector.paths[0].rpartition('.x')[0] or split_path(vector.paths[0])[0]
              for _, vector in fields.vectors()]
@@ -283,7 +284,7 @@ def _chosen(types: Types, kind: str, gyro: str | None, accel: str | None, stamp:
         None if accel is None else _vector(types, kind, accel, '--accel', M_PER_S2),
         stamps, frame_id,
         what='its fields ' + ' and '.join(
-            _shown(text) for text in (gyro, accel) if text is not None))
+            shown(text) for text in (gyro, accel) if text is not None))
 
 
 def _vector(types: Types, kind: str, text: str, option: str, si_unit: str) -> Vector:
@@ -299,13 +300,9 @@ def _stamp(types: Types, kind: str, text: str) -> Stamp:
         nested = {part.name for part in types.get(field.kind, ())}
         if nested == {'sec', 'nanosec'}:
             return Stamp(path)
-        raise ImuAllanError(f'--stamp {_shown(text)}: not a time in {_shown(kind)}')
+        raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
     if field.kind == 'string' or field.count is not None or (
             unit.strip() not in _DURATIONS_NS):
-        raise ImuAllanError(f'--stamp {_shown(text)}: name a number and its unit (s, ms, us or '
+        raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
                             'ns), or a field with seconds and nanoseconds')
     return Stamp(path, _DURATIONS_NS[unit.strip()])
-
-
-def _shown(text: str) -> str:
-    return printable(shorten(text, 80))
