@@ -86,12 +86,14 @@ def test_a_path_with_spaces_and_signs_is_read(tmp_path):
     assert_same(MESSAGES, read(path)[0])
 
 
-def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
+@pytest.mark.parametrize('writable', [True, False])
+def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path, writable):
     path = write_db3(tmp_path / 'a.db3', MESSAGES)
     database = sqlite3.connect(path)
     database.execute('PRAGMA journal_mode = WAL')
     database.execute('PRAGMA wal_autocheckpoint = 0')
-    insert(database, serialized(block(100, first=5000)))
+    database.execute('DELETE FROM messages WHERE id > 4000')
+    insert(database, serialized(block(100, first=4000)))
     database.commit()
     killed = tmp_path / 'killed'
     killed.mkdir()
@@ -99,8 +101,12 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
         shutil.copy(tmp_path / name, killed / name)
     database.close()
     before = contents(killed)
-    after, remarks = read(killed / 'a.db3')
-    assert_same(block(5100), after)
+    killed.chmod(0o755 if writable else 0o555)
+    try:
+        after, remarks = read(killed / 'a.db3')
+    finally:
+        killed.chmod(0o755)
+    assert_same(block(4100), after)
     assert remarks == []
     assert contents(killed) == before
 

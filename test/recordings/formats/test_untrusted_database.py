@@ -163,27 +163,3 @@ def test_what_is_no_file_beside_a_database_is_not_used(tmp_path, kind, what):
     assert_same(block(2000), after)
     assert remark == told(path, 'unfinished_recording', fault='not_regular', file=f'a.db3-{kind}')
     assert victim.read_bytes() == b'anything at all'
-
-
-def test_a_log_in_a_folder_that_cannot_be_written_is_used_in_a_copy(tmp_path):
-    (tmp_path / 'written').mkdir()
-    path = write_db3(tmp_path / 'written' / 'a.db3', block(2000))
-    database = sqlite3.connect(path)
-    database.execute('PRAGMA journal_mode = WAL')
-    database.execute('PRAGMA wal_autocheckpoint = 0')
-    database.execute('DELETE FROM messages WHERE id > 1000')
-    database.commit()
-    killed = tmp_path / 'killed'
-    killed.mkdir()
-    for name in ('a.db3', 'a.db3-wal'):
-        shutil.copy(tmp_path / 'written' / name, killed / name)
-    database.close()
-    before = files_in(killed)
-    killed.chmod(0o555)
-    try:
-        after, remarks = read(killed / 'a.db3')
-    finally:
-        killed.chmod(0o755)
-    assert_same(block(1000), after)
-    assert remarks == []
-    assert files_in(killed) == before

@@ -30,17 +30,18 @@ def every_recording_is_worth_a_process(monkeypatch):
     monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0)
 
 
-def children() -> list[int]:
-    own = os.getpid()
-    found = []
-    for stat in Path('/proc').glob('[0-9]*/stat'):
-        try:
-            fields = stat.read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == own:
-            found.append(int(stat.parent.name))
-    return found
+def state_and_parent(process: int | str) -> tuple[str, int]:
+    """Return what the system says of a process; of one that is gone what it says of a zombie."""
+    try:
+        state, parent, *_ = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()
+    except OSError:
+        return 'Z', 0
+    return state, int(parent)
+
+
+def children(of: int | None = None) -> list[int]:
+    return [int(folder.name) for folder in Path('/proc').glob('[0-9]*')
+            if state_and_parent(folder.name)[1] == (of or os.getpid())]
 
 
 def wait_until(reached, timeout: float = 20.0) -> None:
@@ -164,28 +165,12 @@ def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, 
                                stderr=subprocess.DEVNULL, text=True,
                                env={**os.environ, 'TMPDIR': str(temporary)})
     assert process.stdout.readline() == 'reading\n'
-    reader = next(int(path.parent.name) for path in Path('/proc').glob('[0-9]*/stat')
-                  if parent_of(path) == process.pid)
+    [reader] = children(process.pid)
     assert list(temporary.iterdir())
     process.send_signal(number)
     process.wait(20)
     process.stdout.close()
-    wait_until(lambda: not running(reader) and not list(temporary.iterdir()))
-
-
-def parent_of(stat: Path) -> int:
-    try:
-        return int(stat.read_text().rpartition(')')[2].split()[1])
-    except OSError:
-        return 0
-
-
-def running(process: int) -> bool:
-    try:
-        state = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()[0]
-    except OSError:
-        return False
-    return state != 'Z'
+    wait_until(lambda: state_and_parent(reader)[0] == 'Z' and not list(temporary.iterdir()))
 
 
 def test_where_no_process_can_be_started_a_thread_reads(tmp_path, monkeypatch):
