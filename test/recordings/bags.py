@@ -59,6 +59,11 @@ def told(path: Path, code: str, **values: object) -> Finding:
     return finding(code, recording=str(path), **values)
 
 
+def files_in(folder: Path) -> dict[str, bytes]:
+    """Return the names and contents of the files in a folder."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
 def figures(reason: str) -> list[int]:
     """Return the whole numbers that a reason names, whatever its words are."""
     return [int(number) for number in re.findall(r'\d+', reason)]
@@ -182,6 +187,17 @@ def chunk_starts(path: Path) -> list[int]:
     with path.open('rb') as file:
         return [index.chunk_start_offset
                 for index in make_reader(file).get_summary().chunk_indexes]
+
+
+def mcap_record(opcode: int, body: bytes) -> bytes:
+    """Return a record of an MCAP file."""
+    return bytes([opcode]) + struct.pack('<Q', len(body)) + body
+
+
+def mcap_chunk(packed: bytes, size: int) -> bytes:
+    """Return a chunk that zstd expands to so many bytes."""
+    return mcap_record(6, struct.pack('<QQQI', 0, 1, size, 0) + b'\4\0\0\0zstd'
+                       + struct.pack('<Q', len(packed)) + packed)
 
 
 def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:

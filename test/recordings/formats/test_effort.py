@@ -6,7 +6,18 @@ import bz2
 from pathlib import Path
 import struct
 
-from bags import block, figures, IMU, read, ros1_record, told, write_bag, write_mcap
+from bags import (
+    block,
+    figures,
+    IMU,
+    mcap_chunk,
+    mcap_record,
+    read,
+    ros1_record,
+    told,
+    write_bag,
+    write_mcap,
+)
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
 from imu_allan.recordings.formats import effort
@@ -22,18 +33,12 @@ import zstandard
 MESSAGES = block(1000)
 
 
-def record(opcode: int, body: bytes) -> bytes:
-    return bytes([opcode]) + struct.pack('<Q', len(body)) + body
-
-
 def message(data: bytes, channel: int = 1) -> bytes:
-    return record(5, struct.pack('<HIQQ', channel, 0, 1, 1) + data)
+    return mcap_record(5, struct.pack('<HIQQ', channel, 0, 1, 1) + data)
 
 
 def chunk(plain: bytes) -> bytes:
-    packed = zstandard.compress(plain)
-    return record(6, struct.pack('<QQQI', 0, 1, len(plain), 0) + b'\4\0\0\0zstd'
-                  + struct.pack('<Q', len(packed)) + packed)
+    return mcap_chunk(zstandard.compress(plain), len(plain))
 
 
 def with_chunks(path: Path, added: bytes) -> Path:
@@ -41,7 +46,7 @@ def with_chunks(path: Path, added: bytes) -> Path:
     write_mcap(path, MESSAGES)
     content = path.read_bytes()
     # The end of the data section, behind which nothing is read.
-    end = content.rindex(record(15, b'')[:9].replace(bytes(8), struct.pack('<Q', 4)))
+    end = content.rindex(mcap_record(15, b'')[:9].replace(bytes(8), struct.pack('<Q', 4)))
     path.write_bytes(content[:end] + added)
     return path
 
@@ -85,12 +90,12 @@ def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch)
 def test_messages_that_expand_within_a_chunk_that_expands_are_not_held(tmp_path):
     bomb = message(zstandard.compress(bytes(1 << 16)))
     path = tmp_path / 'a.mcap'
-    head = b'\x89MCAP0\r\n' + record(1, struct.pack('<I', 4) + b'ros2' + bytes(4))
+    head = b'\x89MCAP0\r\n' + mcap_record(1, struct.pack('<I', 4) + b'ros2' + bytes(4))
     schema = struct.pack('<H', 1) + b''.join(
         struct.pack('<I', len(text)) + text for text in (IMU.encode(), b'ros2msg', b'bool x'))
     topic = struct.pack('<HH', 1, 1) + b''.join(
         struct.pack('<I', len(text)) + text for text in (b'/imu', b'cdr')) + bytes(4)
-    path.write_bytes(head + chunk(record(3, schema) + record(4, topic) + 15_000 * bomb))
+    path.write_bytes(head + chunk(mcap_record(3, schema) + mcap_record(4, topic) + 15_000 * bomb))
     assert path.stat().st_size < 1000
     status, _, complaint, _, kilobytes = run('analyze', path, '--no-progress')
     assert (status, complaint) == (
@@ -105,9 +110,9 @@ def text(content: bytes) -> bytes:
 def channels(first: int, definitions: list[bytes]) -> bytes:
     """Describe topics of an MCAP, of a type each."""
     return b''.join(
-        record(3, struct.pack('<H', number) + text(b'a/msg/T%d' % number) + text(b'ros2msg')
+        mcap_record(3, struct.pack('<H', number) + text(b'a/msg/T%d' % number) + text(b'ros2msg')
                + text(definition))
-        + record(4, struct.pack('<HH', number, number) + text(b'/t%d' % number) + text(b'cdr')
+        + mcap_record(4, struct.pack('<HH', number, number) + text(b'/t%d' % number) + text(b'cdr')
                  + bytes(4)) for number, definition in enumerate(definitions, first))
 
 

@@ -15,6 +15,7 @@ from bags import (
     COMPRESSIONS,
     figures,
     joined,
+    mcap_chunk,
     mcap_written,
     read,
     serialized,
@@ -319,12 +320,9 @@ def test_a_bomb_of_tiny_records_costs_little_time(tmp_path):
     tiny = b''.join(b'\5' + struct.pack('<QHIQQ', 22, channel, 0, 0, 0) for channel in (7, 8, 9))
     plain = tiny * ((1 << 26) // len(tiny))
     bomb = zstandard.compress(plain)
-    head = struct.pack('<QQQI', 0, 1, len(plain), 0) + b'\4\0\0\0zstd' + struct.pack(
-        '<Q', len(bomb))
-    chunk = b'\6' + struct.pack('<Q', len(head) + len(bomb)) + head + bomb
     content = path.read_bytes()
     start, end = places[2]
-    path.write_bytes(content[:start] + chunk * 5 + content[end:])
+    path.write_bytes(content[:start] + mcap_chunk(bomb, len(plain)) * 5 + content[end:])
     assert len(bomb) < 20_000
     began = time.process_time()
     after, remarks = read(path)
@@ -344,10 +342,8 @@ def test_a_bomb_of_zeros_is_left_out(tmp_path):
     compressor = zstandard.ZstdCompressor().compressobj(size=plain)
     bomb = b''.join(compressor.compress(bytes(1 << 20)) for _ in range(plain >> 20))
     bomb += compressor.flush()
-    head = struct.pack('<QQQI', 0, 1, plain, 0) + b'\4\0\0\0zstd' + struct.pack('<Q', len(bomb))
     content = path.read_bytes()
-    path.write_bytes(content[:start] + b'\6' + struct.pack('<Q', len(head) + len(bomb)) + head
-                     + bomb + content[end:])
+    path.write_bytes(content[:start] + mcap_chunk(bomb, plain) + content[end:])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     after, remarks = read(path)
     assert len(after) > 700

@@ -8,7 +8,18 @@ import shutil
 import sqlite3
 import stat
 
-from bags import assert_same, block, IMU, insert, joined, read, serialized, told, write_db3
+from bags import (
+    assert_same,
+    block,
+    files_in,
+    IMU,
+    insert,
+    joined,
+    read,
+    serialized,
+    told,
+    write_db3,
+)
 from imu_allan.block import ImuBlock
 from imu_allan.recordings import open_recording
 import numpy as np
@@ -16,10 +27,6 @@ import pytest
 from whole_lines import refused
 
 MESSAGES = block(5000)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_every_bit_of_the_old_schema_is_read(tmp_path):
@@ -64,9 +71,9 @@ def test_nothing_is_written_beside_a_recording(tmp_path):
     with sqlite3.connect(path) as database:
         database.execute('PRAGMA journal_mode = WAL')
     database.close()
-    before = contents(tmp_path)
+    before = files_in(tmp_path)
     assert_same(MESSAGES, read(path)[0])
-    assert contents(tmp_path) == before
+    assert files_in(tmp_path) == before
 
 
 def test_a_folder_without_write_permission_is_read(tmp_path):
@@ -100,7 +107,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path, wr
     for name in ('a.db3', 'a.db3-wal'):
         shutil.copy(tmp_path / name, killed / name)
     database.close()
-    before = contents(killed)
+    before = files_in(killed)
     killed.chmod(0o755 if writable else 0o555)
     try:
         after, remarks = read(killed / 'a.db3')
@@ -108,7 +115,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path, wr
         killed.chmod(0o755)
     assert_same(block(4100), after)
     assert remarks == []
-    assert contents(killed) == before
+    assert files_in(killed) == before
 
 
 @pytest.mark.parametrize('share', [0.1, 0.5, 0.9, 0.999])

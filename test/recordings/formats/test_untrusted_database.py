@@ -7,7 +7,7 @@ from pathlib import Path
 import shutil
 import sqlite3
 
-from bags import assert_same, block, read, told, write_db3
+from bags import assert_same, block, files_in, read, told, write_db3
 from hostile_databases import HOSTILE
 from imu_allan.recordings import open_recording
 from measured_command import run
@@ -18,10 +18,6 @@ from whole_lines import refused
 LONGEST_S = 10.0
 LARGEST_KB = 300_000
 MAGIC = bytes.fromhex('d9d505f920a163d7')
-
-
-def files_in(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
 @pytest.mark.parametrize(('name', 'verb'), [
