@@ -57,8 +57,8 @@ _MOST_NUMBERS = 500
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 _NO_MESSAGE = MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most')
 
-Row = tuple[int, bytes | None]
-"""Receive stamp and message; None for whatever else stands there."""
+Rows = tuple[list[int], list[bytes], int]
+"""Receive stamps, messages, and the bytes consumed so far."""
 
 
 class SqliteRecording(FileRecording):
@@ -89,8 +89,8 @@ class SqliteRecording(FileRecording):
         decode, malformed = imu.messages.decoder(), MalformedMessages()
         effort = Effort(self.path, 0)
         with self._database() as (database, budget):
-            for rows, position in self._batches(database, budget, imu, malformed):
-                stamps, messages = zip(*rows, strict=True)
+            rows = self._fetched(database, budget, imu, malformed)
+            for stamps, messages, position in self._batches(rows, imu):
                 pieces = starmap(Piece, rows_of(messages, np.array(stamps, np.int64)))
                 for block in decode(unpacked(pieces, effort), malformed):
                     yield block, position
@@ -218,35 +218,32 @@ class SqliteRecording(FileRecording):
 
     # ------------------------------------------------------------------------------ going through
 
-    def _batches(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
-                 malformed: MalformedMessages) -> Iterator[tuple[list[tuple[int, bytes]], int]]:
-        """Join rows to thousands of stamps and messages, with the bytes consumed so far."""
-        left = self._room
-        held: list[tuple[int, bytes]] = []
-        held_bytes = position = total = 0
-        for rows, position in self._fetched(database, budget, imu):
-            if len(held) >= _DECODE or held_bytes >= _HELD_BYTES:
-                yield held, position
-                held, held_bytes = [], 0
-            messages = [(stamp, message) for stamp, message in rows if message is not None]
-            if len(messages) < len(rows):
-                malformed(len(rows) - len(messages), _NO_MESSAGE)
-            size = sum(len(message) for _, message in messages)
+    def _batches(self, rows: Iterator[Rows], imu: ImuTopic) -> Iterator[Rows]:
+        """Join rows to thousands, as many as there can be in a file of this size."""
+        left, held_bytes, total, position = self._room, 0, 0, 0
+        stamps: list[int] = []
+        messages: list[bytes] = []
+        for more_stamps, more_messages, position in rows:
+            if len(messages) >= _DECODE or held_bytes >= _HELD_BYTES:
+                yield stamps, messages, position
+                stamps, messages, held_bytes = [], [], 0
+            size = sum(map(len, more_messages))
             left -= size
             if left < 0:
                 self.remark('damaged_recording', fault='database', places=1, read=total,
                             reason='its messages have more bytes than the file',
                             topic=printable(imu.name))
                 break
-            held += messages
+            stamps += more_stamps
+            messages += more_messages
             held_bytes += size
-            total += len(messages)
-        if held:
-            yield held, position
+            total += len(more_messages)
+        if messages:
+            yield stamps, messages, position
 
     def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
-                 ) -> Iterator[tuple[list[Row], int]]:
-        """Fetch rows, and how far that is; reading goes on behind damaged pages."""
+                 malformed: MalformedMessages) -> Iterator[Rows]:
+        """Fetch rows, and go on behind damaged pages."""
         numbers = self._numbers[imu.topic]
         if len(numbers) > _MOST_NUMBERS:
             self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
@@ -269,7 +266,7 @@ class SqliteRecording(FileRecording):
         span = (last - first) // _SEGMENTS + 1
         # In a damaged file rows may lie beyond its ends.
         edges = [first, *range(first + span, last + 1, span), 2**63]
-        messages = places = 0
+        read = places = 0
         step, latest = 1, -2**63
         reason: sqlite3.Error | None = None
         for place, (start, stop) in enumerate(pairwise(edges)):
@@ -281,15 +278,21 @@ class SqliteRecording(FileRecording):
                     cursor = database.execute(query, (start, stop - 1))
                     while found := cursor.fetchmany(most):
                         # Damaged pages may lead back to rows that were read already.
-                        rows = []
+                        stamps: list[int] = []
+                        messages: list[bytes] = []
+                        before = read
                         for number, stamp, message in found:
                             if number > latest:
                                 latest = number
-                                rows.append((stamp, message))
-                        if rows:
-                            messages += len(rows)
+                                read += 1
+                                if message is None:
+                                    malformed(1, _NO_MESSAGE)
+                                else:
+                                    stamps.append(stamp)
+                                    messages.append(message)
+                        if read > before:
                             seen, step = True, 1
-                            yield rows, position
+                            yield stamps, messages, position
                     start = stop
                 except sqlite3.Error as error:
                     reason = reason or error
@@ -302,7 +305,7 @@ class SqliteRecording(FileRecording):
                     most = 1
         if reason is not None:
             self.remark('damaged_recording', fault='database', places=places,
-                        reason=printable(reason), read=messages, topic=printable(imu.name))
+                        reason=printable(reason), read=read, topic=printable(imu.name))
 
 
 def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,
