@@ -339,17 +339,12 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     """Begin to read each stream."""
     for stream, options, blocks, unit in _streams(recording, choice, progress):
         shortfall: list[Finding] = []
-        yield Taken(recording, stream, unit, _part(recording, choice, blocks, shortfall),
-                    _nothing_yet(recording, stream.topic, options), shortfall)
-
-
-def _nothing_yet(recording: Recording, topic: str, options: TimelineOptions
-                 ) -> Characterization:
-    # Reading has begun in a process of its own: numerics are imported meanwhile.
-    from imu_allan.characterization import Characterization
-
-    return Characterization(kind='recording', path=str(recording.path), topic=topic,
-                            options=options)
+        part = _part(recording, choice, blocks, shortfall)
+        # Reading has begun in a process of its own: numerics are imported meanwhile.
+        from imu_allan.characterization import Characterization
+        yield Taken(recording, stream, unit, part, Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
+            shortfall)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],

@@ -3,10 +3,11 @@
 """Types of command line arguments: one out of range is wrong usage, reported before any work."""
 
 import argparse
+from collections.abc import Mapping
 import math
 from pathlib import Path
 import re
-from typing import Literal, TYPE_CHECKING
+from typing import Any, Literal, TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
@@ -23,6 +24,15 @@ _META = ('serial', 'operator', 'station')
 _HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
 
+class Shown(argparse.Action):
+    """Prints what the function `const` returns, and ends the program as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print it."""
+        print(self.const(), end='')
+        parser.exit()
+
+
 def positive_number(text: str) -> float:
     """Read a finite number above zero."""
     return _above_zero(_number(text), text)
@@ -30,13 +40,8 @@ def positive_number(text: str) -> float:
 
 def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
-    match = re.fullmatch(r'(.*?)\s*(k?hz|)', text.strip(), re.IGNORECASE)
-    assert match is not None
-    try:
-        value = _number(match[1]) * _HERTZ[match[2].casefold()]
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f'{text!r} is no rate: write Hz (100), or a number with '
-                                         'Hz or kHz (2kHz)') from None
+    value = _with_unit(text.casefold(), _HERTZ, f'{text!r} is no rate: write Hz (100), or a '
+                                                'number with Hz or kHz (2kHz)')
     if value > _FASTEST_HZ:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
                                          'the rate in Hz')
@@ -53,14 +58,8 @@ def duration(text: str) -> float:
 
 def moment(text: str) -> float:
     """Read a time of zero or above, in seconds or with a unit; return seconds."""
-    match = re.fullmatch(r'(.*?)\s*(ms|s|min|m|h|d|)', text.strip())
-    assert match is not None
-    try:
-        value = _number(match[1]) * _SECONDS[match[2]]
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a length of time: write seconds (90), '
-                                         'or a number with ms, s, m or min, h or d (10min)'
-                                         ) from None
+    value = _with_unit(text, _SECONDS, f'{text!r} is not a length of time: write seconds (90), or '
+                                       'a number with ms, s, m or min, h or d (10min)')
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     if value > LONGEST_S:
@@ -173,6 +172,16 @@ def consumer(text: str) -> str:
         return consumer_called(text)
     except KeyError as error:
         raise argparse.ArgumentTypeError(error.args[0]) from None
+
+
+def _with_unit(text: str, units: Mapping[str, float], complaint: str) -> float:
+    """Read a number with one of the units, of which no name stands for the first."""
+    match = re.fullmatch(rf'(.*?)\s*({"|".join(units)})', text.strip(), re.DOTALL)
+    assert match is not None
+    try:
+        return _number(match[1]) * units[match[2]]
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(complaint) from None
 
 
 def _above_zero(value: float, text: str) -> float:

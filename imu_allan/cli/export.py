@@ -8,7 +8,7 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import consumer, duration, factors, rate, specification_of
+from imu_allan.cli import arguments
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.consumers import consumers_by_family
@@ -25,15 +25,6 @@ _EXAMPLES = """\
   imu_allan export --spec datasheet.yaml --for plain"""
 
 
-class _List(argparse.Action):
-    """Prints the consumers and ends the program, as --help does."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print them."""
-        print(consumers_by_family())
-        parser.exit()
-
-
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
@@ -44,26 +35,29 @@ def register(verbs: Any) -> None:
                     'they are expected to reach.')
     parser.add_argument('result', metavar='RESULT', nargs='?',
                         help='result file of analyze --json RESULT, or the folder of --output')
-    parser.add_argument('--for', dest='consumer', metavar='NAME', required=True, type=consumer,
+    parser.add_argument('--for', dest='consumer', metavar='NAME', required=True,
+                        type=arguments.consumer,
                         help='which filter, also as people call it (vins, ekf); --list names '
                              'them')
-    parser.add_argument('--list', action=_List, nargs=0, help='name the filters, and end')
+    parser.add_argument('--list', action=arguments.Shown, nargs=0,
+                        const=lambda: f'{consumers_by_family()}\n',
+                        help='name the filters, and end')
     parser.add_argument('--spec', metavar='FILE',
                         help='in place of RESULT: the numbers of a datasheet (YAML with units)')
-    parser.add_argument('--rate', metavar='RATE', type=rate,
+    parser.add_argument('--rate', metavar='RATE', type=arguments.rate,
                         help='rate at which the filter takes samples or predicts (default: the '
                              "result's sample rate; 100 for px4, 83 for ardupilot)")
     parser.add_argument('--as-measured', action='store_true',
                         help='the coefficients as measured, not tuned')
-    parser.add_argument('--aiding', metavar='TIME', type=duration,
+    parser.add_argument('--aiding', metavar='TIME', type=arguments.duration,
                         help='time between two corrections of the filter (default: what is '
                              'usual for it)')
-    parser.add_argument('--coast', metavar='TIME', type=duration,
+    parser.add_argument('--coast', metavar='TIME', type=arguments.duration,
                         help='the longest unaided time (default: 60s; 10min for simulators)')
     parser.add_argument('--conservative', action='store_true',
                         help='not overconfident more than 5 %% of the time, on a sensor like in '
                              'this recording')
-    parser.add_argument('--inflate', metavar='N=2,K=5', type=factors, default={},
+    parser.add_argument('--inflate', metavar='N=2,K=5', type=arguments.factors, default={},
                         help='factors on top of the numbers; they are written into the file')
     parser.add_argument('--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
@@ -99,7 +93,7 @@ def _of_datasheet(args: argparse.Namespace) -> 'Result':
     """Return the numbers of a datasheet as a result, from which nothing can be tuned."""
     from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 
-    return result_of_datasheet(specification_of(args.spec), args.spec, args.rate)
+    return result_of_datasheet(arguments.specification_of(args.spec), args.spec, args.rate)
 
 
 def _configuration(result: 'Result', args: argparse.Namespace) -> str:

@@ -17,7 +17,7 @@ import sys
 from typing import Any
 
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
-from imu_allan.cli.arguments import require_apart
+from imu_allan.cli.arguments import require_apart, Shown
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
 from imu_allan.version import __version__
@@ -73,7 +73,8 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
         self._short, self._examples = short, examples
         if short:
-            self.add_argument('--help-all', action=_HelpAll, nargs=0,
+            self.add_argument('--help-all', action=Shown, nargs=0,
+                              const=lambda: self.format_help(whole=True),
                               help='show every option and exit')
 
     def format_help(self, *, whole: bool = False) -> str:
@@ -108,16 +109,6 @@ class _Parser(argparse.ArgumentParser):
         except argparse.ArgumentError as error:
             error.message += _meant(str(value), [str(choice) for choice in action.choices or ()])
             raise
-
-
-class _HelpAll(argparse.Action):
-    """Prints the whole help and ends the program, as --help does."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print it."""
-        assert isinstance(parser, _Parser)
-        print(parser.format_help(whole=True), end='')
-        parser.exit()
 
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
