@@ -70,6 +70,18 @@ def wrong_usage(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
     return run
 
 
+@pytest.fixture(scope='session')
+def short_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a minute of a simulated gyroscope, topic /imu/data_raw, MCAP."""
+    from imu_allan.recordings.write import write_recording
+    from imu_allan.sensor.noise_model import parse_model
+    from imu_allan.sensor.simulated_imu import simulated_blocks
+
+    blocks = simulated_blocks(parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}'), 100.0, 3000,
+                              start_ns=10**18)
+    return write_recording(tmp_path_factory.mktemp('recordings') / 'a', blocks)
+
+
 @pytest.fixture
 def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Start no coverage in child processes: it imports modules and writes files of its own."""

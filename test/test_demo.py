@@ -8,9 +8,9 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-import time
 
 from imu_allan.cli.main import main
+from processes import living, marked, wait_until
 import pytest
 from whole_lines import Varying
 
@@ -22,24 +22,11 @@ DEMO = ROOT / 'demo' / 'run_demo.py'
 FILES = {'report.html', 'allan_deviation.png', 'imu.yaml', 'result.json', 'curve.csv'}
 
 
-def living(session: int) -> list[int]:
-    """Give the processes of a session."""
-    found = []
-    for status in Path('/proc').glob('[0-9]*/stat'):
-        try:
-            fields = status.read_text().rsplit(')', 1)[1].split()
-        except OSError:
-            continue
-        if int(fields[3]) == session and fields[0] != 'Z':
-            found.append(int(status.parent.name))
-    return found
-
-
 def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     output = tmp_path / 'demo output'
     with subprocess.Popen([sys.executable, str(DEMO), '--hours', '0.05', '--output', str(output)],
-                          stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+                          stdout=subprocess.PIPE, text=True, env=marked(tmp_path)) as process:
         assert process.stdout is not None
         shown = process.stdout.read()
     assert process.returncode == 0, shown
@@ -48,14 +35,14 @@ def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_pa
     assert '(true 0.48 deg/sqrt(h))' in shown
     assert {path.name for path in output.iterdir()} == FILES | {'recording', 'live'}
     assert any((output / 'recording').glob('*.mcap'))
-    assert living(process.pid) == []
+    assert living(tmp_path) == []
 
 
 def test_ctrl_c_ends_every_process_of_the_demo(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     with subprocess.Popen([sys.executable, str(DEMO), '--output', str(tmp_path / 'demo')],
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                          start_new_session=True) as process:
+                          start_new_session=True, env=marked(tmp_path)) as process:
         assert process.stdout is not None
         while 'times real time' not in (line := process.stdout.readline()):
             assert line, 'the demo ended by itself'
@@ -63,10 +50,7 @@ def test_ctrl_c_ends_every_process_of_the_demo(tmp_path: Path) -> None:
         _, complaints = process.communicate(timeout=60)
     assert process.returncode == 130
     assert 'Traceback' not in complaints
-    deadline = time.monotonic() + 10
-    while living(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert living(process.pid) == []
+    wait_until(lambda: not living(tmp_path), 10)
     assert not (tmp_path / 'demo' / 'recording').exists()
 
 

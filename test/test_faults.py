@@ -16,27 +16,20 @@ import sys
 import time
 
 from imu_allan import analyze
-from imu_allan.recordings.write import write_recording
-from imu_allan.sensor.noise_model import parse_model
-from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import load_result, save_result
+from processes import wait_until
 import pytest
-from whole_lines import refused, Varying
+from repeated import slow
+from whole_lines import refused, unwritable, Varying
 
 ROOT = Path(__file__).parents[1]
 MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
 
 
 @pytest.fixture(scope='module')
-def recording(tmp_path_factory) -> Path:
-    blocks = simulated_blocks(parse_model(MODEL), 100.0, 3000, start_ns=10**18)
-    return write_recording(tmp_path_factory.mktemp('recordings') / 'a', blocks)
-
-
-@pytest.fixture(scope='module')
-def result(recording, tmp_path_factory) -> Path:
+def result(short_recording, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp('results') / 'r.json'
-    save_result(analyze(recording), path)
+    save_result(analyze(short_recording), path)
     return path
 
 
@@ -74,49 +67,48 @@ def assert_one_line(done: subprocess.CompletedProcess, line: str) -> None:
     assert done.stderr == Varying(f'imu_allan: {line}\n')
 
 
-ADVICE = 'choose a folder that exists on a disk with room and may be written to'
-
-
 def files_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob('*') if path.is_file())
 
 
 def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file(
-        tmp_path, recording, fails_with):
+        tmp_path, short_recording, fails_with):
     with mounted(tmp_path / 'small', 'size=160k') as disk:
-        fails_with(f'{disk}/out/<words>: cannot be written (No space left on device); {ADVICE}',
-                   'analyze', recording, '--output', disk / 'out')
+        fails_with(unwritable(disk / 'out' / '<words>', 'No space left on device'),
+                   'analyze', short_recording, '--output', disk / 'out')
         # What was complete before the disk was full is there and whole.
         assert set(files_in(disk / 'out')) <= {'result.json', 'curve.csv', 'allan_deviation.png'}
         assert load_result(disk / 'out' / 'result.json').axes
 
 
 @pytest.mark.usefixtures('children_unmeasured')
-def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(tmp_path, recording):
+def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(
+        tmp_path, short_recording):
     target = tmp_path / 'result.json'
     before = '{"schema": "imu_allan.result/1"}'
     target.write_text(before)
-    done = command('analyze', recording, '--json', target, '--no-progress', file_limit=4096)
-    assert_one_line(done, f'{target}: cannot be written (File too large); {ADVICE}')
+    done = command('analyze', short_recording, '--json', target, '--no-progress', file_limit=4096)
+    assert_one_line(done, unwritable(target, 'File too large'))
     assert target.read_text() == before
     assert files_in(tmp_path) == ['result.json']
 
 
 @pytest.mark.parametrize('verb', ['analyze', 'simulate', 'report', 'export', 'check'])
 def test_a_read_only_disk_is_one_line_for_every_verb(
-        tmp_path, recording, result, verb, fails_with):
+        tmp_path, short_recording, result, verb, fails_with):
     model = tmp_path / 'm.yaml'
     model.write_text(MODEL)
     with mounted(tmp_path / 'disk', 'size=1m,ro') as disk:
-        reason = 'cannot be written (Read-only file system); ' + ADVICE
-        fails_with(f'{disk}/' + {
-            'analyze': f'out: cannot be written ({disk} lies on a Read-only file system); choose '
-                       'a folder that may be written to',
-            'simulate': f'rec: cannot be created (Read-only file system: {disk}/.rec.unfinished); '
+        reason = 'Read-only file system'
+        fails_with({
+            'analyze': f'{disk}/out: cannot be written ({disk} lies on a {reason}); choose a '
+                       'folder that may be written to',
+            'simulate': f'{disk}/rec: cannot be created ({reason}: {disk}/.rec.unfinished); '
                         'choose a folder that may be written to',
-            'report': f'out/report.html: {reason}', 'export': f'x.yaml: {reason}',
-            'check': f'x.json: {reason}'}[verb], *{
-            'analyze': ['analyze', recording, '--output', disk / 'out'],
+            'report': unwritable(disk / 'out' / 'report.html', reason),
+            'export': unwritable(disk / 'x.yaml', reason),
+            'check': unwritable(disk / 'x.json', reason)}[verb], *{
+            'analyze': ['analyze', short_recording, '--output', disk / 'out'],
             'simulate': ['simulate', model, '--duration', '1s', '--output', disk / 'rec'],
             'report': ['report', result, '--output', disk / 'out'],
             'export': ['export', result, '--for', 'kalibr', '--output', disk / 'x.yaml'],
@@ -133,11 +125,11 @@ def test_a_simulation_that_fills_the_disk_is_one_line_and_leaves_nothing(tmp_pat
         assert files_in(disk) == []
 
 
-def test_a_terminal_that_takes_no_more_is_no_traceback(recording):
+def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
     if not Path('/dev/full').exists():
         pytest.skip('needs /dev/full')
     with Path('/dev/full').open('w') as full:
-        done = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(recording)],
+        done = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(short_recording)],
                               stdout=full, stderr=subprocess.PIPE, text=True, timeout=60,
                               check=False)
     assert_one_line(done, 'standard output: No space left on device')
@@ -150,7 +142,7 @@ def test_a_state_on_a_full_disk_is_told_and_the_state_before_stays(tmp_path):
         file = checkpoint.StateFile(disk / 'state')
         file.save({'sums': np.arange(10.0)})
         before = file.path.read_bytes()
-        with refused(f'{disk}/state: cannot be written (No space left on device); {ADVICE}'):
+        with refused(unwritable(disk / 'state', 'No space left on device')):
             file.save({'sums': np.arange(100_000.0)})
         assert file.path.read_bytes() == before
         assert files_in(disk) == ['state', 'state.lock']
@@ -169,9 +161,9 @@ while True:
 """
 
 
-def kill_while_writing(target: Path, kills: int, seed: int) -> int:
-    """Kill a process that rewrites a file, at random moments; returns how often it had written."""
-    choice, written = Random(seed), 0
+@pytest.mark.parametrize(('kills', 'fewest'), [(10, 0), slow(200, 100)])
+def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path, kills, fewest):
+    target, choice, written = tmp_path / 'file', Random(kills), 0
     for _ in range(kills):
         with subprocess.Popen([sys.executable, '-c', WRITER, str(target)],
                               stdout=subprocess.PIPE) as process:
@@ -185,29 +177,18 @@ def kill_while_writing(target: Path, kills: int, seed: int) -> int:
             assert len(content) == 1_800_000
             assert content == content[:9] * 200_000
             written += 1
-    return written
+    assert written > fewest
 
 
-def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path):
-    assert kill_while_writing(tmp_path / 'file', 10, 1) > 0
-
-
-@pytest.mark.slow
-def test_two_hundred_kills_while_writing_leave_whole_files(tmp_path):
-    assert kill_while_writing(tmp_path / 'file', 200, 2) > 100
-
-
-def test_a_kill_during_analyze_leaves_whole_files_only(tmp_path, recording):
+def test_a_kill_during_analyze_leaves_whole_files_only(tmp_path, short_recording):
     choice = Random(3)
     for number in range(3):
         output = tmp_path / f'out{number}'
         with subprocess.Popen(
-                [sys.executable, '-m', 'imu_allan', 'analyze', str(recording), '--output',
+                [sys.executable, '-m', 'imu_allan', 'analyze', str(short_recording), '--output',
                  str(output), '--no-progress'], stdout=subprocess.DEVNULL) as process:
             # The first file tells that writing has begun.
-            deadline = time.monotonic() + 50
-            while not (output / 'result.json').exists() and time.monotonic() < deadline:
-                time.sleep(.002)
+            wait_until((output / 'result.json').exists, 50)
             time.sleep(choice.uniform(0, .5))
             process.send_signal(signal.SIGKILL)
         json.loads((output / 'result.json').read_text())

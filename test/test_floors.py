@@ -3,7 +3,6 @@
 """The layout: every floor imports only what lies below it."""
 
 import ast
-from functools import cache
 from graphlib import TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
@@ -11,10 +10,7 @@ import re
 import sys
 
 import pytest
-
-PACKAGE = Path(__file__).parents[1] / 'imu_allan'
-MODULES = {'.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts)): path
-           for path in PACKAGE.rglob('*.py')}
+from sources import imported, libraries, MODULES, PACKAGE, tree_of
 
 FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
@@ -34,29 +30,6 @@ ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'diagnos
        'builtin_interfaces', 'rcl_interfaces', 'rosgraph_msgs', 'ament_index_python'}
 
 
-@cache
-def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
-
-
-@cache
-def imported(path: Path) -> frozenset[str]:
-    """Give the full names of the modules that a file imports, anywhere in it."""
-    found = set()
-    for node in ast.walk(tree_of(path)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f'{path}: relative import'
-            assert node.module is not None
-            parts = {f'{node.module}.{alias.name}' for alias in node.names
-                     if f'{node.module}.{alias.name}' in MODULES}
-            found |= parts
-            if len(parts) < len(node.names):
-                found.add(node.module)
-    return frozenset(found)
-
-
 def floor(module: str) -> int:
     """Give the number of the floor of a module; every one has its place."""
     [number] = [number for number, parts in enumerate(FLOORS) for part in parts
@@ -74,10 +47,6 @@ def test_no_circle_of_imports() -> None:
     needs = {module.removesuffix('.__init__'): imported(path) for module, path in MODULES.items()}
     # Raises CycleError, which names the modules of the circle.
     TopologicalSorter(needs).prepare()
-
-
-def libraries(path: Path) -> set[str]:
-    return {name.partition('.')[0] for name in imported(path)}
 
 
 def test_only_the_node_imports_ros() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-import time
 
+from processes import living, marked, wait_until
 import pytest
 
 STARTS = """
@@ -16,7 +16,7 @@ import time
 from imu_allan.isolated_process import start_python
 # What it calls reads no pipe and looks after nothing.
 child = start_python('signal', 'pause', start_new_session=True)
-print(child.pid, flush=True)
+print('ready', flush=True)
 time.sleep(100)
 """
 UNENDING = """
@@ -49,29 +49,19 @@ finally:
 """
 
 
-def running(process: int) -> bool:
-    try:
-        state = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()[0]
-    except OSError:
-        return False
-    return state != 'Z'
-
-
 @pytest.mark.skipif(sys.platform != 'linux', reason='the kernel of Linux does it')
 @pytest.mark.usefixtures('children_unmeasured')
-def test_a_process_ends_with_its_parent_whatever_it_is_at() -> None:
-    with subprocess.Popen([sys.executable, '-c', STARTS], stdout=subprocess.PIPE, text=True
-                          ) as parent:
+def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, '-c', STARTS], stdout=subprocess.PIPE, text=True,
+                          env=marked(tmp_path)) as parent:
         assert parent.stdout is not None
-        child = int(parent.stdout.readline())
+        parent.stdout.readline()
+        assert len(living(tmp_path)) == 2
         parent.kill()
-    deadline = time.monotonic() + 20
-    while running(child) and time.monotonic() < deadline:
-        time.sleep(0.05)
     try:
-        assert not running(child)
+        wait_until(lambda: not living(tmp_path), 20)
     finally:
-        if running(child):
+        for child in living(tmp_path):
             os.kill(child, signal.SIGKILL)
 
 

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import imu_allan
 import pytest
 from rosdep_workspace import lacking
+from sources import libraries
 from whole_lines import Varying
 
 ROOT = Path(__file__).parents[1]
@@ -30,8 +31,6 @@ SOURCES = sorted(path for folder in ('imu_allan', 'test', 'launch', 'demo', 'ben
 
 DISTRIBUTIONS = {'yaml': 'PyYAML'}
 """Names on PyPI of modules that are called otherwise."""
-APT_KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'matplotlib':
-            'python3-matplotlib', 'yaml': 'python3-yaml', 'rich': 'python3-rich'}
 ROS_WITHOUT_PYTHON_DEPENDENCY = {'ament_index_python', 'builtin_interfaces', 'rcl_interfaces',
                                  'rpyutils'}
 """Part of every installation of rclpy."""
@@ -61,17 +60,6 @@ result = stream.result()
 assert 'noise_density' in export(result, 'kalibr').text
 assert render(overview_figure(result), 'png').startswith(b'\\x89PNG')
 """
-
-
-def imports(path: Path) -> set[str]:
-    """Give the top-level modules that a file imports, anywhere in it."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.partition('.')[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            found.add((node.module or '').partition('.')[0])
-    return found - set(sys.stdlib_module_names) - {'imu_allan'}
 
 
 def dependencies(*kinds: str) -> set[str]:
@@ -120,7 +108,7 @@ def test_every_ros_package_the_node_imports_is_a_dependency() -> None:
     ros = {'rclpy', 'launch', 'launch_ros', 'sensor_msgs', 'std_msgs', 'std_srvs',
            'geometry_msgs', 'diagnostic_msgs', 'rosgraph_msgs'}
     used = {name for folder in ('imu_allan', 'launch')
-            for path in (ROOT / folder).rglob('*.py') for name in imports(path)} & ros
+            for path in (ROOT / folder).rglob('*.py') for name in libraries(path)} & ros
     assert used <= dependencies('depend', 'exec_depend')
     assert dependencies('depend', 'exec_depend') & ros <= used
 
@@ -133,9 +121,10 @@ def test_the_nodes_need_nothing_that_only_pip_has() -> None:
 def test_every_library_that_is_imported_is_declared() -> None:
     declared = {re.split(r'[<>=\[]', name)[0].lower()
                 for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)(?:; .*)?',?", SETUP)}
-    ros = dependencies('exec_depend', 'test_depend') | ROS_WITHOUT_PYTHON_DEPENDENCY
+    others = {'imu_allan', *sys.stdlib_module_names, *ROS_WITHOUT_PYTHON_DEPENDENCY,
+              *dependencies('exec_depend', 'test_depend')}
     for path in (ROOT / 'imu_allan').rglob('*.py'):
-        for name in imports(path) - ros:
+        for name in libraries(path) - others:
             assert DISTRIBUTIONS.get(name, name).lower() in declared, (path, name)
 
 

@@ -16,18 +16,13 @@ from imu_allan.analysis import Choice
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.run_folder import try_folder
-from imu_allan.recordings.write import write_recording
-from imu_allan.sensor.noise_model import parse_model
-from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers import output_path
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.output_path import turn_in
 import pytest
 from shared_places import planted, shared_folder, SOMEBODY_ELSE
-from whole_lines import refused, Varying
+from whole_lines import refused, unwritable, Varying
 
-MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
-ADVICE = 'choose a folder that exists on a disk with room and may be written to'
 KEPT = ('{}: cannot be written (another process writes to it); choose another folder, or wait '
         'until it has ended')
 SWAP = """
@@ -72,7 +67,7 @@ def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path)
     precious.mkdir()
     (precious / 'result.json').write_text('mine')
     written = refusals = 0
-    line = Varying(f'{shared}/out/result.json: cannot be written (<words>); {ADVICE}')
+    line = Varying(unwritable(shared / 'out' / 'result.json', '<words>'))
     with links_come_and_go(shared / 'out', precious):
         end = time.monotonic() + 2.0
         while time.monotonic() < end:
@@ -96,8 +91,8 @@ def test_a_link_in_a_folder_that_another_user_made_in_a_shared_one_is_not_follow
     (tmp_path / 'precious').write_text('mine')
     link = planted(theirs / 'result.json', tmp_path / 'precious')
     os.lchown(theirs, SOMEBODY_ELSE, SOMEBODY_ELSE)
-    with refused(f'{link}: cannot be written ({link} is a link that another user put into a '
-                 f'folder that everybody may write to); {ADVICE}'):
+    with refused(unwritable(link, f'{link} is a link that another user put into a folder that '
+                                  'everybody may write to')):
         write_atomically(link, b'x')
     assert (tmp_path / 'precious').read_text() == 'mine'
 
@@ -110,11 +105,10 @@ def link(tmp_path):
 
 
 def test_a_simulated_recording_follows_no_link_of_another_user(tmp_path, link, fails_with):
-    (tmp_path / 'm.yaml').write_text(MODEL)
     for output in (link / 'sim', link / 'deeper' / 'sim'):
         fails_with(f'{output}: cannot be created ({link} is a link that another user put into a '
                    'folder that everybody may write to); choose a folder that may be written to',
-                   'simulate', tmp_path / 'm.yaml', '--duration', '1s', '--output', output)
+                   'simulate', 'consumer_mems', '--duration', '1s', '--output', output)
     assert not list((tmp_path / 'precious').iterdir())
 
 
@@ -131,12 +125,10 @@ def test_what_is_tried_in_the_folder_of_a_node_does_not_stay(tmp_path):
     assert not list((tmp_path / 'runs').iterdir())
 
 
-def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):
-    path = write_recording(tmp_path / 'a', simulated_blocks(
-        parse_model(MODEL), 100.0, 3000, start_ns=10**18))
+def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording, monkeypatch):
     monkeypatch.setattr(output_path, 'PATIENCE_S', 0.1)
     with turn_in(tmp_path / 'out'):
-        result, error = characterize(Task(str(path), Choice(), folder=tmp_path / 'out'))
+        result, error = characterize(Task(str(short_recording), Choice(), folder=tmp_path / 'out'))
     assert result.axes
     assert str(error) == KEPT.format(tmp_path / 'out')
     assert not list((tmp_path / 'out').iterdir())

@@ -19,6 +19,12 @@ def refused(line: 'str | Varying', error: type[Exception] = ImuAllanError,
     assert str(caught.value) == line
 
 
+def unwritable(path: object, why: str) -> str:
+    """Return what is said of a file that cannot be written."""
+    return (f'{path}: cannot be written ({why}); choose a folder that exists on a disk with room '
+            'and may be written to')
+
+
 class Varying:
     """
     A line equal to each that has any number for `<number>` and any words for `<words>`.

@@ -6,7 +6,6 @@ import json
 import os
 from pathlib import Path
 import pty
-import signal
 import subprocess
 import sys
 import time
@@ -257,37 +256,6 @@ def on_a_terminal(arguments):
 def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording):
     assert b'100%' in on_a_terminal([*COMMAND, str(recording)])
     assert on_a_terminal([*COMMAND, str(recording), '--no-progress']) == b''
-
-
-def processes_of_group(group):
-    """Names of the living processes of a process group."""
-    names = []
-    for status in Path('/proc').glob('[0-9]*/stat'):
-        with contextlib.suppress(OSError):
-            name, fields = status.read_text().rsplit(')', 1)
-            state, _, process_group = fields.split()[:3]
-            if int(process_group) == group and state != 'Z':
-                names.append(name)
-    return names
-
-
-@pytest.mark.parametrize('jobs', ['1', '2'])
-def test_ctrl_c_ends_every_process_and_leaves_no_file(tmp_path, model, jobs):
-    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 50_000))
-    with subprocess.Popen(
-            [*COMMAND, *[str(long)] * 50, '--jobs', jobs, '--output', str(tmp_path / 'out')],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
-        process.stdout.readline()
-        os.killpg(process.pid, signal.SIGINT)
-        process.stdout.read()
-        assert process.stderr.read() == b''
-    assert process.returncode == 130
-    for folder in (tmp_path / 'out').iterdir():
-        assert not any(file.name.startswith('.') for file in folder.iterdir())
-    deadline = time.monotonic() + 10
-    while processes_of_group(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert processes_of_group(process.pid) == []
 
 
 def test_an_output_that_cannot_be_written_is_told_before_the_work(

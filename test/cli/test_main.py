@@ -8,12 +8,12 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 
 from imu_allan.cli.main import command_parser, main
 from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
 from imu_allan.writers.consumers import FAMILIES
+from processes import wait_until
 import pytest
 import zstandard
 
@@ -240,9 +240,7 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Pat
     output = tmp_path / 'simulated'
     with subprocess.Popen([*COMMAND, 'simulate', str(model), '--duration', '30d',
                            '--output', str(output)], stderr=subprocess.PIPE) as process:
-        deadline = time.monotonic() + 30
-        while not any(tmp_path.glob('.simulated*/*')) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        wait_until(lambda: any(tmp_path.glob('.simulated*/*')))
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
         assert process.stderr.read() == b''

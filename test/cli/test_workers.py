@@ -3,10 +3,8 @@
 """Processes that work on several recordings, and the folders that results go to."""
 
 from concurrent.futures import Future
-import contextlib
 from dataclasses import replace
 import os
-from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -19,27 +17,11 @@ from imu_allan.cli.workers import executor, in_order, WorkerProcesses
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from processes import living, marked, wait_until
 import pytest
 from repeated import slow
 from whole_lines import refused
 import zstandard
-
-
-def processes_with(variable: str) -> list[int]:
-    """Return the living processes that have this in their environment."""
-    found = []
-    for environment in Path('/proc').glob('[0-9]*/environ'):
-        with contextlib.suppress(OSError):
-            if variable.encode() in environment.read_bytes().split(b'\0'):
-                found.append(int(environment.parent.name))
-    return found
-
-
-def wait_until(reached, timeout: float = 30.0) -> None:
-    end = time.monotonic() + timeout
-    while not reached():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 def test_no_name_of_a_topic_leads_out_of_the_folder_above_or_is_too_long_for_it(tmp_path):
@@ -102,29 +84,33 @@ def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, p
     assert given == [2] * 8 if jobs <= 8 else [1] * 16
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, slow(signal.SIGTERM), signal.SIGKILL])
+@pytest.mark.parametrize(('number', 'jobs'), [
+    (signal.SIGINT, 1), (signal.SIGINT, 2), slow(signal.SIGTERM, 2), (signal.SIGKILL, 2)])
 def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
-        tmp_path, model, number):
+        tmp_path, model, number, jobs):
     # Compressed as a whole: unpacked into a temporary folder while it is read.
     long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 60_000))
     [file] = long.glob('*.mcap')
     packed = file.with_name(file.name + '.zstd')
     packed.write_bytes(zstandard.compress(file.read_bytes()))
-    temporary = tmp_path / 'temporary'
+    temporary, output = tmp_path / 'temporary', tmp_path / 'out'
     temporary.mkdir()
-    mark = f'IMU_ALLAN_TEST={tmp_path}'
     with subprocess.Popen(
-            [sys.executable, '-m', 'imu_allan', 'analyze', *[str(packed)] * 30, '--jobs', '2'],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
-            env={**os.environ, 'IMU_ALLAN_TEST': str(tmp_path), 'TMPDIR': str(temporary)},
-            ) as process:
+            [sys.executable, '-m', 'imu_allan', 'analyze', *[str(packed)] * 30, '--jobs',
+             str(jobs), '--output', str(output)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+            env=marked(tmp_path) | {'TMPDIR': str(temporary)}) as process:
         process.stdout.readline()
-        assert len(processes_with(mark)) >= 3
+        assert len(living(tmp_path)) >= 2 * jobs - 1
         os.killpg(process.pid, number)
         process.stdout.read()
+        complaints = process.stderr.read()
     assert process.returncode in (130, -number)
-    wait_until(lambda: not processes_with(mark))
+    wait_until(lambda: not living(tmp_path))
     wait_until(lambda: not list(temporary.iterdir()))
+    if number == signal.SIGINT:
+        assert (process.returncode, complaints) == (130, b'')
+        assert not [path for path in output.rglob('.*') if path.is_file()]
 
 
 def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_written(

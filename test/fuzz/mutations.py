@@ -11,6 +11,8 @@ import time
 from typing import Any
 
 from imu_allan.cli.main import main
+import pytest
+from repeated import slow
 
 EXTREMES = [0, 1, 255, 65535, 10**9, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63,
             2**64 - 1]
@@ -164,6 +166,12 @@ def run_command(arguments: Sequence[str], statuses: Sequence[int] = (0, 1)) -> t
 def assert_harmless_on_a_terminal(text: str) -> None:
     """Require that nothing moves the cursor, changes colours or retitles the window."""
     assert all(c.isprintable() or c in '\n\t' for c in text), ascii(text)
+
+
+def rounds(everyday: int) -> Any:
+    """Try so many inputs every day, and ten times a thousand in the slow tests."""
+    return pytest.mark.parametrize(('count', 'seed'), [
+        (everyday, 1), *(slow(1000, seed) for seed in range(2, 12))])
 
 
 def each(count: int, seed: int, judge: Callable[[Random], None]) -> None:

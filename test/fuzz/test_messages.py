@@ -8,9 +8,8 @@ from imu_allan.cdr import blocks_from_messages, decode_imu, encode_imu, Malforme
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline import TimelineStage
 from imu_allan.writers.words import message_of
-from mutations import each, mutated_bytes
+from mutations import each, mutated_bytes, rounds
 import numpy as np
-import pytest
 
 
 def messages(choice: Random) -> list[bytes]:
@@ -50,10 +49,6 @@ def judge_messages(choice: Random) -> None:
     assert all(message_of(remark).isprintable() for remark in stage.summary().remarks)
 
 
-def test_damaged_messages_are_counted_and_the_others_decoded():
-    each(300, 1, judge_messages)
-
-
-@pytest.mark.slow
-def test_many_damaged_messages_are_counted_and_the_others_decoded():
-    each(10_000, 2, judge_messages)
+@rounds(300)
+def test_damaged_messages_are_counted_and_the_others_decoded(count, seed):
+    each(count, seed, judge_messages)

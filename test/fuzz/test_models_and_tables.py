@@ -8,7 +8,7 @@ from random import Random
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import load_model
-from mutations import each, mutated_bytes, mutated_text, run_command
+from mutations import each, mutated_bytes, mutated_text, rounds, run_command
 import numpy as np
 import pytest
 
@@ -61,12 +61,6 @@ def judge_csv(folder: Path, choice: Random) -> None:
 
 
 @pytest.mark.parametrize('judge', [judge_model, judge_csv])
-def test_damaged_text_is_used_or_refused(tmp_path, judge):
-    each(60, 1, lambda choice: judge(tmp_path, choice))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('judge', [judge_model, judge_csv])
-@pytest.mark.parametrize('seed', range(2, 12))
-def test_much_damaged_text_is_used_or_refused(tmp_path, judge, seed):
-    each(1000, seed, lambda choice: judge(tmp_path, choice))
+@rounds(60)
+def test_damaged_text_is_used_or_refused(tmp_path, judge, count, seed):
+    each(count, seed, lambda choice: judge(tmp_path, choice))

@@ -28,6 +28,7 @@ from mutations import (
     mutated_bytes,
     mutated_document,
     mutated_text,
+    rounds,
     run_command,
 )
 import pytest
@@ -119,18 +120,11 @@ def a_result(judge: Judge, choice: Random) -> None:
     judge(content, choice)
 
 
-def test_damaged_result_files_are_used_or_refused(tmp_path):
+@rounds(30)
+def test_damaged_result_files_are_used_or_refused(tmp_path, count, seed):
     judge = Judge(tmp_path, .01)
-    each(30, 1, lambda choice: a_result(judge, choice))
-    assert judge.used > 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('seed', range(2, 12))
-def test_many_damaged_result_files_are_used_or_refused(tmp_path, seed):
-    judge = Judge(tmp_path, .01)
-    each(1000, seed, lambda choice: a_result(judge, choice))
-    assert judge.used > 200
+    each(count, seed, lambda choice: a_result(judge, choice))
+    assert judge.used > count / 5
 
 
 @pytest.mark.parametrize(('sigma', 'correlation_time_s'), [

@@ -11,7 +11,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
-from mutations import each, EXTREMES, mutated_bytes, mutated_text, NUMBERS
+from mutations import each, EXTREMES, mutated_bytes, mutated_text, NUMBERS, rounds
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -105,8 +105,9 @@ def judge_state(choice: Random) -> None:
         resumed(mutated_bytes(CONTENT, choice))
 
 
-def test_damaged_states_are_gone_on_with_or_refused():
-    each(35, 1, judge_state)
+@rounds(35)
+def test_damaged_states_are_gone_on_with_or_refused(count, seed):
+    each(count, seed, judge_state)
 
 
 @pytest.mark.parametrize(('key', 'value'), [
@@ -131,9 +132,3 @@ def test_what_only_a_forger_writes_is_refused(key, field, value):
     assert field in document
     state = STATE | {key: np.array(json.dumps(document | {field: value}))}
     assert not resumed(checkpoint.encode_state(state))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('seed', range(2, 12))
-def test_many_damaged_states_are_gone_on_with_or_refused(seed):
-    each(1000, seed, judge_state)

@@ -16,7 +16,7 @@ from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.writers.words import message_of
-from mutations import each, EXTREMES, mutated_text, TEXTS
+from mutations import each, EXTREMES, mutated_text, rounds, TEXTS
 import numpy as np
 import pytest
 
@@ -242,12 +242,6 @@ JUDGES = {'schemas': judge_schema, 'journals': judge_journal, 'yaml': judge_yaml
 
 
 @pytest.mark.parametrize('kind', JUDGES)
-def test_what_is_made_wrong_is_refused_or_read_in_part(kind):
-    each(40, 1, JUDGES[kind])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('kind', JUDGES)
-@pytest.mark.parametrize('seed', range(2, 12))
-def test_much_that_is_made_wrong_is_refused_or_read_in_part(kind, seed):
-    each(1000, seed, JUDGES[kind])
+@rounds(40)
+def test_what_is_made_wrong_is_refused_or_read_in_part(kind, count, seed):
+    each(count, seed, JUDGES[kind])

@@ -1,0 +1,36 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that a test starts, with all that they start, and waiting for their end."""
+
+from collections.abc import Callable
+import contextlib
+import os
+from pathlib import Path
+import time
+
+_MARK = 'IMU_ALLAN_TEST'
+
+
+def marked(folder: Path) -> dict[str, str]:
+    """Return an environment by which a process, and those it starts, are known as `folder`'s."""
+    return {**os.environ, _MARK: str(folder)}
+
+
+def living(folder: Path) -> list[int]:
+    """Return the processes that live and have the mark of a folder."""
+    mark = f'{_MARK}={folder}'.encode()
+    found = []
+    # What has ended and is not waited for yet has no environment any more.
+    for environment in Path('/proc').glob('[0-9]*/environ'):
+        with contextlib.suppress(OSError):
+            if mark in environment.read_bytes().split(b'\0'):
+                found.append(int(environment.parent.name))
+    return found
+
+
+def wait_until(reached: Callable[[], object], timeout_s: float = 30.0) -> None:
+    """Wait for what takes longer on a busy machine; an error if it never comes."""
+    end = time.monotonic() + timeout_s
+    while not reached():
+        assert time.monotonic() < end
+        time.sleep(0.02)

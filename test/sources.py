@@ -1,0 +1,39 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the files of the package and its tests import and hold."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / 'imu_allan'
+MODULES = {'.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts)): path
+           for path in PACKAGE.rglob('*.py')}
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Give the full names of the modules that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f'{path}: relative import'
+            assert node.module is not None
+            parts = {f'{node.module}.{alias.name}' for alias in node.names
+                     if f'{node.module}.{alias.name}' in MODULES}
+            found |= parts
+            if len(parts) < len(node.names):
+                found.add(node.module)
+    return frozenset(found)
+
+
+def libraries(path: Path) -> set[str]:
+    """Give what a file imports by its first name: `scipy` for `scipy.signal`."""
+    return {name.partition('.')[0] for name in imported(path)}
