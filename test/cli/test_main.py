@@ -142,6 +142,12 @@ def test_wrong_usage_is_told_in_two_lines_with_the_right_word(words, line, wrong
     wrong_usage(f'{" " if verb else ""}{verb}: error: {line}', *words.split())
 
 
+def test_a_line_break_within_a_number_is_wrong_usage_too(wrong_usage):
+    for option, line in (('--rate', NO_RATE.format('1\\n2')),
+                         ('--start', f"argument --start: '1\\n2' {NO_TIME}")):
+        wrong_usage(f' analyze: error: {line}', 'analyze', 'bag', option, '1\n2')
+
+
 @pytest.mark.parametrize(('words', 'line'), [
     ('analyze no/such/bag', 'no such file or directory'),
     ('info no/such/bag', 'no such file or directory'),
