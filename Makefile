@@ -23,9 +23,10 @@ VENV ?= .venv
 CONSTRAINTS ?=
 EXTRAS ?= ros,fleet,test,lint,docs
 PYTEST_ARGS ?=
-# Processes that share the everyday tests, a module at a time. Those of node and command, which wait
-# more than they work, stay in the middle: at the end one process would wait alone.
-JOBS ?= 2
+# Processes that share the everyday tests, a module at a time; three keep two cores at work, for
+# the tests of node and command wait more than they work. Those stay in the middle: at the end one
+# process would wait alone.
+JOBS ?= 3
 SHARED := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 RECORDING ?=
 TOPIC ?=
