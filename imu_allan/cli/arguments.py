@@ -5,6 +5,7 @@
 import argparse
 from collections.abc import Mapping
 import math
+import os
 from pathlib import Path
 import re
 from typing import Any, Literal, TYPE_CHECKING
@@ -93,7 +94,7 @@ def whole_number(text: str) -> int:
 
 def require_apart(args: argparse.Namespace) -> None:
     """
-    Refuse an output that is an input, or is there and of another kind, before any work.
+    Refuse an output that is an input, another output, or there and of another kind.
 
     Each verb says by its defaults `inputs` and `outputs` which of its arguments are which, the
     outputs with their kind (`imu_allan.writers.atomic`), which is empty for a folder.
@@ -114,13 +115,19 @@ def require_apart(args: argparse.Namespace) -> None:
     for name, path, *_ in (*given, *written):
         if not path:
             raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
+    taken: dict[str, str] = {}
     for name, path, kind in written:
-        if not Path(path).is_file():
-            continue
-        if any(Path(other).exists() and Path(path).samefile(other) for _, other in given):
+        is_file = Path(path).is_file()
+        # A device takes several outputs.
+        if (is_file or not Path(path).exists()) and (
+                first := taken.setdefault(os.path.realpath(path), name)) != name:
+            raise ImuAllanError(f'{name} {printable(path)}: is the file of {first}, too; name '
+                                'another file')
+        if is_file and any(Path(other).exists() and Path(path).samefile(other)
+                           for _, other in given):
             raise ImuAllanError(f'{name} {printable(path)}: is an input of this command, which '
                                 'would be overwritten; name another file')
-        if kind:
+        if is_file and kind:
             require_replaceable(path, kind)
 
 

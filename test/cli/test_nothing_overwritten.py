@@ -58,6 +58,8 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['check', 'r.json', '--spec', 'spec.yaml', '--certificate', 'index.html'],
      f'index.html: {OTHER.format(PAGE)}'),
     (['check', 'r.json', '--spec', 'spec.yaml', '--json', ''], f"--json '': {EMPTY}"),
+    (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'new', '--junit', './new'],
+     '--junit ./new: is the file of --json, too; name another file'),
     (['tune', 'r.json', '--json', 'r.json'], f'--json r.json: {INPUT}'),
     (['tune', 'r.json', '--json', 'a.csv'],
      f'a.csv: {OTHER.format("document imu_allan.tuning")}'),
