@@ -52,6 +52,20 @@ def fails_with(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
 
 
 @pytest.fixture
+def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run the command here, which is to end well without a word on stderr; gives its output."""
+    from imu_allan.cli.main import main
+
+    def run(*arguments: object) -> str:
+        capsys.readouterr()
+        assert main([*map(str, arguments)]) == 0
+        shown = capsys.readouterr()
+        assert shown.err == ''
+        return shown.out
+    return run
+
+
+@pytest.fixture
 def wrong_usage(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
     """Run the command here, of which its usage is expected, and a line that ends so."""
     from imu_allan.cli.main import main

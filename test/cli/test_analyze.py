@@ -32,14 +32,12 @@ COMMAND = [sys.executable, '-m', 'imu_allan', 'analyze']
 NOTHING_SAVED = 'Nothing is saved: --output DIR keeps result, report, plot and curve.'
 
 
-def test_table_goes_to_stdout_and_nothing_to_stderr(imu_recording, capsys):
-    assert main(['analyze', str(imu_recording)]) == 0
-    shown = capsys.readouterr()
-    assert shown.err == ''
-    assert '30,000 samples at 100 Hz, 5 min' in shown.out.splitlines()
-    assert 'angle random walk' in shown.out
-    assert 'velocity random walk' in shown.out
-    assert shown.out.splitlines()[-1] == NOTHING_SAVED
+def test_table_goes_to_stdout_and_nothing_to_stderr(imu_recording, output_of):
+    shown = output_of('analyze', imu_recording)
+    assert '30,000 samples at 100 Hz, 5 min' in shown.splitlines()
+    assert 'angle random walk' in shown
+    assert 'velocity random walk' in shown
+    assert shown.splitlines()[-1] == NOTHING_SAVED
 
 
 def test_json_holds_exactly_what_python_returns(recording, analyzed, capsys):
@@ -62,16 +60,13 @@ def test_a_table_whose_times_do_not_go_on_is_told_of_its_times(tmp_path, fails_w
 
 
 def test_output_folder_holds_result_curve_plot_report_and_configurations(
-        recording, tmp_path, capsys):
+        recording, tmp_path, output_of):
     output = tmp_path / 'with' / 'parents'
-    assert main(['analyze', str(recording), '--for', 'kalibr', '--for', 'px4',
-                 '--output', str(output)]) == 0
-    shown = capsys.readouterr()
-    assert shown.err == ''
-    assert 'angle random walk' in shown.out
-    assert NOTHING_SAVED not in shown.out
+    shown = output_of('analyze', recording, '--for', 'kalibr', '--for', 'px4', '--output', output)
+    assert 'angle random walk' in shown
+    assert NOTHING_SAVED not in shown
     # The last line says where to look.
-    where, names = shown.out.splitlines()[-1].rsplit(': ', 1)
+    where, names = shown.splitlines()[-1].rsplit(': ', 1)
     assert where == f'Written to {output}'
     assert set(names.split(', ')) == {path.name for path in output.iterdir()} == {
         'allan_deviation.png', 'curve.csv', 'report.html', 'result.json', 'imu.yaml',
@@ -89,10 +84,9 @@ def test_a_configuration_comes_in_the_same_command_alone_on_stdout(imu_recording
 
 
 def test_several_recordings_get_folders_of_their_own_and_lines_in_order(
-        recording, tmp_path, model, capsys):
+        recording, tmp_path, model, output_of):
     other = write_recording(tmp_path / 'b' / 'at_rest', simulated_blocks(model, 50.0, 5000))
-    assert main(['analyze', str(recording), str(other), '--output', str(tmp_path / 'out')]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = output_of('analyze', recording, other, '--output', tmp_path / 'out').splitlines()
     assert [line.partition(', ')[0] for line in lines[:2]] == ['at_rest: 5 min',
                                                                'at_rest-2: 100 s']
     rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
@@ -124,23 +118,23 @@ def two_topics(tmp_path, model):
     return path
 
 
-def test_several_topics_are_named_and_the_user_chooses(two_topics, fails_with, capsys):
+def test_several_topics_are_named_and_the_user_chooses(two_topics, fails_with, output_of):
     fails_with(f'{two_topics}: 2 Imu topics; choose one with --topic: /../up (3,000 messages), '
                '/front/imu (3,000 messages)', 'analyze', two_topics)
     for option in (['--json', 'r.json'], ['--for', 'kalibr']):
         fails_with(f'{two_topics}: has 2 Imu topics, too many for {option[0]}; choose one with '
                    '--topic or use --output DIR', 'analyze', two_topics, '--all-topics', *option)
     assert not Path('r.json').exists()
-    assert main(['analyze', str(two_topics), '--topic', '/front/imu']) == 0
-    assert '3,000 samples at 100 Hz, 30 s' in capsys.readouterr().out.splitlines()
+    assert '3,000 samples at 100 Hz, 30 s' in output_of(
+        'analyze', two_topics, '--topic', '/front/imu').splitlines()
 
 
 @pytest.mark.parametrize('more', [slow([]), ['--jobs', '2', '--start', 'auto']])
 def test_all_topics_are_analyzed_as_each_alone_and_none_leads_out_of_the_output_folder(
-        two_topics, tmp_path, more, capsys):
+        two_topics, tmp_path, more, output_of):
     output = tmp_path / 'deep' / 'output'
-    assert main(['analyze', str(two_topics), '--all-topics', '--output', str(output), *more]) == 0
-    shown = capsys.readouterr().out.splitlines()
+    shown = output_of('analyze', two_topics, '--all-topics', '--output', output,
+                      *more).splitlines()
     assert '3,000 samples at 100 Hz, 30 s' in shown
     assert '3,000 samples at 50 Hz, 60 s' in shown
     assert sorted(path.suffix for path in output.iterdir() if path.is_file()) == [

@@ -2,23 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verb that says what a finding means."""
 
-from imu_allan.cli.main import main
+from collections.abc import Callable
+
 from imu_allan.writers.sentences import WORDS
 import pytest
 
 
 @pytest.mark.parametrize('given', ['not_steady', 'NOT-STEADY', 'not steady'])
 def test_a_code_is_explained_however_it_is_written(
-        given: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['explain', given]) == 0
-    lines = capsys.readouterr().out.splitlines()
+        given: str, output_of: Callable[..., str]) -> None:
+    lines = output_of('explain', given).splitlines()
     assert lines[0] == 'not_steady: not steady (act upon it)'
     assert lines[1].startswith('What it means: The noise was not the same all the time')
 
 
-def test_without_a_code_all_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['explain']) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [*WORDS]
+def test_without_a_code_all_are_listed(output_of: Callable[..., str]) -> None:
+    assert [line.split()[0] for line in output_of('explain').splitlines()] == [*WORDS]
 
 
 def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many recordings at once."""
 
+from collections.abc import Callable
 import csv
 import json
 import os
@@ -37,15 +38,15 @@ def write_csv(path: Path, density: float, seed: int, samples: int = 6000, axes: 
 
 
 def test_a_recording_given_twice_counts_once(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        tmp_path: Path, output_of: Callable[..., str]) -> None:
     one = write_csv(tmp_path / 'u1.csv', 0.005, 1)
     other = write_csv(tmp_path / 'u3.csv', 0.005, 2)
     copy = str(tmp_path / 'u2.csv')
     shutil.copy(one, copy)
     out = tmp_path / 'out'
-    assert main(['analyze', one, copy, other, '--output', str(out), '--no-progress']) == 0
     assert ('u2: u1 and u2 hold the same messages, which would count twice; give each recording '
-            'of the IMU once') in capsys.readouterr().out.splitlines()
+            'of the IMU once') in output_of(
+                'analyze', one, copy, other, '--output', out).splitlines()
     fleet = json.loads((out / 'fleet.json').read_text())
     assert [unit['name'] for unit in fleet['units']] == ['u1', 'u3']
 
@@ -116,14 +117,13 @@ def test_resume_works_on_what_is_missing_or_newer(
 
 
 def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        tmp_path: Path, output_of: Callable[..., str]) -> None:
     paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
     output = tmp_path / 'out'
     command = ['analyze', *paths, '--output', str(output), '--resume']
 
     def done_before(*options: str) -> list[str]:
-        assert main([*command, *options]) == 0
-        return [line.partition(':')[0] for line in capsys.readouterr().out.splitlines()
+        return [line.partition(':')[0] for line in output_of(*command, *options).splitlines()
                 if line.endswith('done before')]
 
     assert done_before() == []
@@ -162,11 +162,11 @@ def test_resume_takes_no_other_recording_of_the_same_relative_name(
 
 
 def test_recordings_of_one_imu_make_one_result(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        tmp_path: Path, output_of: Callable[..., str]) -> None:
     paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]
-    assert main(['analyze', *paths, '--together', '--output', str(tmp_path / 'out'),
-                 '--json', str(tmp_path / 'r.json'), '--serial', 'A-17']) == 0
-    assert f'{paths[0]} + {paths[1]}' in capsys.readouterr().out.splitlines()
+    assert f'{paths[0]} + {paths[1]}' in output_of(
+        'analyze', *paths, '--together', '--output', tmp_path / 'out', '--json',
+        tmp_path / 'r.json', '--serial', 'A-17').splitlines()
     result = load_result(tmp_path / 'r.json')
     assert [part.path for part in result.recordings] == paths
     assert result.inspection.serial == 'A-17'

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 import os
 from pathlib import Path
@@ -23,11 +23,8 @@ START_NS = 1_700_000_000 * 10**9
 
 
 def test_clean_recording_is_described(
-        imu_recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['info', str(imu_recording)]) == 0
-    shown = capsys.readouterr()
-    assert shown.err == ''
-    assert shown.out.splitlines() == [
+        imu_recording: Path, output_of: Callable[..., str]) -> None:
+    assert output_of('info', imu_recording).splitlines() == [
         Varying(f'{imu_recording}  <number> MB'), '', '/imu/data_raw', '  messages    30,000',
         '  frame_id    imu_link', '  start       2023-11-14T22:13:20Z', '  duration    5 min',
         '  rate        100 Hz, jitter below 1 us', CLOCK, '  faults      none']
@@ -45,20 +42,18 @@ def without(model: NoiseModel, samples: int, *gaps: slice, change: Any) -> Itera
         yield replace(block, header_ns=stamps).part(keep)
 
 
-def test_gaps_and_faults_are_counted(tmp_path, model, capsys):
+def test_gaps_and_faults_are_counted(tmp_path, model, output_of):
     def repeat(stamps, _):
         stamps[500] = stamps[499]
 
     blocks = without(model, 20_000, slice(1000, 1003), slice(5000, 6000), change=repeat)
-    assert main(['info', str(write_recording(tmp_path / 'faulty', blocks))]) == 0
-    shown = capsys.readouterr().out.splitlines()
+    shown = output_of('info', write_recording(tmp_path / 'faulty', blocks)).splitlines()
     assert '  faults      1,004 missing, 1 duplicate, 1 repeated header stamp' in shown
     assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
 
 
-def test_sensor_that_is_not_there_is_named(recording, capsys):
-    assert main(['info', str(recording)]) == 0
-    assert '  absent      accel_x, accel_y, accel_z' in capsys.readouterr().out.splitlines()
+def test_sensor_that_is_not_there_is_named(recording, output_of):
+    assert '  absent      accel_x, accel_y, accel_z' in output_of('info', recording).splitlines()
 
 
 def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
@@ -81,10 +76,9 @@ def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
                     reason='IMU_ALLAN_DATA names no folder of real recordings')
-def test_clock_faults_of_a_real_recording_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_clock_faults_of_a_real_recording_are_counted(output_of: Callable[..., str]) -> None:
     path = Path(os.environ['IMU_ALLAN_DATA']) / 'robot_localization_test1_2imu_xsens'
-    assert main(['info', str(path)]) == 0
-    shown = capsys.readouterr().out.splitlines()
+    shown = output_of('info', path).splitlines()
     assert [line for line in shown if line.startswith('  faults')] == [
         '  faults      45 missing, 590 repeated receive stamps',
         '  faults      423 missing, 31 out of order, 347 duplicates, 347 repeated header stamps, '
@@ -93,7 +87,7 @@ def test_clock_faults_of_a_real_recording_are_counted(capsys: pytest.CaptureFixt
 
 
 def test_an_imu_inside_another_message_is_named_with_how_it_is_read(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        tmp_path: Path, output_of: Callable[..., str]) -> None:
     kind = 'my_driver/msg/Stamped'
     store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
     for name in ('run_10', 'run_9'):
@@ -101,8 +95,7 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(
         write_mcap(tmp_path / name / 'a.mcap', kind, full_definition(store, kind),
                    [store.serialize_cdr(store.types[kind]('a', imu(store, number)), kind)
                     for number in range(20)])
-    assert main(['info', str(tmp_path)]) == 0
-    shown = capsys.readouterr().out
+    shown = output_of('info', tmp_path)
     assert shown.index('run_9') < shown.index('run_10')
     assert shown.count('  read as     my_driver/msg/Stamped, its field imu '
                        '(sensor_msgs/msg/Imu)\n') == 2
@@ -121,7 +114,7 @@ def test_a_folder_is_described_to_its_end_though_one_recording_cannot_be_read(
 
 
 def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(
-        tmp_path, model, capsys, monkeypatch):
+        tmp_path, model, output_of, monkeypatch):
     def stop(_, samples):
         samples[:, 1] = samples[0, 1]
 
@@ -129,8 +122,7 @@ def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(
     path = write_recording(tmp_path / 'bag', without(model, 40_000, *gaps, change=stop))
     monkeypatch.setattr('sys.stdout.isatty', lambda: True)
     monkeypatch.setenv('COLUMNS', '100')
-    assert main(['info', str(path)]) == 0
-    shown = capsys.readouterr().out.splitlines()
+    shown = output_of('info', path).splitlines()
     assert '  constant    gyro y: every sample is the same' in shown
     gaps = shown.index('  gaps        10, 78 s in all: 7.77 s at 50 s, 7.77 s at 81 s, 7.77 s at '
                        '112 s, 7.77 s at 2 min 24')

@@ -24,21 +24,16 @@ from whole_lines import Varying
 import yaml
 
 
-def test_export_prints_what_a_filter_reads(result_file, capsys):
-    assert main(['export', str(result_file), '--for', 'kalibr']) == 0
-    out, err = capsys.readouterr()
-    document = yaml.safe_load(out)
+def test_export_prints_what_a_filter_reads(result_file, output_of):
+    document = yaml.safe_load(output_of('export', result_file, '--for', 'kalibr'))
     assert document['gyroscope_noise_density'] == pytest.approx(0.005 * 0.0174533, rel=0.05)
     assert document['update_rate'] == pytest.approx(100, rel=1e-6)
-    assert err == ''
 
 
-def test_export_writes_into_a_folder_or_a_file(result_file, tmp_path, capsys):
-    assert main(['export', str(result_file), '--for', 'px4', '--output', str(tmp_path)]) == 0
-    assert main(['export', str(result_file), '--for', 'px4', '--output',
-                 str(tmp_path / 'mine.params')]) == 0
-    assert capsys.readouterr().out.split() == [str(tmp_path / 'px4_imu.params'),
-                                               str(tmp_path / 'mine.params')]
+def test_export_writes_into_a_folder_or_a_file(result_file, tmp_path, output_of):
+    for given, path in ((tmp_path, tmp_path / 'px4_imu.params'),
+                        (tmp_path / 'mine.params', tmp_path / 'mine.params')):
+        assert output_of('export', result_file, '--for', 'px4', '--output', given) == f'{path}\n'
     assert (tmp_path / 'px4_imu.params').read_text() == (tmp_path / 'mine.params').read_text()
 
 
@@ -88,19 +83,17 @@ def test_what_export_refuses_has_the_name_that_was_typed(
     fails_with(message, 'export', result_file, '--for', *wishes)
 
 
-def test_export_takes_another_rate(result_file, capsys):
-    assert main(['export', str(result_file), '--for', 'vins_fusion', '--rate', '25']) == 0
-    assert ('# Per sample at f = 25 Hz: N sqrt(f) and K sqrt(f).'
-            in capsys.readouterr().out.splitlines())
+def test_export_takes_another_rate(result_file, output_of):
+    assert '# Per sample at f = 25 Hz: N sqrt(f) and K sqrt(f).' in output_of(
+        'export', result_file, '--for', 'vins_fusion', '--rate', '25').splitlines()
 
 
-def test_every_consumer_is_a_choice_of_the_command(result_file, capsys):
+def test_every_consumer_is_a_choice_of_the_command(result_file, output_of):
     for consumer in CONSUMERS:
-        assert main(['export', str(result_file), '--for', consumer]) == 0
-        assert capsys.readouterr().out
+        assert output_of('export', result_file, '--for', consumer)
 
 
-def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys):
+def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys, output_of):
     (tmp_path / 'sheet.yaml').write_text(
         'gyro: {noise_density: 0.03 deg/s/sqrt(Hz), rate_random_walk: 3e-6 rad/s^2/sqrt(Hz)}\n'
         'accel: {noise_density: 100 ug/sqrt(Hz)}\n')
@@ -114,9 +107,8 @@ def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys):
             continue
         assert (status, err) == (0, '')
         assert f'the DATASHEET {tmp_path}/sheet.yaml: nothing of it was measured' in out
-    assert main(['export', '--spec', str(tmp_path / 'sheet.yaml'), '--for', 'Kalibr', '--rate',
-                 '200']) == 0
-    document = yaml.safe_load(capsys.readouterr().out)
+    document = yaml.safe_load(output_of('export', '--spec', tmp_path / 'sheet.yaml', '--for',
+                                        'Kalibr', '--rate', '200'))
     assert document['gyroscope_noise_density'] == pytest.approx(0.03 * 0.0174533, rel=1e-5)
     assert document['gyroscope_random_walk'] == 3e-6
     assert 'accelerometer_random_walk' not in document or document[
@@ -300,21 +292,18 @@ def test_what_cannot_be_checked_is_one_line(
                'check', result_file, '--spec', spec, *options)
 
 
-def test_report_writes_page_and_plots_and_names_them(result_file, tmp_path, capsys):
-    assert main(['report', str(result_file), '--output', str(tmp_path / 'out'),
-                 '--format', 'png,svg']) == 0
-    names = {Path(line).name for line in capsys.readouterr().out.split()}
+def test_report_writes_page_and_plots_and_names_them(result_file, tmp_path, output_of):
+    names = {Path(line).name for line in output_of(
+        'report', result_file, '--output', tmp_path / 'out', '--format', 'png,svg').split()}
     assert names == {'report.html', *(f'{sheet}.{kind}' for kind in ('png', 'svg')
                                       for sheet in ('allan_deviation', 'gyro', 'accel'))}
     assert {path.name for path in (tmp_path / 'out').iterdir()} == names
 
 
-def test_report_of_two_results_compares_them(result_file, tmp_path, capsys):
+def test_report_of_two_results_compares_them(result_file, tmp_path, output_of):
     other = tmp_path / 'other.json'
     other.write_bytes(result_file.read_bytes())
-    assert main(['report', str(result_file), str(other), '--output', str(tmp_path),
-                 '--format', 'png']) == 0
-    out = capsys.readouterr().out
+    out = output_of('report', result_file, other, '--output', tmp_path, '--format', 'png')
     assert (tmp_path / 'comparison.html').exists()
     assert (tmp_path / 'comparison.png').exists()
     for axis in AXES:
@@ -322,13 +311,12 @@ def test_report_of_two_results_compares_them(result_file, tmp_path, capsys):
     assert '+0.00' in out
 
 
-def test_more_results_than_colours_are_compared_as_a_population(result_file, tmp_path, capsys):
+def test_more_results_than_colours_are_compared_as_a_population(result_file, tmp_path, output_of):
     paths = []
     for number in range(1, 9):
         paths.append(tmp_path / f'unit{number}.json')
         paths[-1].write_bytes(result_file.read_bytes())
-    assert main(['report', *map(str, paths), '--output', str(tmp_path), '--format', 'png']) == 0
-    out = capsys.readouterr().out
+    out = output_of('report', *paths, '--output', tmp_path, '--format', 'png')
     assert '8 units' in out
     assert '8 of 8' in out
     page = (tmp_path / 'comparison.html').read_text()

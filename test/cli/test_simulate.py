@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
+from collections.abc import Callable
 from pathlib import Path
 import subprocess
 import sys
@@ -17,11 +18,10 @@ CONFIG = Path(__file__).parents[2] / 'config'
 
 @pytest.mark.parametrize('storage', ['mcap', slow('sqlite3')])
 def test_analysis_of_a_simulated_recording_finds_the_model(
-        storage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        storage: str, tmp_path: Path, output_of: Callable[..., str]) -> None:
     output = tmp_path / 'simulated'
-    assert main(['simulate', str(CONFIG / 'consumer_mems.yaml'), '--storage', storage,
-                 '--rate', '200', '--duration', '10min', '--output', str(output)]) == 0
-    assert capsys.readouterr().out == f'{output}\n'
+    assert output_of('simulate', CONFIG / 'consumer_mems.yaml', '--storage', storage, '--rate',
+                     '200', '--duration', '10min', '--output', output) == f'{output}\n'
     assert any(output.glob(f'*.{"mcap" if storage == "mcap" else "db3"}'))
     result = imu_allan.analyze(output)
     assert result.timeline.samples == 120_000

@@ -7,7 +7,6 @@ import json
 import re
 
 import imu_allan
-from imu_allan.cli.main import main
 from imu_allan.finding import finding
 from imu_allan.result import Saturation
 from imu_allan.writers.result_file import load_result, save_result
@@ -16,9 +15,8 @@ import pytest
 from whole_lines import Varying
 
 
-def test_the_four_ways_stand_side_by_side(result_file, capsys):
-    assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s']) == 0
-    out, err = capsys.readouterr()
+def test_the_four_ways_stand_side_by_side(result_file, output_of):
+    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s')
     assert out.splitlines()[0] == (
         'Numbers for a filter that is corrected every 1 s and unaided for 20 s:')
     for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
@@ -28,7 +26,6 @@ def test_the_four_ways_stand_side_by_side(result_file, capsys):
     said = Varying('One unaided minute costs about <number>° of heading (<number> to '
                    '<number>°; gyro_z, the worst axis).')
     assert said in out.splitlines()
-    assert err == ''
     # Ten times a bound is a bound.
     assert (re.search(r'as measured +\S+ +< ', out) is None) == (
         re.search(r'ten times K +\S+ +< ', out) is None)
@@ -37,11 +34,10 @@ def test_the_four_ways_stand_side_by_side(result_file, capsys):
 
 
 @pytest.mark.parametrize('width', [60, 80])
-def test_nothing_is_broken_or_cut_on_a_terminal(result_file, capsys, monkeypatch, width):
+def test_nothing_is_broken_or_cut_on_a_terminal(result_file, output_of, monkeypatch, width):
     monkeypatch.setenv('COLUMNS', str(width))
     verify = ['--verify', str(result_file)] if width == 80 else []
-    assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s', *verify]) == 0
-    out = capsys.readouterr().out
+    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', *verify)
     assert '…' not in out
     assert max(map(len, out.splitlines())) <= width
     rows = [line.split() for line in out.splitlines()]
@@ -51,24 +47,21 @@ def test_nothing_is_broken_or_cut_on_a_terminal(result_file, capsys, monkeypatch
 
 
 def test_an_axis_that_knows_too_little_hides_no_sentence_of_the_others(result_file, tmp_path,
-                                                                       capsys):
+                                                                       output_of):
     result = load_result(result_file)
     axis = result.axes['gyro_z']
     short = replace(axis, drift_model=replace(axis.drift_model, to_s=10.0))
     path = tmp_path / 'short.json'
     save_result(replace(result, axes=dict(result.axes) | {'gyro_z': short}), path)
-    assert main(['tune', str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = output_of('tune', path).splitlines()
     [said] = [line for line in lines if ' of heading ' in line]
     assert said == Varying('One unaided minute costs about <number>° of heading '
                            '(<number> to <number>°; gyro_y, the worst axis that is known).')
 
 
-def test_the_numbers_as_json(result_file, tmp_path, capsys):
+def test_the_numbers_as_json(result_file, tmp_path, output_of):
     path = tmp_path / 'tuning.json'
-    assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s',
-                 '--json', str(path)]) == 0
-    capsys.readouterr()
+    output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', '--json', path)
     document = json.loads(path.read_text())
     axis = document['axes']['gyro_x']
     tuned = axis['choices'][0]
@@ -83,9 +76,8 @@ def test_the_numbers_as_json(result_file, tmp_path, capsys):
     assert document['axes']['accel_x']['forecast']['position'][0] > 0
 
 
-def test_how_far_another_day_may_be_off_is_said(result_file, capsys):
-    assert main(['tune', str(result_file), '--coast', '20s']) == 0
-    out = capsys.readouterr().out
+def test_how_far_another_day_may_be_off_is_said(result_file, output_of):
+    out = output_of('tune', result_file, '--coast', '20s')
     [found] = [match for line in out.splitlines() if (match := re.fullmatch(
         r'On another day the squared error after 20 s may be ([\d.]+) to ([\d.]+) times '
         r'\(gyroscope\) and ([\d.]+) to ([\d.]+) times \(accelerometer\) as large as here '
@@ -98,13 +90,12 @@ def test_how_far_another_day_may_be_off_is_said(result_file, capsys):
     assert 'Not steady' not in out
 
 
-def test_what_changed_within_the_recording_is_said(result_file, capsys, tmp_path):
+def test_what_changed_within_the_recording_is_said(result_file, output_of, tmp_path):
     result = load_result(result_file)
     told = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
                    half_s=600.0)
     save_result(replace(result, warnings=(told,)), tmp_path / 'told.json')
-    assert main(['tune', str(tmp_path / 'told.json'), '--coast', '3h']) == 0
-    out = capsys.readouterr().out.splitlines()
+    out = output_of('tune', tmp_path / 'told.json', '--coast', '3h').splitlines()
     assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second.'
             in out)
     assert ('On another day the squared error after 3 h may be any number of times (gyroscope) '
@@ -112,10 +103,9 @@ def test_what_changed_within_the_recording_is_said(result_file, capsys, tmp_path
             'a recording is short.') in out
 
 
-def test_what_is_beyond_the_recording_is_said(result_file, capsys):
-    assert main(['tune', str(result_file), '--aiding', '50ms', '--coast', '3h', '--calibration',
-                 '3h']) == 0
-    out = capsys.readouterr().out
+def test_what_is_beyond_the_recording_is_said(result_file, output_of):
+    out = output_of('tune', result_file, '--aiding', '50ms', '--coast', '3h', '--calibration',
+                    '3h')
     lines = out.splitlines()
     assert lines[0] == 'Numbers for a filter that is corrected every 50 ms and unaided for 3 h:'
     for what in ('unaided', 'of averaging the bias'):
@@ -128,7 +118,7 @@ def test_what_is_beyond_the_recording_is_said(result_file, capsys):
     assert not any(line.startswith('One unaided minute') for line in lines)
 
 
-def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path, capsys):
+def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path, output_of):
     result = load_result(result_file)
     axes = dict(result.axes) | {
         'gyro_y': replace(result.axes['gyro_y'], drift_model=None,
@@ -137,19 +127,17 @@ def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path,
         'accel_z': replace(result.axes['accel_z'], drift_model=None, high_passed_hz=0.2)}
     path = tmp_path / 'faulty.json'
     save_result(replace(result, axes=axes), path)
-    assert main(['tune', str(path)]) == 0
-    out = capsys.readouterr().out.splitlines()
+    out = output_of('tune', path).splitlines()
     assert 'gyro y is left out: its output is cut off at 0.01 rad/s.' in out
     assert 'gyro z is left out: it repeats another axis.' in out
     assert 'accel z is left out: a filter has taken out its slow part.' in out
 
 
 def test_the_numbers_hold_on_the_recording_they_come_from(
-        result_file, imu_recording, tmp_path, capsys):
+        result_file, imu_recording, tmp_path, output_of):
     path = tmp_path / 'verified.json'
-    assert main(['tune', str(result_file), '--aiding', '1s', '--verify', str(imu_recording),
-                 '--no-progress', '--json', str(path)]) == 0
-    out = capsys.readouterr().out
+    out = output_of('tune', result_file, '--aiding', '1s', '--verify', imu_recording,
+                    '--no-progress', '--json', path)
     assert f'The tuned numbers held against {imu_recording}:' in out.splitlines()
     assert (f'Filters with these numbers, run over 5 min of rest in {imu_recording}, in one part:'
             in out.splitlines())
@@ -162,8 +150,7 @@ def test_the_numbers_hold_on_the_recording_they_come_from(
         assert axis['full']['innovations'][0]['nis'] == pytest.approx(1, abs=0.4)
         assert axis['noise_ci95'][0] < 1 < axis['noise_ci95'][1]
         assert {'from_s', 'to_s', 'ratio', 'ci95'} == set(axis['excess'][0])
-    assert main(['tune', str(result_file), '--verify', str(result_file)]) == 0
-    out = capsys.readouterr().out
+    out = output_of('tune', result_file, '--verify', result_file)
     assert re.search('axis +NIS +error +N times +K times', out)
     assert out.splitlines()[-1] == (
         'N times, K times: the factor that would make the numbers right there, with its 95 % '
@@ -173,12 +160,11 @@ def test_the_numbers_hold_on_the_recording_they_come_from(
 
 
 def test_a_filter_with_a_process_stays_one_when_it_is_verified(
-        result_file, imu_recording, tmp_path, capsys):
+        result_file, imu_recording, tmp_path, output_of):
     path, picture = tmp_path / 'verified.json', tmp_path / 'drift.svg'
-    assert main(['tune', str(result_file), '--aiding', '1s', '--bias', 'gauss_markov', '--verify',
-                 str(imu_recording), '--no-progress', '--json', str(path), '--plot',
-                 str(picture)]) == 0
-    out = ' '.join(capsys.readouterr().out.split())
+    out = ' '.join(output_of('tune', result_file, '--aiding', '1s', '--bias', 'gauss_markov',
+                             '--verify', imu_recording, '--no-progress', '--json', path,
+                             '--plot', picture).split())
     assert 'sigma, Tc' in out
     assert 'sigma times' in out
     assert 'K times' not in out
@@ -218,20 +204,17 @@ def test_a_result_without_drift_model_is_told(result_file, tmp_path, fails_with)
                'tune', result_file, '--verify', tmp_path / 'old.json')
 
 
-def test_export_writes_what_was_wished(result_file, capsys):
-    assert main(['export', str(result_file), '--for', 'kalibr', '--aiding', '1s', '--coast',
-                 '2min', '--conservative', '--inflate', 'N=2,K=5']) == 0
-    out = capsys.readouterr().out.splitlines()
+def test_export_writes_what_was_wished(result_file, output_of):
+    out = output_of('export', result_file, '--for', 'kalibr', '--aiding', '1s', '--coast', '2min',
+                    '--conservative', '--inflate', 'N=2,K=5').splitlines()
     assert '# Conservatively tuned for a correction every 1 s and 2 min unaided.' in out
     assert '# INFLATED on request: K times 5, N times 2.' in out
-    assert main(['export', str(result_file), '--for', 'kalibr', '--as-measured']) == 0
-    assert ('# Coefficients as measured (IEEE Std 952), not tuned.'
-            in capsys.readouterr().out.splitlines())
+    assert '# Coefficients as measured (IEEE Std 952), not tuned.' in output_of(
+        'export', result_file, '--for', 'kalibr', '--as-measured').splitlines()
 
 
-def test_an_exported_file_says_what_the_recording_does_not_know(result_file, capsys):
+def test_an_exported_file_says_what_the_recording_does_not_know(result_file, output_of):
     for option, widened in ((), 'the numbers are'), (('--as-measured',), 'what is expected is'):
-        assert main(['export', str(result_file), '--for', 'kalibr', '--coast', '3h',
-                     *option]) == 0
         assert (f'# WARNING: this recording knows 100 s at most; beyond it {widened} widened, and '
-                'K may be' in capsys.readouterr().out.splitlines())
+                'K may be' in output_of('export', result_file, '--for', 'kalibr', '--coast', '3h',
+                                        *option).splitlines())

@@ -11,7 +11,6 @@ import sys
 import time
 
 from imu_allan.analysis import Choice
-from imu_allan.cli.main import main
 from imu_allan.cli.tasks import folder_names, Task
 from imu_allan.cli.workers import executor, in_order, WorkerProcesses
 from imu_allan.errors import ImuAllanError
@@ -124,12 +123,11 @@ def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_writte
     assert (output / 'at_rest-2' / 'report.html').exists()
 
 
-def test_jobs_give_the_same_results_in_the_same_order(recording, tmp_path, model, capsys):
+def test_jobs_give_the_same_results_in_the_same_order(recording, tmp_path, model, output_of):
     other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
     shown = []
     for options in ((), ('--jobs', '2')):
-        assert main(['analyze', str(recording), str(other), *options]) == 0
-        shown.append(capsys.readouterr().out)
+        shown.append(output_of('analyze', recording, other, *options))
     assert shown[0] == shown[1]
 
 
