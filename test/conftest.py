@@ -58,9 +58,13 @@ def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
 
     def run(*arguments: object) -> str:
         capsys.readouterr()
-        assert main([*map(str, arguments)]) == 0
+        try:
+            status: object = main([*map(str, arguments)])
+        except SystemExit as stop:
+            # As --help and --version do.
+            status = stop.code
         shown = capsys.readouterr()
-        assert shown.err == ''
+        assert (status, shown.err) == (0, '')
         return shown.out
     return run
 
