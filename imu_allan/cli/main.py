@@ -22,9 +22,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
 from imu_allan.version import __version__
 
-_INSTALLED_AS = {name: name for name in (
-    'isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')}
-"""Packages that an installation by rosdep may lack, as pip calls them."""
+_BY_PIP = ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')
+"""Packages that an installation by rosdep may lack; pip and Python call them the same."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 DESCRIPTION = """\
@@ -156,8 +155,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImuAllanError as error:
         return _fail(str(error))
     except ModuleNotFoundError as error:
-        package = _INSTALLED_AS.get((error.name or '').partition('.')[0])
-        if package is None:
+        package = (error.name or '').partition('.')[0]
+        if package not in _BY_PIP:
             raise
         return _fail(f'needs the Python package {package}, which is not installed; rosdep does '
                      f'not know it: pip install {package}')
