@@ -5,7 +5,6 @@
 import argparse
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -138,8 +137,9 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
     from imu_allan.analysis import fitted_of, growing
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing
+    from imu_allan.writers.result_file import is_result
 
-    if Path(source).suffix == '.json':
+    if is_result(source):
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')
     with closing(growing(source, choice_of(args), next_look)) as looks:
         for taken in looks:

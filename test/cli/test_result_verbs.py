@@ -288,8 +288,9 @@ def test_what_cannot_be_checked_is_one_line(
         result_file, tmp_path, fails_with, limit, options, line):
     spec = tmp_path / 'spec.yaml'
     spec.write_text(f'gyro: {{noise_density: {limit}}}')
-    fails_with(line.format(result=result_file, spec=spec),
-               'check', result_file, '--spec', spec, *options)
+    for result in (result_file, result_file.parent):
+        fails_with(line.format(result=result, spec=spec),
+                   'check', result, '--spec', spec, *options)
 
 
 def test_report_writes_page_and_plots_and_names_them(result_file, tmp_path, output_of):
