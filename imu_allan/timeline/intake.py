@@ -88,7 +88,8 @@ class Intake(Record):
         decision = self.decision
         if decision.counted_only:
             interval = SECOND / (self._options.rate_hz or 1.0)
-            first = self._counts.messages
+            # Messages of another frame are no samples of this one.
+            first = self._counts.messages - sum(self._counts.other_frames.values())
             place = np.arange(first, first + len(window.header_ns))
             return np.rint(place * interval).astype(np.int64), window.receive_ns
         if decision.clock == 'header':

@@ -242,6 +242,16 @@ def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted()
         'frame_id': 'imu_link', 'others': ['base_link'], 'rejected': [2000]}
 
 
+def test_where_samples_are_counted_those_of_another_frame_leave_no_gap():
+    stamps = np.zeros(20_000, np.int64)
+    one, other = (replace(still(20_000, frame_id=frame_id), header_ns=stamps, receive_ns=stamps)
+                  for frame_id in ('imu_link', 'base_link'))
+    parts = [slice(first, first + 100) for first in range(0, 20_000, 100)]
+    summary, _ = run([block.part(part) for part in parts for block in (one, other)], rate_hz=100.0)
+    assert (summary.timeline.samples, summary.timeline.missing) == (20_000, 0)
+    assert summary.timeline.duration_s == pytest.approx(200.0)
+
+
 def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
     summary, _ = run([still(200), *(replace(still(1), frame_id=f'frame_{i}')
                                     for i in range(1000))])
