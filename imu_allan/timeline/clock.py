@@ -28,27 +28,9 @@ _OVERLAPPING = 0.005
 """Share of backward stamps: a message in 200 begins a batch of a FIFO, at least."""
 
 
-@dataclass(frozen=True)
-class ClockQuality:
+def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
     """
-    What a clock looks like over some messages.
-
-    Attributes
-    ----------
-    usable : bool
-        Whether samples can be told apart and put in order by it.
-    flaw : str
-        What is wrong with it in words, empty where usable.
-
-    """
-
-    usable: bool
-    flaw: str = ''
-
-
-def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> ClockQuality:
-    """
-    Judge whether `stamps` can serve as the clock.
+    Say what keeps `stamps` from serving as the clock, empty where they can.
 
     Parameters
     ----------
@@ -62,23 +44,20 @@ def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Clo
 
     """
     if not stamps.any():
-        return ClockQuality(False, 'zero')
+        return 'zero'
     if len(stamps) < 2:
-        return ClockQuality(True)
+        return ''
     steps = np.diff(stamps)
     if not steps.any():
         # A few messages that came several times say nothing of the clock.
-        return (ClockQuality(True) if repeats.all() and len(stamps) < 8
-                else ClockQuality(False, 'constant'))
+        return '' if repeats.all() and len(stamps) < 8 else 'constant'
     if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
-        return ClockQuality(False, 'in whole seconds')
+        return 'in whole seconds'
     distinct = steps[~(repeats & (steps == 0))]
     stuck = np.mean(distinct == 0)
     if stuck > (0.98 if bursts else 0.1):
-        return ClockQuality(False, f'coarse ({100 * stuck:.0f} % of them repeat the one before)')
-    if np.mean(distinct < 0) > 0.2:
-        return ClockQuality(False, 'out of order')
-    return ClockQuality(True)
+        return f'coarse ({100 * stuck:.0f} % of them repeat the one before)'
+    return 'out of order' if np.mean(distinct < 0) > 0.2 else ''
 
 
 @dataclass(frozen=True)

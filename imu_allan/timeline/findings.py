@@ -220,11 +220,11 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
 
 def _clock_facts(counts: Counts, decision: Decision) -> Facts:
     """Compare the speeds of both clocks; a jump of either is no speed."""
-    if (decision.clock != 'header' or counts.last_header is None
-            or counts.last_receive is None or counts.messages < _FEWEST_FOR_SPEED):
+    if (decision.clock != 'header' or counts.header.last_ns is None
+            or counts.receive.last_ns is None or counts.messages < _FEWEST_FOR_SPEED):
         return {}
-    header = (counts.last_header - counts.first_header_ns) / SECOND
-    receive = (counts.last_receive - counts.first_receive_ns) / SECOND
+    header = (counts.header.last_ns - counts.header.first_ns) / SECOND
+    receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
     if counts.clock_jumps:
         # What the samples take by the header's rate. Where that is less, samples may be missing.
         header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)

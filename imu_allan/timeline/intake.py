@@ -15,8 +15,8 @@ from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     bounded,
+    flaw_of,
     in_order,
-    judge_clock,
     lost_before,
     order_stamps,
     overlaps,
@@ -79,7 +79,7 @@ class Intake(Record):
     """
 
     def __init__(self, memory: Memory) -> None:
-        self._options, self._counts = memory.options, memory.counts
+        self._memory, self._options, self._counts = memory, memory.options, memory.counts
         self.decision, self.content = memory.decision, memory.content
         self.presence, self.late_axes = memory.presence, memory.late_axes
 
@@ -108,19 +108,18 @@ class Intake(Record):
         """Count messages with nothing wrong, whose own clock needs no look any more."""
         counts, c = self._counts, window.consumed
         if self.decision.clock == 'header':
-            counts.add_receive_faults(window.receive_ns[:c])
+            counts.receive.add(window.receive_ns[:c])
         else:
-            counts.add_header_faults(window.header_ns[:c])
+            counts.header.add(window.header_ns[:c])
         self.content.last = window.samples[c - 1].tolist()
         self.late_axes.count(c)
         self._count(window)
 
-    def look(self, window: Window) -> tuple[Window, Repeats, str]:
+    def usable(self, window: Window) -> Messages:
         """
-        Decide on the first messages, count faults of stamps, and doubt the clock in use.
+        Leave out messages that came twice or stand still, and mark those with unusable values.
 
-        Gives the window with stamps whose differences are sure not to overflow, what its values
-        say, and the flaw for which header stamps were given up just now, empty otherwise.
+        The clock is chosen on the first ones, and given up where it becomes unusable.
         """
         window = replace(window, header_ns=bounded(window.header_ns),
                          receive_ns=bounded(window.receive_ns))
@@ -128,28 +127,18 @@ class Intake(Record):
         repeats = self.content.look(window.samples, c)
         if decision.clock is None:
             self._decide(window, repeats)
-            self._seek_impostors(window, repeats)
-        flaw = ''
-        faulty = self._counts.add_header_faults(window.header_ns[:c])
+            self._seek_second_publisher(window, repeats)
+        counts = self._counts
+        faulty = counts.header.add(window.header_ns[:c])
+        counts.receive.add(window.receive_ns[:c])
         if faulty and decision.clock == 'header' and self._options.clock == 'auto':
-            flaw = self._doubt_header(window)
-        self._counts.add_receive_faults(window.receive_ns[:c])
-        return window, repeats, flaw
-
-    def usable(self, window: Window, repeats: Repeats, newest: Floats | None) -> Messages:
-        """
-        Leave out messages that came twice or stand still, and mark those with unusable values.
-
-        `window` and `repeats` are what `look` gives, `newest` the last sample placed before.
-        """
-        counts, c = self._counts, window.consumed
+            self._replace_header_clock(window)
         stamps, other = self.stamps(window)
         away, unusable = self._unusable(window)
         away = self._woken(window, away)
-        twice = self._twice(window, stamps, newest) | repeats.held
+        twice = self._twice(window, stamps) | repeats.held
         if self.content.frozen_s is None and repeats.frozen[:c].any():
-            first = (counts.first_header_ns if self.decision.clock == 'header'
-                     else counts.first_receive_ns)
+            first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
             begins = int(stamps[np.argmax(repeats.frozen)])
             self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
         self._count(window)
@@ -162,8 +151,12 @@ class Intake(Record):
         samples = window.samples if away is None else np.where(away, np.nan, window.samples)
         numbers = None
         if window.numbers is not None:
-            numbers = window.numbers - self.decision.repeated - np.cumsum(twice)
-            self.decision.repeated += int(np.count_nonzero(twice[:c]))
+            numbers = window.numbers - decision.repeated - np.cumsum(twice)
+            decision.repeated += int(np.count_nonzero(twice[:c]))
+        if repeats.woke:
+            counts.forget()
+            self._memory.motion = None
+            decision.restart = self._memory.cursor.fresh_run = True
         messages = Messages(stamps, other, samples, c, void, numbers)
         left_out = repeats.frozen | twice
         return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
@@ -190,8 +183,8 @@ class Intake(Record):
     def _count(self, window: Window) -> None:
         counts, c = self._counts, window.consumed
         counts.messages += c
-        counts.last_header = int(window.header_ns[c - 1])
-        counts.last_receive = int(window.receive_ns[c - 1])
+        counts.header.last_ns = int(window.header_ns[c - 1])
+        counts.receive.last_ns = int(window.receive_ns[c - 1])
 
     def _decide(self, window: Window, repeats: Repeats) -> None:
         """Choose clock, axes and pace from the first messages."""
@@ -212,8 +205,8 @@ class Intake(Record):
         decision.present = present.tolist()
         decision.not_finite = (declared & ~present).tolist()
         self._choose_clock(window)
-        self._counts.first_header_ns = int(window.header_ns[0])
-        self._counts.first_receive_ns = int(window.receive_ns[0])
+        self._counts.header.first_ns = int(window.header_ns[0])
+        self._counts.receive.first_ns = int(window.receive_ns[0])
         stated = None if options.rate_hz is None else Pace(SECOND / options.rate_hz)
         pace, rising = (None, 0) if decision.counted_only else self._measure(window, repeats)
         if pace is None:
@@ -231,7 +224,7 @@ class Intake(Record):
                     f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock '
                     '(analyze --clock), or force the stated rate (analyze --clock none)')
 
-    def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
+    def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
         """Look for a second publisher."""
         decision = self.decision
         rows = ~(repeats.held | repeats.frozen)
@@ -256,26 +249,26 @@ class Intake(Record):
     def _choose_clock(self, window: Window) -> None:
         decision, options = self.decision, self._options
         repeats = _repeats(window.samples)
-        quality = {'header': judge_clock(window.header_ns, repeats, bursts=False),
-                   'receive': judge_clock(window.receive_ns, repeats, bursts=True)}
+        flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
+                 'receive': flaw_of(window.receive_ns, repeats, bursts=True)}
         choice = 'header' if options.clock == 'auto' else options.clock
-        if not quality[choice].usable and options.clock == 'auto':
-            if quality['receive'].usable:
-                decision.remarks['receive_clock'] = {'flaw': quality['header'].flaw}
+        if flaws[choice] and options.clock == 'auto':
+            if not flaws['receive']:
+                decision.remarks['receive_clock'] = {'flaw': flaws['header']}
                 choice = 'receive'
-            elif judge_clock(window.header_ns, repeats, bursts=True).usable:
+            elif not flaw_of(window.header_ns, repeats, bursts=True):
                 # Ticks with several messages each are poor, and better than nothing.
-                quality['header'] = judge_clock(window.header_ns, repeats, bursts=True)
-        if not quality[choice].usable:
+                flaws['header'] = ''
+        if flaws[choice]:
             if options.rate_hz is None:
                 if np.array_equal(window.header_ns, window.receive_ns):
                     # A table or a log has one time for each sample, and no clock to choose.
-                    raise ImuAllanError(f'the times of the samples are {quality[choice].flaw}: '
+                    raise ImuAllanError(f'the times of the samples are {flaws[choice]}: '
                                         'mend them, or state the sample rate (analyze --rate)')
-                what = (f'{choice} stamps are {quality[choice].flaw}: choose the other clock '
+                what = (f'{choice} stamps are {flaws[choice]}: choose the other clock '
                         '(analyze --clock) or' if options.clock != 'auto' else
-                        f'header stamps are {quality["header"].flaw} and receive stamps '
-                        f'{quality["receive"].flaw}:')
+                        f'header stamps are {flaws["header"]} and receive stamps '
+                        f'{flaws["receive"]}:')
                 raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
             decision.counted_only = True
             decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
@@ -302,7 +295,7 @@ class Intake(Record):
         """
         decision = self.decision
         # Of a polled sensor only the messages with new values show its pace.
-        twice = self._twice(window, self.stamps(window)[0], None)
+        twice = self._twice(window, self.stamps(window)[0])
         rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
         numbers = self._numbers(window, repeats)
@@ -316,8 +309,8 @@ class Intake(Record):
                 or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
                 or pace.hidden > _MUCH_HIDDEN):
             return pace, count
-        usable = judge_clock(window.receive_ns, _repeats(window.samples), bursts=True).usable
-        second, seen = _pace_of(other, own, numbers, bursts=True) if usable else (None, 0)
+        flaw = flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)
+        second, seen = (None, 0) if flaw else _pace_of(other, own, numbers, bursts=True)
         if second is not None and pace.counting and second.counting:
             # What either clock may hide is hidden.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
@@ -349,30 +342,35 @@ class Intake(Record):
             return None
         return numbers
 
-    def _doubt_header(self, window: Window) -> str:
-        """Go on by receive stamps where header stamps have become unusable; tell their flaw."""
-        repeats = _repeats(window.samples)
-        header = judge_clock(window.header_ns, repeats, bursts=False)
-        if header.usable or not judge_clock(window.receive_ns, repeats, bursts=True).usable:
-            return ''
+    def _replace_header_clock(self, window: Window) -> None:
+        """Go on by receive stamps, in a new run, where header stamps have become unusable."""
+        repeats, cursor = _repeats(window.samples), self._memory.cursor
+        flaw = flaw_of(window.header_ns, repeats, bursts=False)
+        if not flaw or flaw_of(window.receive_ns, repeats, bursts=True):
+            return
         self.decision.clock = 'receive'
-        return header.flaw
+        self.decision.remarks['clock_changed'] = {
+            'flaw': flaw, 'since_s': cursor.elapsed_ns / SECOND}
+        if cursor.last_ns is not None:
+            cursor.last_ns, cursor.other_ns = cursor.other_ns, cursor.last_ns
+        cursor.fresh_run = True
 
-    def _twice(self, window: Window, stamps: Stamps, newest: Floats | None) -> Bools:
+    def _twice(self, window: Window, stamps: Stamps) -> Bools:
         """Messages that came twice, by a clock on which different messages share stamps."""
         counts = self._counts
         same = np.zeros(len(stamps), dtype=bool)
         tied = np.empty(len(stamps), dtype=bool)
-        tied[0] = stamps[0] == (counts.last_receive if self.decision.clock == 'receive'
-                                else counts.last_header)
+        tied[0] = stamps[0] == (counts.receive if self.decision.clock == 'receive'
+                                else counts.header).last_ns
         np.equal(stamps[1:], stamps[:-1], out=tied[1:])
         if not self.decision.unties or not tied.any():
             return same
         same[1:] = (tied[1:] & (window.header_ns[1:] == window.header_ns[:-1])
                     & _repeats(window.samples))
-        if tied[0] and newest is not None:
+        if tied[0] and len(self._memory.tail):
+            newest = self._memory.tail[-1]
             there = ~np.isnan(newest)
-            same[0] = (int(window.header_ns[0]) == counts.last_header
+            same[0] = (int(window.header_ns[0]) == counts.header.last_ns
                        and bool(np.array_equal(window.samples[0, there], newest[there])))
         return same
 

@@ -29,6 +29,39 @@ _LONGEST_NS = 100.0 * SECOND
 
 
 @dataclass
+class StampCounts(Record):
+    """
+    The stamps of one clock.
+
+    Attributes
+    ----------
+    first_ns : int
+        That of the first message.
+    last_ns : int or None
+        The newest, with which the next one is compared.
+    repeats, backward : int
+        Stamps equal to, or before, the one before.
+
+    """
+
+    first_ns: int = 0
+    last_ns: int | None = None
+    repeats: int = 0
+    backward: int = 0
+
+    def add(self, stamps: Stamps) -> bool:
+        """Count repeated and backward stamps; tell whether there are any."""
+        last = self.last_ns
+        if not len(stamps) or ((last is None or stamps[0] > last)
+                               and (stamps[1:] > stamps[:-1]).all()):
+            return False
+        steps = np.diff(stamps) if last is None else np.diff(stamps, prepend=last)
+        self.repeats += int(np.count_nonzero(steps == 0))
+        self.backward += int(np.count_nonzero(steps < 0))
+        return bool((steps <= 0).any())
+
+
+@dataclass
 class Counts(Record):
     """
     Messages by their fate, and the faults of their stamps.
@@ -47,12 +80,7 @@ class Counts(Record):
         Those of the rejected that are single wild values.
     absent : int
         Those of the rejected that declare a field as not provided which others have.
-    header_repeats, header_backward, receive_repeats, receive_backward : int
-        Stamps equal to, or before, the one before.
-    first_header_ns, first_receive_ns : int
-        Stamps of the first message.
-    last_header, last_receive : int or None
-        Newest stamps, with which the next ones are compared.
+    header, receive : StampCounts
     clock_jumps : int
         Jumps of the clock in use.
     gaps, gaps_ns : int
@@ -85,14 +113,8 @@ class Counts(Record):
     rejected: int = 0
     spikes: int = 0
     absent: int = 0
-    header_repeats: int = 0
-    header_backward: int = 0
-    receive_repeats: int = 0
-    receive_backward: int = 0
-    first_header_ns: int = 0
-    first_receive_ns: int = 0
-    last_header: int | None = None
-    last_receive: int | None = None
+    header: StampCounts = field(default_factory=StampCounts)
+    receive: StampCounts = field(default_factory=StampCounts)
     clock_jumps: int = 0
     gaps: int = 0
     gaps_ns: int = 0
@@ -132,28 +154,6 @@ class Counts(Record):
         known = frame_id in self.other_frames or len(self.other_frames) < _LISTED_FRAMES
         name = frame_id if known else '...'
         self.other_frames[name] = self.other_frames.get(name, 0) + messages
-
-    def add_header_faults(self, stamps: Stamps) -> bool:
-        """Count repeated and backward header stamps; tell whether there are any."""
-        repeats, backward = _stamp_faults(stamps, self.last_header)
-        self.header_repeats += repeats
-        self.header_backward += backward
-        return bool(repeats or backward)
-
-    def add_receive_faults(self, stamps: Stamps) -> None:
-        """Count repeated and backward receive stamps."""
-        repeats, backward = _stamp_faults(stamps, self.last_receive)
-        self.receive_repeats += repeats
-        self.receive_backward += backward
-
-
-def _stamp_faults(stamps: Stamps, last: int | None) -> tuple[int, int]:
-    """Count stamps equal to, and before, the one before."""
-    if not len(stamps) or ((last is None or stamps[0] > last)
-                           and (stamps[1:] > stamps[:-1]).all()):
-        return 0, 0
-    steps = np.diff(stamps) if last is None else np.diff(stamps, prepend=last)
-    return int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
 
 
 @dataclass

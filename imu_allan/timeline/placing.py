@@ -75,18 +75,6 @@ class Placing(Record):
         self._options, self._counts = memory.options, memory.counts
         self._decision, self.cursor = memory.decision, memory.cursor
 
-    @property
-    def newest(self) -> Floats | None:
-        """Return the last sample placed in this run, shape (6,)."""
-        return self._memory.tail[-1] if len(self._memory.tail) else None
-
-    def change_clock(self) -> None:
-        """Begin a new run by the other clock."""
-        cursor = self.cursor
-        if cursor.last_ns is not None:
-            cursor.last_ns, cursor.other_ns = cursor.other_ns, cursor.last_ns
-        cursor.fresh_run = True
-
     def is_even(self, stamps: Stamps, consumed: int) -> bool:
         """Tell whether the stamps are one interval apart, as is usual."""
         cursor, decision = self.cursor, self._decision

@@ -186,17 +186,7 @@ class TimelineStage(Record):
                 intake.count_even(window)
                 return self._at_rest([placing.place_even(
                     Messages(stamps, other, window.samples, window.consumed, NONE_VOID))])
-        window, repeats, flaw = intake.look(window)
-        if flaw:
-            intake.decision.remarks['clock_changed'] = {
-                'flaw': flaw, 'since_s': placing.cursor.elapsed_ns / SECOND}
-            placing.change_clock()
-        messages = intake.usable(window, repeats, placing.newest)
-        if repeats.woke:
-            self._memory.counts.forget()
-            self._memory.motion = None
-            intake.decision.restart = placing.cursor.fresh_run = True
-        return self._at_rest(placing.place(messages))
+        return self._at_rest(placing.place(intake.usable(window)))
 
     def _at_rest(self, pieces: Iterable[EvenPiece]) -> list[EvenBlock]:
         """Leave out motion, or only look for it; not before a window has a length."""

@@ -135,7 +135,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
     start = None
     if cursor.first_ns is not None and not decision.counted_only:
         boot_clock = cursor.first_ns < _EPOCH_CLOCK_NS
-        first = max(cursor.first_ns, counts.first_receive_ns) if boot_clock else cursor.first_ns
+        first = max(cursor.first_ns, counts.receive.first_ns) if boot_clock else cursor.first_ns
         # A table that counts from zero tells no date at all.
         start = iso_time(first) if first >= _EPOCH_CLOCK_NS else None
     jitter = None
@@ -161,8 +161,8 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         measured_rate_hz=None if decision.counted_only else measured,
         stamps_read=_how_read(decision),
         jitter_s=jitter,
-        header_repeats=counts.header_repeats, header_backward=counts.header_backward,
-        receive_repeats=counts.receive_repeats, receive_backward=counts.receive_backward,
+        header_repeats=counts.header.repeats, header_backward=counts.header.backward,
+        receive_repeats=counts.receive.repeats, receive_backward=counts.receive.backward,
         clock_jumps=counts.clock_jumps, at_other_rate=counts.at_other_rate,
         motions=motion.cut.count, excluded_s=motion.cut.total_s, moving=motion.moving,
         mostly_motion=mostly_motion(motion),
