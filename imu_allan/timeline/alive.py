@@ -7,13 +7,13 @@ Which axes are alive: what the values of messages say, whatever their stamps.
 absent. Single ones spoil their message. Where they last, the axis is gone until it comes back for
 as long, and the others lose nothing by it.
 
+An axis without noise, a coarse one in the middle of a step, and a dead one are the same at first.
+A coarse one leaves its step slowly, with a single change now and then; a dead one changes all the
+time from its first change on, and begins there.
+
 *Content*: a sensor whose noise spans its resolution never gives the same six values twice. Where
 messages repeat them, they were polled faster than the sensor samples (held), or the driver goes on
 without the sensor (frozen). A coarse output repeats itself by nature and is left alone.
-
-*LateAxes*: an axis without noise, a coarse one in the middle of a step, and a dead one look alike
-at first. A coarse one leaves its step slowly, with a single change now and then; a dead one
-changes all the time from its first change on.
 """
 
 from dataclasses import dataclass, field
@@ -215,14 +215,16 @@ class Presence(Record):
     ----------
     there : list of bool
         Which axes have values now.
-    bad : list of bool
-        Which had none in the newest message.
-    run : list of int
-        For how many messages that has been so.
+    bad, run : list of bool, list of int
+        Which had none in the newest message, and for how many messages that has been so.
     gone : list of int
         Messages during which each axis was not there, but others were.
     changed : bool
         An axis has gone or come since the first messages.
+    asleep, value : list of int, list of float
+        Messages with one value from the first on, and that value; -1 of an axis that has changed.
+    late : list of int
+        Messages before an axis came to life.
 
     """
 
@@ -231,6 +233,14 @@ class Presence(Record):
     run: list[int] = field(default_factory=lambda: [0] * 6)
     gone: list[int] = field(default_factory=lambda: [0] * 6)
     changed: bool = False
+    asleep: list[int] = field(default_factory=lambda: [0] * 6)
+    value: list[float] = field(default_factory=lambda: [0.0] * 6)
+    late: list[int] = field(default_factory=lambda: [0] * 6)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every axis is there, has changed, and had a value in the newest message."""
+        return all(self.there) and not any(self.bad) and max(self.asleep) < 0
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """
@@ -248,15 +258,9 @@ class Presence(Record):
 
     def _gone(self, axis: int, bad: Bools, consumed: int) -> Bools:
         """Tell whether one axis is gone, and remember how it ends."""
-        now = bool(bad[0])
-        if now != self.there[axis] and (bad == now).all():
-            # All is as it was: an axis that is never there, or always.
-            self.run[axis] = consumed + (self.run[axis] if self.bad[axis] == now else 0)
-            self.bad[axis] = now
-            return bad
         starts = np.flatnonzero(np.append(True, bad[1:] != bad[:-1]))
         lengths = np.diff(np.append(starts, len(bad)))
-        before = self.run[axis] if self.bad[axis] == now else 0
+        before = self.run[axis] if self.bad[axis] == bad[0] else 0
         state, states = not self.there[axis], []
         for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
             if length + (before if start == 0 else 0) >= LASTING:
@@ -271,62 +275,36 @@ class Presence(Record):
         self.there[axis] = not gone[consumed - 1]
         return gone
 
-
-@dataclass
-class LateAxes(Record):
-    """
-    What was seen of axes that have not changed yet.
-
-    Attributes
-    ----------
-    run : list of int
-        Messages with one value so far; -1 of an axis that has changed.
-    value : list of float
-        That value.
-    late : list of int
-        Messages before an axis came to life.
-
-    """
-
-    run: list[int] = field(default_factory=lambda: [0] * 6)
-    value: list[float] = field(default_factory=lambda: [0.0] * 6)
-    late: list[int] = field(default_factory=lambda: [0] * 6)
-
-    def sleep_on(self, samples: Floats) -> bool:
-        """Tell whether no axis that has not changed yet does so in samples, shape (n, 6)."""
-        return all(run < 0 or (run > 0 and bool((samples[:, axis] == self.value[axis]).all()))
-                   for axis, run in enumerate(self.run))
-
-    def count(self, messages: int) -> None:
-        """Count messages during which `sleep_on` holds."""
-        self.run = [run + messages if run > 0 else run for run in self.run]
-
-    def look(self, samples: Floats, consumed: int) -> dict[int, slice]:
+    def waking(self, samples: Floats, consumed: int) -> Bools:
         """
-        Find axes that come to life, and the messages in which each is not to count.
+        Tell messages before an axis comes to life, in which it is not to count, shape (n, 6).
 
-        The first `consumed` of samples, shape (n, 6), are decided on now.
+        The first `consumed` of samples, shape (n, 6), NaN where unknown, are decided on now.
         """
-        return {axis: part for axis, run in enumerate(self.run) if run >= 0
-                and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}
+        away = np.zeros(samples.shape, dtype=bool)
+        for axis, asleep in enumerate(self.asleep):
+            row = -1 if asleep < 0 else self._wakes(axis, samples[:, axis], consumed)
+            if row >= 0:
+                away[max(row - SPARSE, 0):max(row, 1), axis] = self.changed = True
+        return away
 
-    def _not_yet(self, axis: int, values: Floats, consumed: int) -> slice | None:
+    def _wakes(self, axis: int, values: Floats, consumed: int) -> int:
+        """Give the first message of an axis that comes to life late, -1 where there is none."""
         known = np.flatnonzero(np.isfinite(values))
         now = known[:np.searchsorted(known, consumed)]
         if not len(now):
-            return None
-        if self.run[axis] == 0:
+            return -1
+        if self.asleep[axis] == 0:
             self.value[axis] = float(values[now[0]])
         other = np.flatnonzero(values[now] != self.value[axis])
         if not len(other):
-            self.run[axis] += len(now)
-            return None
-        slept, self.run[axis] = self.run[axis] + int(other[0]), -1
+            self.asleep[axis] += len(now)
+            return -1
+        slept, self.asleep[axis] = self.asleep[axis] + int(other[0]), -1
         following = values[known[other[0]:other[0] + 1 + _FOLLOWING]]
         changes = int(np.count_nonzero(following[1:] != following[:-1]))
         if slept < _LATE or len(following) <= _FEWEST_FOLLOWING or (
                 changes < _ALIVE_SHARE * (len(following) - 1)):
-            return None
+            return -1
         self.late[axis] = slept
-        row = int(now[other[0]])
-        return slice(max(row - SPARSE, 0), max(row, 1))
+        return int(now[other[0]])

@@ -15,7 +15,7 @@ from typing import Any
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import STANDARD_GRAVITY
-from imu_allan.timeline.alive import Content, LateAxes, Presence
+from imu_allan.timeline.alive import Content, Presence
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.memory import Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
@@ -74,7 +74,7 @@ def remarks_of(memory: Memory) -> tuple[Finding, ...]:
 
     """
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    values = (_late_axes(memory.counts, memory.content, memory.late_axes)
+    values = (_late_axes(memory.counts, memory.content, memory.presence)
               + [finding(code, **found) for code, found in _facts(
                   memory.counts, memory.decision, memory.content, memory.options,
                   motion).items()])
@@ -195,10 +195,10 @@ def _presence_findings(counts: Counts, decision: Decision, presence: Presence) -
         for name, gone, was in zip(AXES, presence.gone, there, strict=True) if gone and was]
 
 
-def _late_axes(counts: Counts, content: Content, late_axes: LateAxes) -> list[Finding]:
+def _late_axes(counts: Counts, content: Content, presence: Presence) -> list[Finding]:
     # Where the whole sensor was dead, that is told in one.
     return [finding('axis_late_start', (name,), late=messages, messages=counts.messages)
-            for name, messages in zip(AXES, late_axes.late, strict=True)
+            for name, messages in zip(AXES, presence.late, strict=True)
             if messages > content.head]
 
 

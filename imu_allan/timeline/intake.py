@@ -81,7 +81,7 @@ class Intake(Record):
     def __init__(self, memory: Memory) -> None:
         self._memory, self._options, self._counts = memory, memory.options, memory.counts
         self.decision, self.content = memory.decision, memory.content
-        self.presence, self.late_axes = memory.presence, memory.late_axes
+        self.presence = memory.presence
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
         """Stamps of the chosen clock, and of the other one."""
@@ -98,8 +98,7 @@ class Intake(Record):
 
     def is_clean(self, window: Window) -> bool:
         """Tell whether every value of every axis is there and usable, as is usual."""
-        return bool(all(self.presence.there) and not window.absent.any()
-                    and self.late_axes.sleep_on(window.samples[:window.consumed])
+        return bool(self.presence.complete and not window.absent.any()
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
                     and self.content.is_fresh(window.samples[:window.consumed])
                     and self.content.is_tame(window.samples))
@@ -112,7 +111,6 @@ class Intake(Record):
         else:
             counts.header.add(window.header_ns[:c])
         self.content.last = window.samples[c - 1].tolist()
-        self.late_axes.count(c)
         self._count(window)
 
     def usable(self, window: Window) -> Messages:
@@ -135,7 +133,6 @@ class Intake(Record):
             self._replace_header_clock(window)
         stamps, other = self.stamps(window)
         away, unusable = self._unusable(window)
-        away = self._woken(window, away)
         twice = self._twice(window, stamps) | repeats.held
         if self.content.frozen_s is None and repeats.frozen[:c].any():
             first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
@@ -148,7 +145,7 @@ class Intake(Record):
         twice &= ~(void | repeats.frozen)
         counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
         counts.duplicates += int(np.count_nonzero(twice[:c]))
-        samples = window.samples if away is None else np.where(away, np.nan, window.samples)
+        samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
         numbers = None
         if window.numbers is not None:
             numbers = window.numbers - decision.repeated - np.cumsum(twice)
@@ -161,24 +158,6 @@ class Intake(Record):
         left_out = repeats.frozen | twice
         return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
                 if left_out.any() else messages)
-
-    def _woken(self, window: Window, away: Bools | None) -> Bools | None:
-        """Let an axis that comes to life begin anew: it is not there for some messages."""
-        unknown = np.abs(window.samples) >= LARGEST
-        if away is not None:
-            unknown |= away
-        samples = np.where(unknown, np.nan, window.samples)
-        not_yet = self.late_axes.look(samples, window.consumed)
-        if not not_yet:
-            return away
-        away = np.zeros(samples.shape, dtype=bool) if away is None else away.copy()
-        for axis, part in not_yet.items():
-            away[part, axis] = True
-        self.presence.changed = True
-        if any(axis >= 3 for axis in not_yet):
-            # What a dead accelerometer measured is no gravity.
-            self._counts.gravity, self._counts.gravity_samples = [0.0, 0.0, 0.0], 0
-        return away
 
     def _count(self, window: Window) -> None:
         counts, c = self._counts, window.consumed
@@ -374,26 +353,26 @@ class Intake(Record):
                        and bool(np.array_equal(window.samples[0, there], newest[there])))
         return same
 
-    def _unusable(self, window: Window) -> tuple[Bools | None, Bools]:
+    def _unusable(self, window: Window) -> tuple[Bools, Bools]:
         """
         Find values that are NaN, infinite or absurd, or whose field is declared absent.
 
         Gives the axes that are gone, and messages of which others, or all, cannot be used.
         """
-        samples, presence = window.samples, self.presence
-        if (not window.absent.any() and all(presence.there) and samples.max() < LARGEST
-                and samples.min() > -LARGEST):
-            return None, np.zeros(len(samples), dtype=bool)
+        counts, presence, c = self._counts, self.presence, window.consumed
         with np.errstate(invalid='ignore'):
-            bad: Bools = ~(np.abs(samples) < LARGEST)
+            bad: Bools = ~(np.abs(window.samples) < LARGEST)
         declared = np.repeat(window.absent, 3, axis=1)
-        gone = presence.look(bad | declared, window.consumed)
-        came = ~gone[:window.consumed].all(axis=0)
+        gone = presence.look(bad | declared, c)
+        came = ~gone[:c].all(axis=0)
         self.decision.present = (came | np.array(self.decision.present)).tolist()
-        declared &= ~gone
-        self._counts.absent += int(np.count_nonzero(declared[:window.consumed].any(axis=1)))
+        counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
-        return gone if gone.any() else None, spoilt
+        asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
+        if asleep[:, 3:].any():
+            # What a dead accelerometer measured is no gravity.
+            counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
+        return gone | asleep, spoilt
 
 
 def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
-from imu_allan.timeline.alive import Content, LateAxes, Presence
+from imu_allan.timeline.alive import Content, Presence
 from imu_allan.timeline.clock import SECOND, Stamps
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
@@ -316,7 +316,6 @@ class Memory(Record):
     decision: Decision = field(default_factory=Decision)
     content: Content = field(default_factory=Content)
     presence: Presence = field(default_factory=Presence)
-    late_axes: LateAxes = field(default_factory=LateAxes)
     cursor: Cursor = field(default_factory=Cursor)
     tail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
     motion: MotionDetector | None = None
