@@ -12,9 +12,8 @@ one place unchanged.
 from itertools import pairwise
 from math import sqrt
 
-from imu_allan.block import NEIGHBOURS
+from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.timeline.clock import SECOND
-from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
@@ -133,8 +132,8 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
     return means
 
 
-def even_pieces(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
-                interval_ns: float, tolerated: int, new_run: bool) -> list[EvenPiece]:
+def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
+                interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
     """
     Give samples as rows without a gap: those with an `index`, the others are their neighbours.
 
@@ -152,7 +151,7 @@ def even_pieces(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     holes = (np.repeat(index[gaps] - ends, lengths)
              + np.arange(int(ends[-1]) if len(ends) else 0))
     breaks = np.flatnonzero(steps[:c] > tolerated).tolist()
-    pieces = []
+    blocks = []
     for first, last in pairwise([0, *(at for at in breaks if at > 0), c]):
         begins, end = int(index[first]), int(index[last - 1]) + 1
         if steps[first] <= tolerated:
@@ -162,9 +161,9 @@ def even_pieces(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
         low, high = np.searchsorted(holes, begins), np.searchsorted(holes, end)
         rows[holes[low:high] - begins] = means[low:high]
         start_ns = float(elapsed_ns[first]) - (int(index[first]) - begins) * interval_ns
-        pieces.append(EvenPiece(rows, begins, start_ns / SECOND, new_run and first == 0,
-                                holes[low:high]))
-    return pieces
+        blocks.append(EvenBlock(rows, begins, holes[low:high] - begins, new_run and first == 0,
+                                start_s=start_ns / SECOND))
+    return blocks
 
 
 def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:

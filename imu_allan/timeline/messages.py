@@ -1,12 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the parts of a timeline hand on: waiting messages, usable ones, then even pieces."""
+"""What the parts of a timeline hand on: messages that wait, then those that are usable."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 
-from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.block import ImuBlock
 from imu_allan.state import Record
 from imu_allan.timeline.clock import Stamps
 import numpy as np
@@ -16,7 +14,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-NONE_BRIDGED: Ints = np.empty(0, dtype=np.int64)
 NONE_VOID: Bools = np.empty(0, dtype=bool)
 
 
@@ -119,48 +116,3 @@ class Messages:
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
                         self.void[rows],
                         None if self.numbers is None else self.numbers[rows])
-
-
-@dataclass(frozen=True)
-class EvenPiece:
-    """
-    Even samples without a gap between them.
-
-    Attributes
-    ----------
-    samples : ndarray of float64, shape (n, 6)
-        NaN only where an axis is absent.
-    first_index : int
-        Place of the first row on the grid.
-    start_s : float
-        Its time since the first sample.
-    new_run : bool
-        As in `EvenBlock`.
-    bridged : ndarray of int64, shape (b,)
-        Rising grid places whose row stands in for a missing sample.
-
-    """
-
-    samples: Floats
-    first_index: int
-    start_s: float
-    new_run: bool
-    bridged: Ints = field(default_factory=lambda: NONE_BRIDGED)
-
-    def block(self) -> EvenBlock:
-        """Give all rows."""
-        return EvenBlock(self.samples, self.first_index, self.bridged - self.first_index,
-                         self.new_run, start_s=self.start_s)
-
-    def by_axes(self, interval_s: float) -> Iterator['EvenPiece']:
-        """Give the piece in parts within which the same axes are there, and at least one."""
-        there = np.isfinite(self.samples)
-        edges = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
-        new_run = self.new_run
-        for first, last in pairwise([0, *edges.tolist(), len(self.samples)]):
-            if there[first].any():
-                begin = self.first_index + first
-                low, high = np.searchsorted(self.bridged, (begin, begin + last - first))
-                yield EvenPiece(self.samples[first:last], begin, self.start_s + first * interval_s,
-                                new_run, self.bridged[low:high])
-                new_run = False

@@ -14,7 +14,6 @@ from math import log
 from imu_allan.block import EvenBlock
 from imu_allan.state import Record
 from imu_allan.timeline.excursions import Excursions
-from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows
 import numpy as np
@@ -169,24 +168,25 @@ class MotionDetector(Record):
         other._run_pending, other._void = self._run_pending, self._void
         return other
 
-    def push(self, piece: EvenPiece) -> list[EvenBlock]:
+    def push(self, block: EvenBlock) -> list[EvenBlock]:
         """Take even rows, give those decided to be at rest."""
         last = self._held[-1] if self._held else None
         if last is not None and (
-                piece.new_run or last.closed or piece.first_index
+                block.new_run or last.closed or block.first_index
                 != last.first_index + last.given * self._windows.size + last.held):
             last.closed = True
             last = None
         if last is None:
-            last = Stretch(piece.first_index, piece.start_s, piece.new_run)
+            last = Stretch(block.first_index, block.start_s, block.new_run)
             self._held.append(last)
         else:
-            grown = piece.first_index - last.first_index
-            last.start_s = piece.start_s - grown * self.interval_s
-        last.rows.append(piece.samples)
-        last.held += len(piece.samples)
-        if len(piece.bridged):
-            last.bridged = np.concatenate([last.bridged, piece.bridged])
+            grown = block.first_index - last.first_index
+            last.start_s = block.start_s - grown * self.interval_s
+        last.rows.append(block.samples)
+        last.held += len(block)
+        if len(block.bridged):
+            last.bridged = np.concatenate([last.bridged, block.first_index + block.bridged])
+        self._void |= block.restart
         return self._decide(final=False)
 
     def flush(self) -> list[EvenBlock]:

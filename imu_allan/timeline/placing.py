@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import isnan, sqrt
 
-from imu_allan.block import NEIGHBOURS
+from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
@@ -26,13 +26,13 @@ from imu_allan.timeline.clock import (
 )
 from imu_allan.timeline.grid import (
     count_steps,
+    even_blocks,
     EVEN_JITTER,
-    even_pieces,
     RATE_BLOCK,
     rate_changes,
 )
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
+from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.pace import measure_pace, Pace
 import numpy as np
 from numpy.typing import NDArray
@@ -91,23 +91,14 @@ class Placing(Record):
             and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
             < 4 * interval)
 
-    def place_even(self, messages: Messages) -> EvenPiece:
+    def place_even(self, messages: Messages) -> list[EvenBlock]:
         """Put messages on the grid of which `is_even` holds."""
-        cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
-        assert cursor.last_ns is not None
         if self._decision.unties:
-            cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
-        begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
-        piece = EvenPiece(messages.samples[:c], cursor.index + 1, begins / SECOND, False,
-                          NONE_BRIDGED)
-        passed = int(stamps[c - 1]) - cursor.last_ns
-        lately = stamps[max(c - _LATELY, 0):c]
-        late = ((lately - lately[-1]) / self._decision.pace.interval_ns
-                + np.arange(len(lately) - 1, -1, -1))
-        self._advance(messages, late, passed, c, passed, c)
-        return piece
+            self.cursor.tied_to = int(messages.stamps[messages.consumed - 1])
+            self.cursor.ties = 0
+        return self._put(messages, np.ones(len(messages.stamps), dtype=np.int64))
 
-    def place(self, messages: Messages) -> Iterator[EvenPiece]:
+    def place(self, messages: Messages) -> Iterator[EvenBlock]:
         """
         Put messages on the grid.
 
@@ -184,7 +175,7 @@ class Placing(Record):
                          or steps[at] + cursor.elapsed_ns > _NEVER_NS)
         return jumps
 
-    def _at_one_rate(self, messages: Messages) -> Iterator[EvenPiece]:
+    def _at_one_rate(self, messages: Messages) -> Iterator[EvenBlock]:
         """Leave out stretches at another rate than the first one; place the others."""
         cursor, decision = self.cursor, self._decision
         if decision.first_interval_ns is None:
@@ -211,7 +202,7 @@ class Placing(Record):
             pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
 
     def _split_by_rate(self, messages: Messages,
-                       changes: list[tuple[int, bool]]) -> Iterator[EvenPiece]:
+                       changes: list[tuple[int, bool]]) -> Iterator[EvenBlock]:
         ends = [first for first, _ in changes[1:]] + [messages.consumed]
         for (first, other_rate), last in zip(changes, ends, strict=True):
             end = len(messages.stamps) if last == messages.consumed else last
@@ -309,7 +300,7 @@ class Placing(Record):
         blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
         return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
 
-    def _put(self, messages: Messages, steps: Ints) -> list[EvenPiece]:
+    def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
         """Put messages on the grid and bring the counts up to date."""
         cursor, counts = self.cursor, self._counts
         empty = 0
@@ -344,17 +335,17 @@ class Placing(Record):
         paced_steps = int(index[-1]) - cursor.index - (1 if new_run else 0) - left_out
         counts.missing += missing - empty
         if missing:
-            pieces = even_pieces(self._memory.tail, messages.samples, steps, index, elapsed,
+            blocks = even_blocks(self._memory.tail, messages.samples, steps, index, elapsed,
                                  interval, tolerated, new_run)
-            counts.bridged += sum(len(piece.bridged) for piece in pieces)
+            counts.bridged += sum(len(block.bridged) for block in blocks)
         else:
-            pieces = [EvenPiece(messages.samples[:c], cursor.index + 1,
-                                float(elapsed[0]) / SECOND, new_run, NONE_BRIDGED)]
+            blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
+                                start_s=float(elapsed[0]) / SECOND)]
         lately = slice(max(c - _LATELY, 0), c)
         late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
         self._advance(messages, late, int(elapsed[-1]) - cursor.elapsed_ns,
                       int(index[-1]) - cursor.index, paced_ns, paced_steps)
-        return pieces
+        return blocks
 
     def _advance(self, messages: Messages, late: Floats, passed_ns: int, places: int,
                  paced_ns: int, paced_steps: int) -> None:

@@ -9,8 +9,9 @@ after the other: intake decides what the messages are, placing puts them on the 
 motion detector leaves out what is not at rest.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
@@ -19,15 +20,13 @@ from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import EvenPiece, Messages, NONE_VOID, Pending, Window
+from imu_allan.timeline.messages import Messages, NONE_VOID, Pending, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
-
-Axes = tuple[bool, ...]
 
 WINDOW = 4096
 """Messages seen together; the last `LOOK_AHEAD` of them are worked off with the next window."""
@@ -99,7 +98,7 @@ class TimelineStage(Record):
         blocks = self._work_off(self._pending.take(n, n)) if n else []
         if self._memory.motion is not None:
             rest = self._memory.motion.flush()
-            blocks += [] if self._keeps_motion else self._marked(rest)
+            blocks += [] if self._keeps_motion else rest
         return blocks
 
     def break_run(self) -> list[EvenBlock]:
@@ -184,45 +183,51 @@ class TimelineStage(Record):
             stamps, other = intake.stamps(window)
             if placing.is_even(stamps, window.consumed) and intake.is_clean(window):
                 intake.count_even(window)
-                return self._at_rest([placing.place_even(
-                    Messages(stamps, other, window.samples, window.consumed, NONE_VOID))])
+                return self._at_rest(placing.place_even(
+                    Messages(stamps, other, window.samples, window.consumed, NONE_VOID)))
         return self._at_rest(placing.place(intake.usable(window)))
 
-    def _at_rest(self, pieces: Iterable[EvenPiece]) -> list[EvenBlock]:
+    def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
         """Leave out motion, or only look for it; not before a window has a length."""
-        blocks: list[EvenBlock] = []
-        if self._intake.presence.changed:
-            interval_s = self._intake.decision.pace.interval_ns / SECOND
-            pieces = [part for piece in pieces for part in piece.by_axes(interval_s)]
-        for piece in pieces:
-            first_interval_ns = self._intake.decision.first_interval_ns
-            if self._keeps_motion or first_interval_ns is None:
-                blocks.append(piece.block())
-            if first_interval_ns is None:
+        memory, decision = self._memory, self._memory.decision
+        given: list[EvenBlock] = []
+        for block in self._with_the_same_axes(blocks):
+            if decision.restart:
+                decision.restart, block = False, replace(block, restart=True)
+            if self._keeps_motion or decision.first_interval_ns is None:
+                given.append(block)
+            if decision.first_interval_ns is None:
                 continue
+            axes = tuple(np.isfinite(block.samples[0]).tolist())
             at_rest: list[EvenBlock] = []
-            if self._memory.motion is None:
-                self._memory.motion = MotionDetector(first_interval_ns / SECOND, _axes_of(piece))
-            elif self._memory.motion.axes != _axes_of(piece):
+            if memory.motion is None:
+                memory.motion = MotionDetector(decision.first_interval_ns / SECOND, axes)
+            elif memory.motion.axes != axes:
                 # What is known of the rest of some axes is not that of others.
-                at_rest += self._memory.motion.flush()
-                self._memory.motion = self._memory.motion.of_axes(_axes_of(piece))
-            at_rest += self._memory.motion.push(piece)
-            blocks += [] if self._keeps_motion else at_rest
-        return self._marked(blocks)
+                at_rest += memory.motion.flush()
+                memory.motion = memory.motion.of_axes(axes)
+            at_rest += memory.motion.push(block)
+            given += [] if self._keeps_motion else at_rest
+        return given
+
+    def _with_the_same_axes(self, blocks: Iterable[EvenBlock]) -> Iterator[EvenBlock]:
+        """Split blocks where an axis comes or goes, and leave out what no axis has."""
+        interval_s = self._memory.decision.pace.interval_ns / SECOND
+        for block in blocks:
+            if not self._memory.presence.changed:
+                yield block
+                continue
+            there = np.isfinite(block.samples)
+            edges = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
+            new_run = block.new_run
+            for first, last in pairwise([0, *edges.tolist(), len(block)]):
+                if there[first].any():
+                    low, high = np.searchsorted(block.bridged, (first, last))
+                    yield EvenBlock(block.samples[first:last], block.first_index + first,
+                                    block.bridged[low:high] - first, new_run,
+                                    start_s=block.start_s + first * interval_s)
+                    new_run = False
 
     @property
     def _keeps_motion(self) -> bool:
         return self._memory.options.motion == 'keep'
-
-    def _marked(self, blocks: list[EvenBlock]) -> list[EvenBlock]:
-        """Let the first block after a restart say so."""
-        if blocks and self._intake.decision.restart:
-            self._intake.decision.restart = False
-            blocks[0] = replace(blocks[0], restart=True)
-        return blocks
-
-
-def _axes_of(piece: EvenPiece) -> Axes:
-    """Tell which axes a piece has."""
-    return tuple(np.isfinite(piece.samples[0]).tolist())

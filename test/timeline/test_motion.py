@@ -3,9 +3,8 @@
 from collections.abc import Callable
 from functools import partial
 
-from imu_allan.block import ImuBlock
+from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
-from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.motion import MotionDetector, MotionSummary
 from imu_messages import codes, pick, rows_by_place, run, SIGMA, still
 import numpy as np
@@ -178,9 +177,9 @@ def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummar
         time = (first + np.arange(size)) / rate_hz
         rows = np.column_stack([axis(size, time) for axis in axes])
         for at in range(0, size, 4032):
-            blocks = detector.push(EvenPiece(
-                rows[at:at + 4032], first + at, (first + at) / rate_hz, first + at == 0,
-                np.empty(0, dtype=np.int64)))
+            blocks = detector.push(EvenBlock(rows[at:at + 4032], first + at,
+                                             new_run=first + at == 0,
+                                             start_s=(first + at) / rate_hz))
             given += sum(map(len, blocks))
     given += sum(map(len, detector.flush()))
     return detector.summary, given
