@@ -49,12 +49,6 @@ def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
     return False if high < _NO_G[0] or low > _NO_G[1] else None
 
 
-def _in_si(block: ImuBlock) -> ImuBlock:
-    samples = block.samples.copy()
-    samples[:, 3:] *= STANDARD_GRAVITY
-    return replace(block, samples=samples)
-
-
 class AccelerationUnit:
     """
     Turns acceleration that is found to be in g into m/s^2; decides once and keeps to it.
@@ -137,4 +131,6 @@ class AccelerationUnit:
         return ready
 
     def _converted(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
-        return [_in_si(block) for block in blocks] if self.in_g else list(blocks)
+        to_si = np.array([1, 1, 1, *3 * [STANDARD_GRAVITY]])
+        return ([replace(block, samples=block.samples * to_si) for block in blocks]
+                if self.in_g else list(blocks))

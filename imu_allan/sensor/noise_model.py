@@ -47,7 +47,6 @@ mean from `mean`, distance of the mean vector's length from standard gravity, ef
 low-pass, amplitude of a spectral line, change of the mean with temperature, and its spread from
 one power-on to the next.
 """
-_OF_THE_SENSOR = 'gravity_error'
 _SENSORS = ('gyro', 'accel')
 _WANTED = 'give a noise model or datasheet YAML file'
 _LONGEST_FILE = 1_000_000
@@ -63,24 +62,24 @@ class NoiseModel:
     ----------
     name : str or None
         What the file calls the sensor.
-    axes : mapping of axis name to mapping of term key to float
+    axes : dict of axis name to dict of term key to float
         Coefficients in SI units; axes and terms the file does not name are missing.
-    gauss_markov : mapping of axis name to GaussMarkov
-    mean : mapping of axis name to float
+    gauss_markov : dict of axis name to GaussMarkov
+    mean : dict of axis name to float
         Constant part of the signal, in rad/s or m/s^2.
-    as_written : mapping of axis name to mapping of key to str
+    as_written : dict of axis name to dict of key to str
         The text of each coefficient and limit in the file.
-    limits : mapping of axis name to mapping of key to float
+    limits : dict of axis name to dict of key to float
         What a datasheet limits besides, by key of `LIMITS`, SI units.
 
     """
 
     name: str | None
-    axes: Mapping[str, Mapping[str, float]]
-    gauss_markov: Mapping[str, GaussMarkov] = field(default_factory=dict)
-    mean: Mapping[str, float] = field(default_factory=dict)
-    as_written: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    axes: dict[str, dict[str, float]] = field(default_factory=dict)
+    gauss_markov: dict[str, GaussMarkov] = field(default_factory=dict)
+    mean: dict[str, float] = field(default_factory=dict)
+    as_written: dict[str, dict[str, str]] = field(default_factory=dict)
+    limits: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 def load_model(path: str | os.PathLike[str]) -> NoiseModel:
@@ -130,26 +129,17 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
     if not isinstance(document, dict) or not any(sensor in document for sensor in _SENSORS):
         raise ImuAllanError(f"{name}: names neither 'gyro' nor 'accel'; write for instance "
                             'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
-    title: str | None = None
-    axes: dict[str, _Axis] = {}
+    model = NoiseModel(document.get('name'))
     for key, value in document.items():
         if key == 'name':
             if not isinstance(value, str):
                 raise ImuAllanError(f'{name}: name: expected a text, such as My IMU')
-            title = value
         elif key in _SENSORS:
-            axes.update(_axes_of_sensor(key, value, f'{name}: {key}'))
+            _read_sensor(model, key, value, f'{name}: {key}')
         else:
             raise ImuAllanError(f'{name}: unknown key {_shown(key)}; '
                                 f'known are name, {", ".join(_SENSORS)}')
-    return NoiseModel(
-        title,
-        axes={name: axis.values for name, axis in axes.items()},
-        gauss_markov={name: axis.gauss_markov for name, axis in axes.items()
-                      if axis.gauss_markov is not None},
-        mean={name: axis.mean for name, axis in axes.items() if axis.mean is not None},
-        as_written={name: axis.texts for name, axis in axes.items()},
-        limits={name: axis.limits for name, axis in axes.items()})
+    return model
 
 
 def _yaml(text: str, name: str) -> Any:
@@ -162,58 +152,47 @@ def _yaml(text: str, name: str) -> Any:
         mark = getattr(error, 'problem_mark', None)
         line = f'line {mark.line + 1} is ' if mark is not None else ''
         problem = getattr(error, 'problem', None) or 'unreadable'
-        raise ImuAllanError(f'{name}: {line}not YAML ({_one_line(problem)})') from error
+        raise ImuAllanError(f'{name}: {line}not YAML ({" ".join(problem.split())})') from error
     except (RecursionError, ValueError) as error:
         raise ImuAllanError(f'{name}: cannot be read as YAML; {_WANTED}') from error
 
 
-@dataclass
-class _Axis:
-    """What a file says of one axis; a later entry of a key takes the place of an earlier one."""
-
-    values: dict[str, float] = field(default_factory=dict)
-    texts: dict[str, str] = field(default_factory=dict)
-    gauss_markov: GaussMarkov | None = None
-    mean: float | None = None
-    limits: dict[str, float] = field(default_factory=dict)
-
-
-def _axes_of_sensor(sensor: str, value: Any, where: str) -> dict[str, _Axis]:
-    """Read what stands under a sensor and, before that, under its single axes."""
+def _read_sensor(model: NoiseModel, sensor: str, value: Any, where: str) -> None:
+    """Read what stands under a sensor for all axes, then what stands under a single one."""
     entries = _mapping(value, where)
-    found = {}
     for letter in 'xyz':
         own = _mapping(entries[letter], f'{where}.{letter}') if letter in entries else {}
         shared = {key: item for key, item in entries.items()
                   if key not in ('x', 'y', 'z') and key not in own}
         if shared or letter in entries:
             name = f'{sensor}_{letter}'
-            axis = found[name] = _Axis()
-            _read_axis(axis, AXES[name], shared, where)
-            _read_axis(axis, AXES[name], own, f'{where}.{letter}')
-    return found
+            for of_axes in (model.axes, model.as_written, model.limits):
+                of_axes[name] = {}
+            _read_axis(model, name, shared, where)
+            _read_axis(model, name, own, f'{where}.{letter}')
 
 
-def _read_axis(axis: _Axis, quantity: Quantity, entries: Mapping[str, Any], where: str) -> None:
+def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: str) -> None:
+    quantity = AXES[axis]
     for written, value in entries.items():
         here = f'{where}.{written}'
         key = _key(written, quantity)
         if key in entries and key != written:
             raise ImuAllanError(f'{where}: {written} and {key} are the same; keep one')
         if key in TERMS:
-            axis.values[key] = _value(value, TERMS[key].unit(quantity), here,
-                                      signed=key == 'rate_ramp')
-            axis.texts[key] = value.strip()
+            model.axes[axis][key] = _value(value, TERMS[key].unit(quantity), here,
+                                           signed=key == 'rate_ramp')
+            model.as_written[axis][key] = value.strip()
         elif quantity in LIMITS.get(key, {}):
-            if key == _OF_THE_SENSOR and where.endswith(('.x', '.y', '.z')):
+            if key == 'gravity_error' and where.endswith(('.x', '.y', '.z')):
                 raise ImuAllanError(f'{here}: is of the three axes together; '
                                     'write it under accel itself')
-            axis.limits[key] = _value(value, LIMITS[key][quantity], here)
-            axis.texts[key] = value.strip()
+            model.limits[axis][key] = _value(value, LIMITS[key][quantity], here)
+            model.as_written[axis][key] = value.strip()
         elif key == 'gauss_markov':
-            axis.gauss_markov = _gauss_markov(value, quantity, here)
+            model.gauss_markov[axis] = _gauss_markov(value, quantity, here)
         elif key == 'mean':
-            axis.mean = _value(value, quantity.unit, here, signed=True)
+            model.mean[axis] = _value(value, quantity.unit, here, signed=True)
         else:
             others = (limit for limit, units in LIMITS.items() if quantity in units)
             known = ', '.join((*TERMS, 'gauss_markov', 'mean', *others, 'x', 'y', 'z'))
@@ -253,19 +232,14 @@ def _value(text: Any, unit: str, where: str, *, signed: bool = False) -> float:
 
 def _mapping(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        example = ('100 ug/sqrt(Hz)' if 'accel' in where.rsplit(': ', 1)[-1] else
+                   '0.03 deg/s/sqrt(Hz)')
         raise ImuAllanError(f'{where}: expected keys with values, such as '
-                            '{noise_density: ' + _example(where) + '}')
+                            f'{{noise_density: {example}}}')
     return value
-
-
-def _example(where: str) -> str:
-    return '100 ug/sqrt(Hz)' if 'accel' in where.rsplit(': ', 1)[-1] else '0.03 deg/s/sqrt(Hz)'
 
 
 def _shown(text: object) -> str:
     shown = repr(text)
     return shown if len(shown) <= 60 else shown[:60] + '...'
 
-
-def _one_line(text: str) -> str:
-    return ' '.join(text.split())

@@ -8,35 +8,21 @@ is in use: what passes them is another unit, raw counts, or was moved.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import degrees
 
 from imu_allan.finding import Finding, finding
 from imu_allan.result import AxisResult
+from imu_allan.sensor.units import STANDARD_GRAVITY
 
-
-@dataclass(frozen=True)
-class Limit:
-    """
-    Largest absolute mean and noise density at rest, in SI units.
-
-    `by` is how many times too large a number is in the unit that is most often taken for SI, and
-    `unit` its name.
-    """
-
-    mean: float
-    density: float
-    by: float
-    unit: str
-
-
+# Largest mean and noise density, and how many times too large a number is in the unit that is most
+# often taken for SI, which has the name behind it.
 LIMITS = {
     # A turn in six seconds is no bias, 13,000 times the Earth's rate. 2000 deg/s in 16 bits at
     # 100 Hz round by 4e-5 rad/s/sqrt(Hz): this is a hundred times as much, 17 deg/sqrt(h).
-    'angular_velocity': Limit(1.0, 5e-3, degrees(1), 'deg/s'),
+    'angular_velocity': (1.0, 5e-3, degrees(1), 'deg/s'),
     # At rest an axis has gravity, 9.81 m/s^2, at most, and a bias of as much again. This noise is
     # a tilt of four degrees from sample to sample at 100 Hz.
-    'linear_acceleration': Limit(20.0, 0.1, 1e3 / 9.80665, 'mg'),
+    'linear_acceleration': (20.0, 0.1, 1e3 / STANDARD_GRAVITY, 'mg'),
 }
 
 
@@ -52,17 +38,14 @@ def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
     """
     found = []
     for name, axis in axes.items():
-        limit = LIMITS.get(axis.quantity)
+        largest_mean, largest_density, factor, unit = LIMITS[axis.quantity]
         noise = axis.coefficients.get('noise_density')
-        if limit is None:
-            continue
-        for what, value, most, per_root in (
-                ('noise_density', noise.value if noise is not None else None, limit.density,
-                 '/sqrt(Hz)'), ('mean', axis.mean, limit.mean, '')):
+        for what, value, most, of in (
+                ('noise_density', noise.value if noise is not None else None, largest_density,
+                 f'{axis.unit}/sqrt(Hz)'), ('mean', axis.mean, largest_mean, axis.unit)):
             if value is not None and abs(value) > most:
                 found.append(finding(
-                    'implausible', (name,), what=what, value=value, limit=most,
-                    unit=axis.unit + per_root,
-                    likely=limit.unit if abs(value) <= limit.by * most else 'counts'))
+                    'implausible', (name,), what=what, value=value, limit=most, unit=of,
+                    likely=unit if abs(value) <= factor * most else 'counts'))
                 break
     return found
