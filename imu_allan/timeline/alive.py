@@ -239,8 +239,8 @@ class Presence(Record):
 
     @property
     def complete(self) -> bool:
-        """Whether every axis is there, has changed, and had a value in the newest message."""
-        return all(self.there) and not any(self.bad) and max(self.asleep) < 0
+        """Whether every axis is there, and has changed."""
+        return all(self.there) and max(self.asleep) < 0
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """

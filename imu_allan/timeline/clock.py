@@ -149,14 +149,6 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
     return None
 
 
-def bounded(stamps: Stamps) -> Stamps:
-    """Give stamps whose differences are sure not to overflow."""
-    most = np.int64(2**61)
-    if len(stamps) and (stamps.max() > most or stamps.min() < -most):
-        return np.clip(stamps, -most, most)
-    return stamps
-
-
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.int64] | None:
     """
     Count the messages before each one that share its stamp; None where no neighbours do.

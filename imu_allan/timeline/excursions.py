@@ -42,8 +42,6 @@ class Excursions(Record):
         How many these are.
     blocks : list of list of float
         Beginning in seconds and mean of each axis, of the latest blocks.
-    lowest, highest : list of float
-        Extremes of these means, by axis: at a glance they say that nothing went away.
     found : list of list of float
         Beginning and duration in seconds, number of the axis, and size in its unit.
 
@@ -52,14 +50,11 @@ class Excursions(Record):
     sums: list[float] = field(default_factory=lambda: [0.0] * 6)
     windows: int = 0
     blocks: list[list[float]] = field(default_factory=list)
-    lowest: list[float] = field(default_factory=list)
-    highest: list[float] = field(default_factory=list)
     found: list[list[float]] = field(default_factory=list)
 
     def check(self) -> None:
         """Refuse tables of another width."""
-        if ({len(block) for block in self.blocks} - {7} or {len(one) for one in self.found} - {4}
-                or {len(self.lowest), len(self.highest)} - {0, 6}):
+        if {len(block) for block in self.blocks} - {7} or {len(one) for one in self.found} - {4}:
             raise ValueError('excursions are not those of six axes')
 
     def take(self, means: Floats, start_s: float, window_s: float) -> None:
@@ -85,20 +80,13 @@ class Excursions(Record):
                 self.blocks.append([begins, *(total / BLOCK for total in self.sums)])
                 self.sums, self.windows = [0.0] * 6, 0
                 del self.blocks[:-_REMEMBERED]
-                newest = self.blocks[-1][1:]
-                self.lowest = list(map(min, self.lowest or newest, newest))
-                self.highest = list(map(max, self.highest or newest, newest))
-                if any(high - low > least for low, high, least in zip(
-                        self.lowest, self.highest, _LEAST, strict=True)):
-                    self._look(BLOCK * window_s)
+                self._look(BLOCK * window_s)
 
     def _look(self, block_s: float) -> None:
         """Tell whether the newest block is back from an excursion."""
         table = np.array(self.blocks)
         level = table[:, 1:]
-        # Far means may have been forgotten since.
-        self.lowest, self.highest = level.min(axis=0).tolist(), level.max(axis=0).tolist()
-        if len(level) < _FEWEST:
+        if len(level) < _FEWEST or (np.ptp(level, axis=0) <= _LEAST).all():
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
@@ -117,5 +105,4 @@ class Excursions(Record):
                 begins = float(table[first, 0])
                 self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
             self.blocks = self.blocks[-1:]
-            self.lowest, self.highest = [], []
             return

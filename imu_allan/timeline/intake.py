@@ -14,7 +14,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
-    bounded,
     flaw_of,
     in_order,
     lost_before,
@@ -59,6 +58,8 @@ _MUCH_HIDDEN = 0.3
 """Share of the samples: ticks hide less, and the other clock would not show the loss either."""
 _RESTARTS = 1
 """Numbers that do not rise, of the first messages: a driver may begin anew, once."""
+_FARTHEST_NS = 2**61
+"""Differences of stamps so far from zero do not overflow."""
 _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
@@ -119,8 +120,8 @@ class Intake(Record):
 
         The clock is chosen on the first ones, and given up where it becomes unusable.
         """
-        window = replace(window, header_ns=bounded(window.header_ns),
-                         receive_ns=bounded(window.receive_ns))
+        window = replace(window, header_ns=np.clip(window.header_ns, -_FARTHEST_NS, _FARTHEST_NS),
+                         receive_ns=np.clip(window.receive_ns, -_FARTHEST_NS, _FARTHEST_NS))
         decision, c = self.decision, window.consumed
         repeats = self.content.look(window.samples, c)
         if decision.clock is None:
@@ -222,7 +223,7 @@ class Intake(Record):
 
     def _is_alone(self, stamps: Stamps) -> bool:
         """Tell whether stamps are so even that those of two sensors would be one's in turn."""
-        return self.decision.first_interval_ns is not None and _is_beyond_doubt(
+        return self.decision.first_interval_ns is not None and _is_nearly_full(
             self.decision.pace, stamps)
 
     def _choose_clock(self, window: Window) -> None:
@@ -285,7 +286,7 @@ class Intake(Record):
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
-                or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
+                or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
                 or pace.hidden > _MUCH_HIDDEN):
             return pace, count
         flaw = flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)
@@ -404,7 +405,7 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
     return measure_pace(stamps[part], other[part]), len(stamps[part])
 
 
-def _is_beyond_doubt(pace: Pace, stamps: Stamps) -> bool:
+def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
     """Tell whether stamps lie close to a grid of which hardly a place is empty."""
     places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
     return (not pace.counting and pace.spread < _CLOSE

@@ -30,7 +30,6 @@ class Pending(Record):
 
     _blocks: list[ImuBlock] = field(default_factory=list)
     # Beside the blocks: asking each for its length again costs more than its messages.
-    _lengths: list[int] = field(default_factory=list)
     _messages: int = 0
 
     def __len__(self) -> int:
@@ -39,47 +38,29 @@ class Pending(Record):
 
     def append(self, block: ImuBlock) -> None:
         """Let the messages of a block wait behind the others."""
-        n = len(block)
         self._blocks.append(block)
-        self._lengths.append(n)
-        self._messages += n
+        self._messages += len(block)
 
     def joined(self) -> list[ImuBlock]:
-        """Give all messages in one block, if there are any."""
-        return [self._first(len(self))] if len(self) else []
-
-    def _first(self, n: int) -> ImuBlock:
-        """Give the first `n` messages, samples axis after axis: numpy goes through them faster."""
-        whole = have = 0
-        while have < n and have + self._lengths[whole] <= n:
-            have += self._lengths[whole]
-            whole += 1
-        blocks = self._blocks[:whole]
-        if have < n:
-            # The last block may be far larger than what is still needed of it.
-            blocks.append(self._blocks[whole].part(slice(n - have)))
-        if len(blocks) == 1:
-            return blocks[0]
-        numbers = [block.numbers for block in blocks if block.numbers is not None]
-        return ImuBlock(np.concatenate([block.header_ns for block in blocks]),
-                        np.concatenate([block.receive_ns for block in blocks]),
-                        np.concatenate([block.samples for block in blocks],
-                                       out=np.empty((6, n)).T),
-                        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
-                        np.concatenate(numbers) if len(numbers) == len(blocks) else None)
+        """Give all messages in one block, if there are any; axis after axis numpy is faster."""
+        if len(self._blocks) > 1:
+            blocks = self._blocks
+            numbers = [block.numbers for block in blocks if block.numbers is not None]
+            self._blocks = [ImuBlock(
+                np.concatenate([block.header_ns for block in blocks]),
+                np.concatenate([block.receive_ns for block in blocks]),
+                np.concatenate([block.samples for block in blocks],
+                               out=np.empty((6, len(self))).T),
+                np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
+                np.concatenate(numbers) if len(numbers) == len(blocks) else None)]
+        return self._blocks
 
     def take(self, n: int, consumed: int) -> Window:
         """Give the first `n` messages and let go of `consumed` of them."""
-        first = self._first(n)
-        left, whole = consumed, 0
-        while left and self._lengths[whole] <= left:
-            left -= self._lengths[whole]
-            whole += 1
-        del self._blocks[:whole], self._lengths[:whole]
-        if left:
-            self._blocks[0] = self._blocks[0].part(slice(left, None))
-            self._lengths[0] -= left
+        [block] = self.joined()
+        first = block.part(slice(n))
         self._messages -= consumed
+        self._blocks = [block.part(slice(consumed, None))] if self._messages else []
         return Window(first.header_ns, first.receive_ns, np.asfortranarray(first.samples),
                       first.absent, first.frame_id, first.numbers, consumed)
 

@@ -91,9 +91,9 @@ class MotionSummary(Record):
         Rows decided on, and those of them in windows that moved, without the margins.
     moving : bool
         The newest span ended less than five seconds before the newest row.
-    contrast : float, contrasted : int
-        By how much the windows that moved are louder than rest, as the mean of a logarithm, and
-        how many these are.
+    louder : float, compared : int
+        By how much the windows that moved are louder than rest, as a sum of logarithms, and how
+        many these are.
     changes : tuple of (float, float)
         When the noise level changed for good, and the ratio of new to old standard deviation.
 
@@ -104,22 +104,22 @@ class MotionSummary(Record):
     seen: int = 0
     struck: int = 0
     moving: bool = False
-    contrast: float = 0.0
-    contrasted: int = 0
+    louder: float = 0.0
+    compared: int = 0
     changes: tuple[tuple[float, float], ...] = ()
 
-    def add_contrast(self, total: float, windows: int) -> None:
-        """Bring the mean contrast of windows that moved up to date."""
-        count = self.contrasted + windows
-        self.contrast = (self.contrast * self.contrasted + total) / count
-        self.contrasted = count
+    @property
+    def contrast(self) -> float:
+        """Mean logarithm by which windows that moved are louder than rest."""
+        return self.louder / max(self.compared, 1)
 
-    def all_cut(self, end: int) -> 'MotionSummary':
+    def all_cut(self, end: int, windows: int) -> 'MotionSummary':
         """Call all rows so far motion, up to a grid place: rest begins only now."""
         total_s = self.cut.total_s + self.kept.total_s
         cut = Spans(((0.0, total_s),), 1, self.seen, total_s, total_s, end, self.cut.end_s,
                     total_s)
-        return MotionSummary(cut, seen=self.seen, struck=self.seen, moving=self.moving)
+        return MotionSummary(cut, seen=self.seen, struck=self.seen, moving=self.moving,
+                             louder=windows * log(QUIETER), compared=windows)
 
 
 @dataclass
@@ -227,10 +227,10 @@ class MotionDetector(Record):
         beyond = windows.implausible(stretch, first)[:last - first]
         if stretch.closed or stretch.base + first < windows.farthest:
             beyond |= windows.beyond_before(stretch, first, last)
-        level.refine_where_awake(stretch, first, last, self._windows.size)
         moving = beyond | level.unlike(loudness, wander, shorter)
-        if moving.any() and level.refine_resolution(
-                stretch, np.flatnonzero(moving) + first, self._windows.size):
+        unclear = moving | level.awake(loudness)
+        if unclear.any() and level.refine_resolution(
+                stretch, np.flatnonzero(unclear) + first, self._windows.size):
             moving = beyond | level.unlike(loudness, wander, shorter)
         stretch.moving = np.concatenate([stretch.moving, moving])
         if not short and (begins := level.deeper_rest(stretch, first, last)) is not None:
@@ -239,9 +239,9 @@ class MotionDetector(Record):
         rest = stretch.means[first:last]
         if moving.any():
             rest = rest[~moving]
-            contrast = level.contrast(loudness[moving])
-            if contrast is not None:
-                self.summary.add_contrast(*contrast)
+            louder = level.contrast(loudness[moving])
+            self.summary.louder += float(louder.sum())
+            self.summary.compared += len(louder)
         if len(rest) and not short:
             self._excursions.take(rest, windows.time(stretch, stretch.base + first),
                                   self._windows.size * self.interval_s)
@@ -260,9 +260,8 @@ class MotionDetector(Record):
             self._windows.implausible(stretch, first)[:last - first]
             | self._level.unlike(stretch.loudness[first:last], stretch.wander()[first:last], 1.0))
         self.summary = self.summary.all_cut(
-            stretch.first_index + stretch.given * self._windows.size)
-        windows = max(self.summary.seen // self._windows.size, 1)
-        self.summary.add_contrast(windows * log(QUIETER), windows)
+            stretch.first_index + stretch.given * self._windows.size,
+            max(self.summary.seen // self._windows.size, 1))
 
     def _give(self, stretch: Stretch) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""

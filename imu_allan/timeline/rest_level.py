@@ -101,11 +101,6 @@ class Baseline:
         """Loudness below which a window is no rest of this kind, but a deeper one."""
         return self.loudness / QUIETER
 
-    @cached_property
-    def any_constant(self) -> bool:
-        """Whether an axis has not changed yet."""
-        return bool(np.isinf(self.resolution).any())
-
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there whole steps are no motion."""
         coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
@@ -215,24 +210,21 @@ class RestLevel(Record):
         self.baseline = replace(self.baseline, resolution=smaller)
         return True
 
-    def refine_where_awake(self, stretch: Stretch, first: int, last: int, size: int) -> None:
-        """Look for the steps of an axis that was constant until these windows."""
+    def awake(self, loudness: Floats) -> Bools:
+        """Tell windows in which an axis changes that was constant until then."""
         assert self.baseline is not None
-        if self.baseline.any_constant:
-            constant = np.isinf(self.baseline.resolution)
-            awake = np.any(stretch.loudness[first:last, :6][:, constant] > 0, axis=1)
-            if awake.any():
-                self.refine_resolution(stretch, np.flatnonzero(awake) + first, size)
+        changes = (loudness[:, :6] > 0) & np.isinf(self.baseline.resolution)
+        return np.asarray(changes.any(axis=1))
 
-    def contrast(self, loudness: Floats) -> tuple[float, int] | None:
-        """Give by how much windows are louder, as a sum of logarithms, and how many they are."""
+    def contrast(self, loudness: Floats) -> Floats:
+        """Give the logarithm by which each window is louder, none where no axis tells it."""
         assert self.baseline is not None
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
-        if not len(loudness) or not known.any():
-            return None
-        louder = np.log(np.maximum(np.max(loudness[:, known] / rest[known], axis=1), 1.0))
-        return float(louder.sum()), len(louder)
+        if not known.any():
+            return np.empty(0)
+        louder: Floats = np.max(loudness[:, known] / rest[known], axis=1)
+        return np.log(np.maximum(louder, 1.0))
 
     def deeper_rest(self, stretch: Stretch, first: int, last: int) -> int | None:
         """

@@ -7,7 +7,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.finding import Finding
+from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+from imu_allan.writers.words import presented
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,9 +59,19 @@ def run(blocks: ImuBlock | Iterable[ImuBlock], **options: object
     return stage.summary(), even
 
 
-def codes(summary: TimelineSummary) -> set[str]:
-    """Give the codes of the remarks."""
-    return {remark.code for remark in summary.remarks}
+def findings_of(seen: Result | TimelineSummary) -> Sequence[Finding]:
+    """Give all findings, those of a timeline or those of a whole result."""
+    return seen.warnings if isinstance(seen, Result) else seen.remarks
+
+
+def codes(seen: Result | TimelineSummary) -> set[str]:
+    """Give the codes of the findings."""
+    return {found.code for found in findings_of(seen)}
+
+
+def told(seen: Result | TimelineSummary, code: str) -> Finding:
+    """Give a finding as it is shown: of all its axes in one."""
+    return next(one for one in presented(findings_of(seen)) if one.code == code)
 
 
 def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

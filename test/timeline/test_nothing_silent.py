@@ -10,11 +10,10 @@ from time import process_time
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
-from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.foreign_samples import alternates, takes_turns
 from imu_allan.timeline.rest_level import baseline_of
 from imu_allan.writers.words import presented
-from imu_messages import codes as summary_codes, run
+from imu_messages import codes, run, told
 import numpy as np
 import pytest
 from repeated import combined, slow
@@ -79,12 +78,6 @@ def missed(messages: Messages) -> int:
     return int(messages.place[-1] - messages.place[0]) + 1 - len(messages.place)
 
 
-def told(result: Result | TimelineSummary, code: str) -> Finding:
-    """Give a finding as it is shown: of all its axes in one."""
-    found = result.warnings if isinstance(result, Result) else result.remarks
-    return next(one for one in presented(found) if one.code == code)
-
-
 def late_for(messages: int, *names: str) -> Finding:
     return finding('axis_late_start', names, late=messages, messages=15_000)
 
@@ -102,10 +95,6 @@ def bounds(remarks: Sequence[Finding]) -> tuple[float, ...]:
             return tuple(found.values[name] or 0.0 for name in (
                 'hidden_share', 'density_high_share', 'rate_error_share'))
     return 0, 0, 0
-
-
-def codes(result: Result) -> set[str]:
-    return {remark.code for remark in result.warnings}
 
 
 def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: int | None = None
@@ -247,8 +236,8 @@ def test_messages_dropped_in_turn_are_missed_by_one_clock_alone(pattern):
     messages.receive = messages.header.copy()
     result, _ = run(lose(messages, pattern).block())
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert summary_codes(result) >= {'many_missing'}
-    assert 'uneven_stamps' not in summary_codes(result)
+    assert codes(result) >= {'many_missing'}
+    assert 'uneven_stamps' not in codes(result)
 
 
 @pytest.mark.parametrize(('pattern', 'heavy'), combined(
@@ -416,14 +405,14 @@ def test_two_publishers_with_one_frame_id_are_told(offset, noisier):
     both.header[1::2] += offset / truth.rate_hz
     both.receive = both.header + 1e-3
     code = 'several_publishers' if noisier > 1 or offset < 0.4 else 'alternating'
-    assert PERHAPS_TWO & summary_codes(run(both.block())[0]) == {code}
+    assert PERHAPS_TWO & codes(run(both.block())[0]) == {code}
 
 
 @pytest.mark.parametrize('apart', [0.0, 0.2])
 def test_two_publishers_with_nearly_the_same_mean_are_perhaps_two(apart):
     messages, _, rng = rest()
     messages.samples[1::2] += apart * SIGMA * np.where(rng.random(6) < 0.5, -1, 1)
-    assert ('alternating' in summary_codes(run(messages.block())[0])) == (apart > 0)
+    assert ('alternating' in codes(run(messages.block())[0])) == (apart > 0)
 
 
 @pytest.mark.parametrize(('rate_hz', 'cycles'), [
@@ -436,7 +425,7 @@ def test_a_vibration_at_half_the_rate_is_said_to_be_perhaps_one(rate_hz, cycles,
         2 * np.pi * cycles / rate_hz * messages.place + 0.5)[:, None])
     messages.header += rng.exponential(late / rate_hz, len(messages.place))
     kept = keep(messages, rng.random(len(messages.place)) >= lost)
-    found = summary_codes(run(kept.block())[0])
+    found = codes(run(kept.block())[0])
     assert 'several_publishers' not in found
     assert 'alternating' in found
 
@@ -445,7 +434,7 @@ def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second()
     messages, _, _ = rest()
     messages.samples[1::2] += 2 * SIGMA
     numbered = replace(messages.block(), numbers=messages.place + 1)
-    assert not PERHAPS_TWO & summary_codes(run(numbered)[0])
+    assert not PERHAPS_TWO & codes(run(numbered)[0])
 
 
 @pytest.mark.parametrize('speed', [0.001, 0.1, 10.0, 1000.0])
@@ -465,8 +454,8 @@ def test_a_clock_that_jumped_has_another_speed_only_where_it_runs_at_one(speed):
     messages.header = messages.header * speed
     messages.header[n // 2:] -= 3600.0 if speed == 1 else 5 * messages.header[-1] / n * 1000
     summary, _ = run(messages.block())
-    assert 'clock_jumps' in summary_codes(summary)
-    assert ('clock_speed' in summary_codes(summary)) == (speed > 1)
+    assert 'clock_jumps' in codes(summary)
+    assert ('clock_speed' in codes(summary)) == (speed > 1)
     if speed > 1:
         assert told(summary, 'clock_speed').values == {'ratio': pytest.approx(10, rel=5e-3)}
 
@@ -666,7 +655,7 @@ def test_a_rate_step_of_one_percent_leaves_the_mean_rate_and_is_told_beyond_half
     assert summary.timeline.sample_rate_hz == pytest.approx(mean, rel=1e-5)
     assert summary.timeline.missing == summary.timeline.rejected == 0
     off = max(mean / 100, 101 / mean) - 1
-    assert ('uneven_rate' in summary_codes(summary)) == (off > 0.0055)
+    assert ('uneven_rate' in codes(summary)) == (off > 0.0055)
 
 
 @pytest.mark.parametrize(('share', 'shifts'), [
@@ -706,7 +695,7 @@ def test_an_exact_grid_on_which_the_other_clock_does_not_lie_is_a_tick(pattern):
     result, _ = run(kept.block())
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     assert result.timeline.missing == pytest.approx(missed(kept), abs=2)
-    assert 'receive_clock' in summary_codes(result)
+    assert 'receive_clock' in codes(result)
 
 
 def test_batches_that_hide_what_is_dropped_in_turn_give_way_to_the_other_clock():
@@ -747,7 +736,7 @@ def test_two_publishers_are_told_between_losses_too(lost, noisier):
     messages, _, rng = rest(duration_s=60)
     messages.samples[1::2] += 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
     messages.samples[1::2] += noisier * SIGMA * rng.normal(size=messages.samples[1::2].shape)
-    assert PERHAPS_TWO & summary_codes(run(lose(messages, lost, rng).block())[0])
+    assert PERHAPS_TWO & codes(run(lose(messages, lost, rng).block())[0])
 
 
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'period', 'lost'), [
@@ -778,7 +767,7 @@ def test_a_few_samples_alone_at_an_end_are_behind_a_gap_whatever_the_stamps(alon
 def test_two_publishers_are_told_between_losses_and_jitter_of_one_clock(seed):
     # Found by the scenarios: the rate was up to twice that of each, without a word.
     messages, _, _ = compose(seed)
-    assert PERHAPS_TWO & summary_codes(run(messages.block().part(slice(5000)))[0])
+    assert PERHAPS_TWO & codes(run(messages.block().part(slice(5000)))[0])
 
 
 def test_where_two_publishers_pass_for_motion_the_refusal_names_them():
@@ -1147,7 +1136,7 @@ def test_drift_of_the_sensor_is_no_slow_turn(term):
              else np.fft.irfft(np.fft.rfft(rng.normal(size=(count, 6)), axis=0)
                                / np.sqrt(np.arange(count // 2 + 1) + 1)[:, None], axis=0))
     messages.samples += drift
-    assert 'slow_motion' not in summary_codes(run(messages.block())[0])
+    assert 'slow_motion' not in codes(run(messages.block())[0])
 
 
 @pytest.mark.parametrize('lost', [slow(10), 18])

@@ -5,9 +5,8 @@
 from io import StringIO
 
 from imu_allan.characterization.verdict import verdicts
-from imu_allan.finding import Finding
-from imu_allan.result import Result
 from imu_allan.writers.table import print_result
+from imu_messages import told
 import numpy as np
 import pytest
 from repeated import slow
@@ -30,11 +29,6 @@ def driven(moving: str, times: float, duration_s: float = 400.0) -> tuple[Messag
     return messages, truth
 
 
-def told(result: Result) -> Finding:
-    [found] = [one for one in result.warnings if one.code == 'rest_within_motion']
-    return found
-
-
 @pytest.mark.parametrize('times', [slow(5), 20])
 @pytest.mark.parametrize(('moving', 'rest_s'), [
     ('take-off after 10 s', 8.5), ('stops every 40 s', 158), ('drives first', 46.5),
@@ -46,13 +40,13 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         density = axis.coefficients['noise_density']
         low, high = density.ci95
         assert low - (density.value - low) < truth.density < high + (high - density.value)
-    assert told(result).values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
+    assert told(result, 'rest_within_motion').values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
     assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
         400 - rest_s, abs=0.6)
 
 
 def test_the_stretches_at_rest_are_named():
-    assert told(characterized(driven('drives first', 20)[0])).values == {
+    assert told(characterized(driven('drives first', 20)[0]), 'rest_within_motion').values == {
         'share': pytest.approx(0.88, abs=5e-3), 'rest_s': pytest.approx(46.5, abs=0.05),
         'rests': 3, 'starts_s': pytest.approx([183, 263, 343], abs=0.5),
         'durations_s': pytest.approx([15.5] * 3, abs=0.05)}

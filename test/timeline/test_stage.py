@@ -6,16 +6,11 @@ from functools import lru_cache
 from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.finding import Finding
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
-from imu_messages import codes, cut, pick, rows_by_place, run, START_NS, still
+from imu_messages import codes, cut, pick, rows_by_place, run, START_NS, still, told
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
-
-
-def told(summary: TimelineSummary, code: str) -> Finding:
-    return next(found for found in summary.remarks if found.code == code)
 
 
 def faulty(seed: int, count: int = 12_000) -> ImuBlock:
@@ -185,21 +180,18 @@ def test_repeated_and_backward_messages_are_counted_and_left_out():
     assert summary.timeline.missing == summary.bridged == len(late)
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300, 'absent'])
 def test_unusable_values_are_rejected_and_bridged(value):
     block = still(10_000)
-    block.samples[[100, 5000, 5001, 9000], [0, 3, 5, 2]] = value
+    rows, axes = np.array([100, 5000, 5001, 9000]), np.array([0, 3, 5, 2])
+    if value == 'absent':
+        block.absent[rows, axes // 3] = True
+    else:
+        block.samples[rows, axes] = value
     summary, even = run(block)
     assert (summary.timeline.rejected, summary.timeline.missing) == (4, 0)
     assert summary.bridged == 4
     assert np.isfinite(rows_by_place(even)[1]).all()
-
-
-def test_messages_that_declare_a_field_absent_now_and_then_are_rejected():
-    block = still(10_000)
-    block.absent[[10, 4000, 7000], [0, 1, 1]] = True
-    summary, _ = run(block)
-    assert summary.timeline.rejected == 3
     assert summary.present == (True,) * 6
 
 
