@@ -237,10 +237,15 @@ class Presence(Record):
     value: list[float] = field(default_factory=lambda: [0.0] * 6)
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
-    @property
-    def complete(self) -> bool:
-        """Whether every axis is there, and has changed."""
-        return all(self.there) and max(self.asleep) < 0
+    def goes_on(self, samples: Floats) -> bool:
+        """Whether every axis is there, and none comes to life in samples, shape (n, 6)."""
+        return all(self.there) and all(
+            asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
+            for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True)))
+
+    def count(self, messages: int) -> None:
+        """Count messages during which it goes on."""
+        self.asleep = [asleep + messages if asleep > 0 else asleep for asleep in self.asleep]
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """

@@ -99,7 +99,8 @@ class Intake(Record):
 
     def is_clean(self, window: Window) -> bool:
         """Tell whether every value of every axis is there and usable, as is usual."""
-        return bool(self.presence.complete and not window.absent.any()
+        return bool(not window.absent.any()
+                    and self.presence.goes_on(window.samples[:window.consumed])
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
                     and self.content.is_fresh(window.samples[:window.consumed])
                     and self.content.is_tame(window.samples))
@@ -112,6 +113,7 @@ class Intake(Record):
         else:
             counts.header.add(window.header_ns[:c])
         self.content.last = window.samples[c - 1].tolist()
+        self.presence.count(c)
         self._count(window)
 
     def usable(self, window: Window) -> Messages:

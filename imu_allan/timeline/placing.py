@@ -92,11 +92,19 @@ class Placing(Record):
             < 4 * interval)
 
     def place_even(self, messages: Messages) -> list[EvenBlock]:
-        """Put messages on the grid of which `is_even` holds."""
+        """Put messages on the grid of which `is_even` holds: as `place` does, sooner."""
+        cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
+        assert cursor.last_ns is not None
         if self._decision.unties:
-            self.cursor.tied_to = int(messages.stamps[messages.consumed - 1])
-            self.cursor.ties = 0
-        return self._put(messages, np.ones(len(messages.stamps), dtype=np.int64))
+            cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
+        begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
+        block = EvenBlock(messages.samples[:c], cursor.index + 1, start_s=begins / SECOND)
+        passed = int(stamps[c - 1]) - cursor.last_ns
+        lately = stamps[max(c - _LATELY, 0):c]
+        late = ((lately - lately[-1]) / self._decision.pace.interval_ns
+                + np.arange(len(lately) - 1, -1, -1))
+        self._advance(messages, late, passed, c, passed, c)
+        return [block]
 
     def place(self, messages: Messages) -> Iterator[EvenBlock]:
         """
