@@ -7,9 +7,9 @@ Decompression, sqlite and numpy release the interpreter lock for most of their t
 suffices.
 """
 
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from threading import Event, Semaphore, Thread
 from typing import TypeVar
 
 from imu_allan.block import ImuBlock
@@ -29,17 +29,37 @@ def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
     An exception of the producer is raised in the consumer after the items before it. The thread
     ends when the consumer does, also early.
     """
-    with ThreadPoolExecutor(1, 'imu_allan read-ahead') as thread:
-        ahead = deque(thread.submit(next, items, None) for _ in range(depth))
+    ready: SimpleQueue[Item | None] = SimpleQueue()
+    room, stopped = Semaphore(depth - 1), Event()
+    failure: list[BaseException] = []
+
+    def produce() -> None:
         try:
-            while (item := ahead.popleft().result()) is not None:
-                ahead.append(thread.submit(next, items, None))
-                yield item
+            for item in items:
+                ready.put(item)
+                room.acquire()
+                if stopped.is_set():
+                    break
+        except BaseException as error:
+            failure.append(error)
         finally:
-            for future in ahead:
-                future.cancel()
             # What it opened is closed by the thread that opened it, as SQLite demands.
-            thread.submit(getattr(items, 'close', lambda: None))
+            getattr(items, 'close', lambda: None)()
+            ready.put(None)
+
+    # A program can end while a read does not.
+    thread = Thread(target=produce, name='imu_allan read-ahead', daemon=True)
+    thread.start()
+    try:
+        while (item := ready.get()) is not None:
+            room.release()
+            yield item
+    finally:
+        stopped.set()
+        room.release()
+        thread.join()
+    if failure:
+        raise failure[0]
 
 
 def larger_blocks(

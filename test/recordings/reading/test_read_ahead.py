@@ -3,6 +3,8 @@
 """The thread that reads ahead, and the joining of blocks."""
 
 from collections.abc import Iterator
+import subprocess
+import sys
 import threading
 import time
 
@@ -10,6 +12,7 @@ from bags import assert_same, block, joined
 from hypothesis import given, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
+import pytest
 from whole_lines import refused
 
 
@@ -68,6 +71,19 @@ def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
     stream.close()
     assert closed == [True]
     assert threads() == 0
+
+
+@pytest.mark.parametrize('read', ['os.read(os.pipe()[0], 1)', 'itertools.count()'])
+def test_a_program_that_leaves_off_ends_at_once_and_silently(read):
+    program = ('import itertools, os\n'
+               'from imu_allan.recordings.reading.read_ahead import read_ahead\n'
+               'def items():\n'
+               '    yield 1\n'
+               f'    yield from {read}\n'
+               'stream = read_ahead(items())\n'
+               'next(stream)\n')
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, timeout=20)
+    assert (done.returncode, done.stderr) == (0, b'')
 
 
 def test_blocks_before_an_exception_are_joined_and_come_before_it():
