@@ -110,6 +110,14 @@ def test_records_and_spectra_are_the_same_again():
         one['terms'] for one in of_spectra(flicker, 0, 2)]
 
 
+@pytest.mark.parametrize(('name', 'seed'), [('QNB', 71008), ('mean of 8', 61000)])
+def test_flicker_is_known_as_well_as_it_can_be_beside_quantization_and_behind_a_filter(name, seed):
+    """Flicker of another exponent is compared where it is seen: B was twice as wide elsewhere."""
+    [number] = [number for number, case in enumerate(RECORDS) if case.name == name]
+    [found] = of_record(number, seed)
+    assert found['terms'][B]['width'] < 1.5
+
+
 def test_every_case_has_a_name_of_its_own_and_finite_bounds():
     for cases in (RECORDS, SPECTRA):
         names = [(case.family, case.name) for case in cases]

@@ -234,9 +234,10 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
     law = has[:, PLAIN]
     if law.any():
         # The flicker that is as strong where most of it is seen.
-        beside, faint = best.row.has.copy(), best.row.x.copy()
-        beside[0, _FLICKER], faint[0, _FLICKER] = True, _FAINT
-        lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), faint)
+        beside, x_beside = best.row.has.copy(), best.row.x.copy()
+        if not beside[0, _FLICKER]:
+            beside[0, _FLICKER], x_beside[0, _FLICKER] = True, _FAINT
+        lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), x_beside)
         seen = slopes[np.searchsorted(used, _FLICKER), 0] / lam[0]
         known = np.cumsum(spectra.dof[of] * seen**2)
         pivot = int(np.searchsorted(known, known[-1] / 2))
