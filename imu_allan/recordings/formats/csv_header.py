@@ -215,7 +215,7 @@ def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[st
     time = times[0]
     unit = units[time]
     if unit is None:
-        return time, (_clock_named(names[time]) or (0, None))[1]
+        return time, _unit_in_name(names[time])
     _converted(names[time], unit, 's')
     return time, unit.strip()
 
@@ -444,10 +444,18 @@ def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
     return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
 
 
+def _unit_in_name(name: str) -> str | None:
+    """Return the unit that a name has, of whatever kind: that of another is refused later."""
+    if (clock := _clock_named(name)) is not None:
+        return clock[1]
+    if (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
+        return next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
+    return None
+
+
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
-    if not unit and (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
-        unit = next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
-    if not unit:
+    unit = unit or _unit_in_name(name)
+    if unit is None:
         return options.factors[0 if axis.startswith('gyro') else 1]
     # EuRoC writes rad s^-1, others m/s2, and phones G.
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
