@@ -33,6 +33,9 @@ def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int])
                    receive_ns=np.tile(first.receive_ns, 2), samples=np.tile(first.samples, (2, 1)),
                    absent=np.tile(first.absent, (2, 1)))
     assert [len(block) for block in Seen().unseen([both])] == [1000]
+    # Stamps of two clocks in turn are not looked at one by one.
+    other.header_ns[::2] -= 10**11
+    assert [len(block) for block in Seen().unseen([other])] == [1000]
 
 
 def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> None:
