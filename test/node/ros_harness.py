@@ -120,12 +120,17 @@ class Process:
 
     def stop(self, number: signal.Signals = signal.SIGINT, within_s: float = PATIENCE_S) -> int:
         """Send a signal and return the exit status."""
-        before = self.starved_s
+        before, began = self.starved_s, time.monotonic()
         self.popen.send_signal(number)
-        with contextlib.suppress(AssertionError):
-            return self.wait(within_s)
-        # For what the computer kept it waiting the node is not to blame.
-        return self.wait(max(self.starved_s - before, 0.1))
+        left_s, starved_s = within_s, before
+        while self.running and left_s > 0:
+            with contextlib.suppress(AssertionError):
+                return self.wait(min(left_s, 1.0))
+            with contextlib.suppress(OSError):
+                # For what the computer keeps it waiting the node is not to blame.
+                starved_s = max(starved_s, self.starved_s)
+                left_s = within_s + starved_s - before - (time.monotonic() - began)
+        return self.wait(0.1)
 
 
 def lossless(topic: str) -> dict[str, str]:
