@@ -36,7 +36,7 @@ EARLY_S = 600.0
 LATER_S = 3600.0
 """A night makes ten lines."""
 _REPORTED_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
-                             'clock_jumps'})
+                                 'clock_jumps'})
 """Codes of remarks that progress lines or transitions of their own tell."""
 
 

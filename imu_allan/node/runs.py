@@ -133,7 +133,7 @@ class Runs:
         first = topic.publisher is None and self._look_s() < LOOK_S
         fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
         if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
-                                         fewest=fewest):
+                                       fewest=fewest):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -189,7 +189,7 @@ class Runs:
         self._feed(topic, held)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
-                      by_level: bool, is_new: bool) -> None:
+                             by_level: bool, is_new: bool) -> None:
         """Give messages to the run of another IMU, a new one if it is none that is known."""
         number, other, was_elsewhere = topic.number, self._other, topic.elsewhere
         if other is None or other.lanes[number].known.departure(

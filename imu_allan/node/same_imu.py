@@ -139,7 +139,7 @@ class Known(Record):
         return None
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
-                   fewest: int = FEWEST_MESSAGES) -> bool:
+                 fewest: int = FEWEST_MESSAGES) -> bool:
         """Whether so many messages tell if they are of this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
         if count >= _MOST_MESSAGES:

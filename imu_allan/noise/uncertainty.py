@@ -87,7 +87,7 @@ def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> 
 
 
 def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float
-               ) -> float | None:
+              ) -> float | None:
     """
     Averaging time from which the measured curve lies outside the bands of all models, if it does.
 

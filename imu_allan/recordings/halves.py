@@ -241,7 +241,7 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
 
 @np.errstate(over='ignore', invalid='ignore')
 def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
-                   ) -> Literal['repeated', 'interpolated'] | None:
+               ) -> Literal['repeated', 'interpolated'] | None:
     """
     Tell how a half was made of fewer samples: many then follow from those beside them.
 
@@ -284,10 +284,9 @@ def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     last = len(variance) - 1
     peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
     # A vibration at a quarter of the rate beats there, too, but leaves the upper band as it is.
-    return (_stands_out(variance, peak, _BEAT, _CLEAR)
-            and (peak < last - _BAND or _lacks_upper_band(noise))) or (
-        _lacks_upper_band(noise) and any(_stands_out(each, last, _TWICE, _CLEAR_TWICE)
-                                for each in (variance, covariance)))
+    beats = _stands_out(variance, peak, _BEAT, _CLEAR)
+    twice = any(_stands_out(each, last, _TWICE, _CLEAR_TWICE) for each in (variance, covariance))
+    return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 
 def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:

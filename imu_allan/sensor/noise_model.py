@@ -242,4 +242,3 @@ def _mapping(value: Any, where: str) -> dict[str, Any]:
 def _shown(text: object) -> str:
     shown = repr(text)
     return shown if len(shown) <= 60 else shown[:60] + '...'
-

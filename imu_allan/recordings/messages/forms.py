@@ -79,7 +79,7 @@ class Forms:
         return form
 
     def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
-              ) -> list[tuple[NDArray[np.intp], Form]]:
+               ) -> list[tuple[NDArray[np.intp], Form]]:
         """Find which rows, messages of equal size, have their fields in the same places."""
         found: list[tuple[NDArray[np.intp], Form]] = []
         left = np.arange(len(rows))

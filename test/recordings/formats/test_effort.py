@@ -111,9 +111,9 @@ def channels(first: int, definitions: list[bytes]) -> bytes:
     """Describe topics of an MCAP, of a type each."""
     return b''.join(
         mcap_record(3, struct.pack('<H', number) + text(b'a/msg/T%d' % number) + text(b'ros2msg')
-               + text(definition))
+                    + text(definition))
         + mcap_record(4, struct.pack('<HH', number, number) + text(b'/t%d' % number) + text(b'cdr')
-                 + bytes(4)) for number, definition in enumerate(definitions, first))
+                      + bytes(4)) for number, definition in enumerate(definitions, first))
 
 
 def connections(first: int, definitions: list[bytes]) -> bytes:
