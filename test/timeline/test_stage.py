@@ -540,4 +540,4 @@ def test_an_axis_that_never_changes_costs_no_time():
             begin = process_time()
             run(cut(whole, range(8000, 200_000, 8000)))
             times[dead].append(process_time() - begin)
-    assert min(times[True]) < 1.3 * min(times[False])
+    assert min(times[True]) < 1.4 * min(times[False])
