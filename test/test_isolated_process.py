@@ -56,7 +56,8 @@ def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> Non
                           env=marked(tmp_path)) as parent:
         assert parent.stdout is not None
         parent.stdout.readline()
-        assert len(living(tmp_path)) == 2
+        # The kernel shows the mark of a process once it has begun its program.
+        wait_until(lambda: len(living(tmp_path)) == 2, 20)
         parent.kill()
     try:
         wait_until(lambda: not living(tmp_path), 20)

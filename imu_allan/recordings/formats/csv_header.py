@@ -213,9 +213,9 @@ def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[st
     if len(times) > 1 and rank(times[0]) == rank(times[1]) == (False, 0):
         raise ImuAllanError('two time columns')
     time = times[0]
-    unit = units[time]
+    unit = units[time] or _unit_in_name(names[time])
     if unit is None:
-        return time, _unit_in_name(names[time])
+        return time, None
     _converted(names[time], unit, 's')
     return time, unit.strip()
 

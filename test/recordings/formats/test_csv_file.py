@@ -495,10 +495,10 @@ def test_a_column_that_is_not_there_is_named(path, pair, reason):
 
 @pytest.mark.parametrize(('columns', 'message'), [
     ((('gyro_x', 'time_s'), ('time', 'time_ms')), 'column time_s: s cannot be turned into rad/s'),
-    ((('gyro_x', 'foo'), ('time', 'gx_dps')), 'deg/s cannot be turned into s')])
+    ((('gyro_x', 'foo'), ('time', 'gx_dps')), 'column gx_dps: deg/s cannot be turned into s')])
 def test_a_chosen_column_has_no_unit_of_another_kind_in_its_name(path, columns, message):
     path.write_text('time_s,time_ms,gx_dps,foo\n' + '0.01,10,1,2\n' * 9)
-    with pytest.raises(ImuAllanError, match=message):
+    with refused(f'{path}: {message}'):
         read(path, options=RecordingOptions(columns=columns))
 
 
