@@ -24,7 +24,6 @@ from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.words import with_words
-import numpy as np
 from numpy.typing import NDArray
 
 BACKTEST_GROWTH = 1.15
@@ -232,6 +231,7 @@ class _Saved(Record):
     boot: str
     looks: SequentialLooks
     lanes: list[_Kept]
+    mark: str
 
 
 def pack(run: Run, setup: Setup) -> State:
@@ -242,8 +242,8 @@ def pack(run: Run, setup: Setup) -> State:
         waits = lane.unit is not None and lane.unit.waiting
         kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
                           None if lane.unit is None else lane.unit.decision))
-    saved = _Saved(setup, boot_id(), run.sequential, kept)
-    parts = {'run': state_of(saved) | {'mark': np.array(run.mark)}} | {
+    saved = _Saved(setup, boot_id(), run.sequential, kept, run.mark)
+    parts = {'run': state_of(saved)} | {
         f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
     return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
 
@@ -284,8 +284,7 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
         except (ValueError, TypeError, IndexError, ArithmeticError) as error:
             raise UnusableState('damaged', f'its arrays do not belong together ({error})'
                                 ) from error
-    # States of before have none.
-    return Run(*lanes, looks=saved.looks, mark=str(state.get('run/mark', '')))
+    return Run(*lanes, looks=saved.looks, mark=saved.mark)
 
 
 def new_run(setup: Setup) -> Run:

@@ -44,7 +44,7 @@ def other_folders(state_file: Path | None) -> Iterator[str]:
 def run_folder(output_dir: str, node_name: str, result: Result, mark: str) -> Path:
     """Name the folder of one run by its first sample, and by the mark of the run."""
     start = (result.source.start_time or 'unknown').removesuffix('Z')
-    name = f'{node_name.strip("/")}_{start}_{mark[:4]}'
+    name = f'{node_name.strip("/")}_{start}_{mark}'
     return at_home(output_dir, 'output_dir') / re.sub(
         r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
 
