@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """rosbag2 databases, whole, unfinished and damaged."""
 
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import shutil
@@ -145,18 +146,24 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
                           topic='/imu', reason=remark.values['reason'])
 
 
-def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
-    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+@contextmanager
+def branch_of(path):
+    """Give the bytes of a file to change, with the places of a branch and its first two cells."""
     with sqlite3.connect(path) as database:
         [[root]] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
     database.close()
-    data = bytearray(path.read_bytes())
-    # The page of a branch: its last child in the head, its first in the cell named first.
-    page = (root - 1) * 4096
-    cell = page + int.from_bytes(data[page + 12:page + 14], 'big')
-    last = page + 8
-    data[last:last + 4], data[cell:cell + 4] = data[cell:cell + 4], data[last:last + 4]
+    data, page = bytearray(path.read_bytes()), (root - 1) * 4096
+    yield data, page, [page + int.from_bytes(data[page + at:page + at + 2], 'big')
+                       for at in (12, 14)]
     path.write_bytes(data)
+
+
+def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    # Its last child is in the head, its first in the cell named first.
+    with branch_of(path) as (data, page, [cell, _]):
+        last = page + 8
+        data[last:last + 4], data[cell:cell + 4] = data[cell:cell + 4], data[last:last + 4]
     after, _ = read(path)
     assert 4000 < len(after) <= 5000
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
@@ -164,16 +171,9 @@ def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
 
 def test_pages_that_lead_back_give_no_message_twice(tmp_path):
     path = write_db3(tmp_path / 'a.db3', MESSAGES)
-    with sqlite3.connect(path) as database:
-        [[root]] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
-    database.close()
-    data = bytearray(path.read_bytes())
-    # The page of a branch: of two cells next to each other, both lead to the first's child.
-    page = (root - 1) * 4096
-    first, second = (page + int.from_bytes(data[page + at:page + at + 2], 'big')
-                     for at in (12, 14))
-    data[second:second + 4] = data[first:first + 4]
-    path.write_bytes(data)
+    # Of two cells next to each other, both lead to the first's child.
+    with branch_of(path) as (data, _, [first, second]):
+        data[second:second + 4] = data[first:first + 4]
     after, _ = read(path)
     assert (np.diff(after.receive_ns) > 0).all()
     assert 4900 < len(after) < 5000
