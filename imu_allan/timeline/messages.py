@@ -29,7 +29,7 @@ class Pending(Record):
     """Messages that wait, in the order they came, until enough are there to be worked off."""
 
     _blocks: list[ImuBlock] = field(default_factory=list)
-    # Beside the blocks: asking each for its length again costs more than its messages.
+    # Counted once: asking each block for its length again costs more than its messages.
     _messages: int = 0
 
     def __len__(self) -> int:

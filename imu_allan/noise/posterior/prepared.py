@@ -36,7 +36,7 @@ _COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERMS]
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
 _LEAK_KNOWN = 2e-4
-"""Share of the pass band to which the power in a stop band is known: blocks leak."""
+"""Share of the pass band to which power in a stop band is known: notches are narrow."""
 _STOPPED = 0.5
 """Share of the pass band below which a group lies behind a filter."""
 _ROUNDING = 1e-24

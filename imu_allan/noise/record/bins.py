@@ -30,8 +30,7 @@ class Bins:
     design: Array    # (bins, 4): expected power for a coefficient 1 of each term
     # (axes, bins): the coefficient itself, with its sign; zero but in the whole-record part
     coefficient: Array
-    # (bins,): squared coefficient of a unit ramp, negative where the sign of the ramp is
-    # lost
+    # (bins,): squared coefficient of a unit ramp, negative where its sign is lost
     ramp: Array
     # (bins,): whether a bin is a single coefficient of a whole-record part
     whole: NDArray[np.bool_]

@@ -32,7 +32,7 @@ class Columns(NamedTuple):
 
     width: int    # places of the grid to a column
     counts: NDArray[np.int64]    # (columns,): samples in each column; zero in a gap
-    # (axes, columns): naN in a gap
+    # (axes, columns): NaN in a gap
     low: Array
     mean: Array
     high: Array
