@@ -16,7 +16,7 @@ from imu_allan.writers.words import values_of
 HEAD = """\
 # Findings
 
-Made by `docs/make_findings.py`. `imu_allan explain CODE` prints one of them, and how it is found.
+Made by `docs/make_findings.py`. `imu_allan explain CODE` prints one of them.
 
 A result lists them as `warnings`:
 
@@ -26,11 +26,11 @@ A result lists them as `warnings`:
 ```
 
 `severity` is `act` where the numbers are not what you want until you do something, else `know`.
-`values` are in SI units, a list where axes differ; "?" stands behind what may be absent. The name
-of a value that is *in unit* stands in the value `unit`. `recording` names one of several. `more`
-alone counts what is left out of many alike. Scripts may rely on all but `message`.
+Scripts may rely on all but `message`. `values` are in SI units, a list where axes differ.
+Those with "?" may be absent. The end of a name is its unit, else the value `unit` has it.
+`recording` is one of several, `more` counts what is left out.
 
-*Do* is for a recording, *live* at a running node where that differs.
+In italics: how it is found. *Do* is for a recording, *live* at a running node where that differs.
 """
 
 
@@ -46,11 +46,12 @@ def page() -> str:
 
 
 def sentences(code: str, words: Words) -> Iterator[str]:
-    """Yield what a finding means, and the advice that is the same for all."""
+    """Yield what a finding means, how it is found, and the advice that is the same for all."""
     if words.title != code.replace('_', ' '):
         yield f'**{words.title}.**'
     yield words.means
-    do = words.do if isinstance(words.do, str) else ''
+    yield f'*{words.found.removesuffix(".")}*.'
+    do = words.do if isinstance(words.do, str) else 'as its message says'
     live = words.live or ''
     if do:
         yield f'*Do:* {do}.'
@@ -58,7 +59,7 @@ def sentences(code: str, words: Words) -> Iterator[str]:
         same = bool(do) and live.startswith(do)
         yield f'*Live:* {"the same" + live[len(do):] if same else live}.'
     if values := values_of(code):
-        yield f'*Values:* {values}.'
+        yield ', '.join(f'`{value}`' for value in values)
 
 
 if __name__ == '__main__':

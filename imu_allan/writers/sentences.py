@@ -662,7 +662,7 @@ WORDS: Mapping[str, Words] = {
         do='coefficients and bounds describe them as much as the noise'),
     'motion_not_listed': Words(
         'motion not listed', 'The result lists the first spans of motion only.',
-        'There are more than are kept.',
+        'There are more.',
         says=lambda f: f'only the first {f.listed} spans of motion are listed'),
     'receive_clock': Words(
         'receive clock', 'Receive stamps are used, which are less even.',
@@ -695,7 +695,7 @@ WORDS: Mapping[str, Words] = {
                        'across a jump'),
     'gaps_not_listed': Words(
         'gaps not listed', 'The result lists the first gaps only.',
-        'There are more than are kept.',
+        'There are more.',
         says=lambda f: f'{f.gaps} gaps of {f.gaps_s:.6g} s in all; only the first {f.listed} '
                        'are listed'),
     'held_values': Words(
@@ -722,7 +722,7 @@ WORDS: Mapping[str, Words] = {
         live='set accel_unit to g to say so, to m/s^2 to take the numbers as they are'),
     'two_rates': Words(
         'two rates', 'Gyroscope and accelerometer come at rates of their own.',
-        'They come on two topics, or one repeats its values.',
+        'By topics, or repeated values.',
         says=_two_rates),
     'repeated_half': Words(
         'repeated half', 'One sensor repeats its values between new ones of the other.',
@@ -766,7 +766,7 @@ WORDS: Mapping[str, Words] = {
              'from there on are not read'),
     'no_metadata': Words(
         'no metadata', 'The folder has no usable metadata.yaml; the files found are read.',
-        'It is missing or cannot be parsed.',
+        'It is missing or damaged.',
         says=lambda f: (
             'no metadata.yaml (was the recorder killed?); the files found were read'
             if 'reason' not in f else

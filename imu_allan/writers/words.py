@@ -105,21 +105,15 @@ def explained(code: str) -> list[str]:
             lines.append(f'{name}: {do}.' if isinstance(do, str) else
                          f'{name}: the message says what fits the figures.')
     if values := values_of(code):
-        lines.append(f'Values: {values}')
+        lines.append(f'Values: {", ".join(values)}')
     return lines
 
 
-def values_of(code: str) -> str:
-    """Name the values of a code with unit or type; "?" stands behind what may be absent."""
-    return ', '.join(f'{name}{"?" if is_optional(kind) else ""} ({_said(known(kind))})'
-                     for name, kind in CODES[code].values.items())
-
-
-def _said(kind: Any) -> str:
-    if get_origin(kind) is tuple:
-        return f'list: {_said(known(get_args(kind)[0]))}'
-    return ' or '.join(get_args(kind)) if get_origin(kind) is Literal else str(
-        kind.__metadata__[0])
+def values_of(code: str) -> list[str]:
+    """Name the values of a code, with what each may be where that is fixed; "?": may be absent."""
+    return [f'{name}{"?" if is_optional(kind) else ""}'
+            + (f' ({", ".join(get_args(known(kind)))})' if get_origin(known(kind)) is Literal
+               else '') for name, kind in CODES[code].values.items()]
 
 
 def of_axis(found: Finding, axis: str) -> Finding:
