@@ -45,8 +45,10 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
     faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
     broken = list(dict.fromkeys([*(code for code in act if code in _NO_SENSOR), *faults]))
     unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
+    short = ['short_recording']
     if broken or unseen or rest_s < SHORTEST_S:
-        return SensorVerdict('not_usable', tuple(broken or act or ['short_recording']))
+        return SensorVerdict('not_usable', tuple(
+            broken or (short if rest_s < SHORTEST_S else act or short)))
     if act or rest_s < SHORTEST_GOOD_S:
-        return SensorVerdict('with_care', tuple(act or ['short_recording']))
+        return SensorVerdict('with_care', tuple(act or short))
     return SensorVerdict('good', ())

@@ -119,8 +119,9 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
     ({'gyro_x': None}, (finding('axis_not_finite', ('gyro_x',)),), 10_800.0, {
         'Gyroscope': 'use with care: not finite (x).'}),
     ({}, (finding('gravity', mean=1.0),), 10_800.0, {'Accelerometer': 'use with care: gravity.'}),
-    ({}, (), 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
-                   'Accelerometer': 'not usable: 5.6 s at rest.'})])
+    *(({}, found, 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
+                        'Accelerometer': 'not usable: 5.6 s at rest.'})
+      for found in ((), (finding('gravity', mean=10.5),)))])
 def test_the_first_lines_are_the_verdict_on_each_sensor(
         filtered, changed, warnings, seconds, said):
     axes = {name: replace(axis, **(changed.get(name) or {}))
