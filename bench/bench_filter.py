@@ -311,7 +311,7 @@ def real(record: Array, rate_hz: float, quantity: str) -> list[dict[tuple[str, s
         series = means(ordered[half:], round(rate_hz))
         [line] = assessed([(fed(axis), series)], 0.0, round(rate_hz) / rate_hz)
         for horizon in COASTS_S:
-            # The first stretch is that in which the filter learns.
+            # The first segment is that in which the filter learns.
             outages = int(len(series) / horizon) - 1
             spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0],
                               np.sqrt(0.5 / outages))
@@ -391,7 +391,7 @@ def main() -> int:
                   f'the forecast: {sum(inside):g} of {len(inside)}', flush=True)
     for sensor, lines in short.items():
         if lines:
-            show_overconfident(f'{sensor}: of {len(lines)} stretches of ten minutes, fitted and '
+            show_overconfident(f'{sensor}: of {len(lines)} segments of ten minutes, fitted and '
                                'held against the hour behind: share overconfident (highest '
                                'ratio)', lines)
     return 0

@@ -360,15 +360,15 @@ class Spectrum:
 @dataclass(frozen=True)
 class Signal:
     """
-    The samples over time, as lowest, mean and highest value of equal stretches.
+    The samples over time, as lowest, mean and highest value of equal segments.
 
     Attributes
     ----------
     step_s : float
-        Length of a stretch; the first begins at the first sample. Where the clock jumped the
+        Length of a segment; the first begins at the first sample. Where the clock jumped the
         parts stand one after the other.
     low, mean, high : tuple of float or None
-        In the unit of a sample; None for a stretch without samples.
+        In the unit of a sample; None for a segment without samples.
 
     """
 
@@ -380,7 +380,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time of the record: start and duration in seconds."""
+    """A span of the record: start and duration in seconds."""
 
     start_s: float
     duration_s: float

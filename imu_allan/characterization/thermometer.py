@@ -35,7 +35,7 @@ settles in several minutes."""
 COVERED = 0.9
 """Share of the record that the readings have to cover; the rest keeps the nearest."""
 _SHOWN = 128
-"""Most stretches of the temperature in a result."""
+"""Most segments of the temperature in a result."""
 
 
 @dataclass(frozen=True)
@@ -215,17 +215,17 @@ class Thermometer(Record):
 
     def signal(self, columns: Columns, dt: float) -> Signal | None:
         """
-        Return the temperature over time, in stretches of whole columns of the signal.
+        Return the temperature over time, in segments of whole columns of the signal.
 
         `columns`: of the signal of the axes, on whose time axis it stands. In degrees Celsius;
-        None where no stretch has a temperature.
+        None where no segment has a temperature.
         """
         if not len(self.keys) or not len(self.runs) or not len(columns.counts):
             return None
         count = -(-len(columns.counts) // _SHOWN)
         width = columns.width * count
-        stretches = -(-len(columns.counts) // count)
-        edges = np.minimum(np.arange(stretches + 1.0) * width, self.shown)
+        segments = -(-len(columns.counts) // count)
+        edges = np.minimum(np.arange(segments + 1.0) * width, self.shown)
         row = np.clip(np.searchsorted(self.runs[:, 2], edges, 'right') - 1, 0, None)
         stamps = self._between_ends(row, edges, 2, 5)
         middle = self.celsius((stamps[:-1] + stamps[1:]) / 2)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _WALK_TIMES = 100.0
-"""To a stretch of time a walk is a process whose correlation time is a hundred times as long."""
+"""Lengths of the record: a process of this correlation time is a random walk within it."""
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
 """Levels in units of the variance seen: 6 % apart, so that an end is known to 3 %."""
 _OUTSIDE = 0.025

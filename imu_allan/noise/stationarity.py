@@ -162,7 +162,7 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
         whole = cells.counts == cell
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
-            # Of white noise every coefficient is as good as any, however short the stretch.
+            # Of white noise every coefficient is as good as any, however short the segment.
             table.add(number, points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell)
     return table.powers(series, cell, parts) if table.dof.any() else None
 

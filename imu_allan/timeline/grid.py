@@ -102,7 +102,7 @@ def _level(values: Ints) -> int:
     return int(np.sort(values)[len(values) // 2])
 
 
-def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
+def bridge(samples: Floats, at: Ints, segment: Ints) -> Floats:
     """
     Local means that stand in for missing samples.
 
@@ -112,19 +112,19 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
         Received samples.
     at : ndarray of int64, shape (g,)
         Rows of `samples` before which something is missing.
-    stretch : ndarray of int64, shape (n,)
-        Number of the unbroken stretch each row belongs to.
+    segment : ndarray of int64, shape (n,)
+        Number of the unbroken segment each row belongs to.
 
     Returns
     -------
     ndarray, shape (g, 6)
-        Mean of up to 8 samples before and 8 after each gap, of the same stretch.
+        Mean of up to 8 samples before and 8 after each gap, of the same segment.
 
     """
     around = at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS)
     valid = (around >= 0) & (around < len(samples))
     around = np.clip(around, 0, len(samples) - 1)
-    valid &= stretch[around] == stretch[at][:, None]
+    valid &= segment[around] == segment[at][:, None]
     weight = valid / valid.sum(axis=1, keepdims=True)
     # About the sample behind the gap: the mean of equal values is that value, to the last bit.
     behind = samples[at]
@@ -143,10 +143,10 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     c = len(index)
     known = np.concatenate([tail, samples[:c + NEIGHBOURS]])
     gaps = np.flatnonzero((steps[:c] > 1) & (steps[:c] <= tolerated))
-    stretch = np.zeros(len(known), dtype=np.int64)
-    stretch[len(tail):] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
+    segment = np.zeros(len(known), dtype=np.int64)
+    segment[len(tail):] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
     lengths = steps[gaps] - 1
-    means = np.repeat(bridge(known, gaps + len(tail), stretch), lengths, axis=0)
+    means = np.repeat(bridge(known, gaps + len(tail), segment), lengths, axis=0)
     ends = np.cumsum(lengths)
     holes = (np.repeat(index[gaps] - ends, lengths)
              + np.arange(int(ends[-1]) if len(ends) else 0))
@@ -168,11 +168,11 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
 
 def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
     """
-    Find stretches of messages that come at another rate, by stamps in intervals of that so far.
+    Find segments of messages that come at another rate, by stamps in intervals of that so far.
 
-    Gives the first message of each stretch, and whether it is at another rate; `other_rate` says
+    Gives the first message of each segment, and whether it is at another rate; `other_rate` says
     it of the messages before. Less than two blocks of 64 messages (256 where they are counted, and
-    more where they come in long batches) are no stretch of their own.
+    more where they come in long batches) are no segment of their own.
     """
     block = RATE_BLOCK
     if pace.counting:

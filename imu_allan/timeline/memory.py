@@ -98,7 +98,7 @@ class Counts(Record):
     lowest_rate_hz, highest_rate_hz : float
         Of messages that went on at another rate than was measured, and are used; 0 if none did.
     paced_ns, paced_steps : int
-        Time and places of all unbroken stretches: their ratio is the rate.
+        Time and places of all unbroken segments: their ratio is the rate.
     gravity : list of float, gravity_samples : int
         Sum of some accelerations, and how many.
 

@@ -3,7 +3,7 @@
 """
 Motion and knocks are found and left out.
 
-Windows go into stretches, are measured, judged against the level of rest with their neighbours
+Windows go into segments, are measured, judged against the level of rest with their neighbours
 known, and given or cut with a margin.
 """
 
@@ -15,7 +15,7 @@ from imu_allan.block import EvenBlock
 from imu_allan.state import Record
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
-from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows
+from imu_allan.timeline.windows import FARTHEST_LAG, Segment, Windows
 import numpy as np
 from numpy.typing import NDArray
 
@@ -142,7 +142,7 @@ class MotionDetector(Record):
     _level: RestLevel = field(default_factory=RestLevel)
     summary: MotionSummary = field(default_factory=MotionSummary)
     _excursions: Excursions = field(default_factory=Excursions)
-    _held: list[Stretch] = field(default_factory=list)
+    _held: list[Segment] = field(default_factory=list)
     _run_pending: bool = False
     _void: bool = False
 
@@ -177,7 +177,7 @@ class MotionDetector(Record):
             last.closed = True
             last = None
         if last is None:
-            last = Stretch(block.first_index, block.start_s, block.new_run)
+            last = Segment(block.first_index, block.start_s, block.new_run)
             self._held.append(last)
         else:
             grown = block.first_index - last.first_index
@@ -197,123 +197,123 @@ class MotionDetector(Record):
 
     def _decide(self, final: bool) -> list[EvenBlock]:
         if self._level.baseline is None:
-            windows = sum(stretch.held // self._windows.size for stretch in self._held)
-            rows = sum(stretch.held for stretch in self._held)
+            windows = sum(segment.held // self._windows.size for segment in self._held)
+            rows = sum(segment.held for segment in self._held)
             if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._windows.size
                     and not final):
                 return []
-            for stretch in self._held:
-                self._windows.measure(stretch)
+            for segment in self._held:
+                self._windows.measure(segment)
             self._level.begin(self._held, self._windows)
         blocks: list[EvenBlock] = []
-        for stretch in self._held:
-            self._windows.measure(stretch)
-            self._judge(stretch)
-            blocks += self._give(stretch)
-        self._held = [stretch for stretch in self._held if not stretch.closed]
+        for segment in self._held:
+            self._windows.measure(segment)
+            self._judge(segment)
+            blocks += self._give(segment)
+        self._held = [segment for segment in self._held if not segment.closed]
         return blocks
 
-    def _judge(self, stretch: Stretch) -> None:
+    def _judge(self, segment: Segment) -> None:
         """Decide on the windows whose neighbours are known."""
         windows, level = self._windows, self._level
-        first = len(stretch.moving)
-        last = len(stretch.means) - (0 if stretch.closed else 1)
+        first = len(segment.moving)
+        last = len(segment.means) - (0 if segment.closed else 1)
         if last <= first:
             return
-        loudness = stretch.loudness[first:last]
-        wander = stretch.wander()[first:last]
-        short = stretch.given == 0 and stretch.held < self._windows.size
-        shorter = self._windows.size / stretch.held if short else 1.0
-        beyond = windows.implausible(stretch, first)[:last - first]
-        if stretch.closed or stretch.base + first < windows.farthest:
-            beyond |= windows.beyond_before(stretch, first, last)
+        loudness = segment.loudness[first:last]
+        wander = segment.wander()[first:last]
+        short = segment.given == 0 and segment.held < self._windows.size
+        shorter = self._windows.size / segment.held if short else 1.0
+        beyond = windows.implausible(segment, first)[:last - first]
+        if segment.closed or segment.base + first < windows.farthest:
+            beyond |= windows.beyond_before(segment, first, last)
         moving = beyond | level.unlike(loudness, wander, shorter)
         unclear = moving | level.awake(loudness)
         if unclear.any() and level.refine_resolution(
-                stretch, np.flatnonzero(unclear) + first, self._windows.size):
+                segment, np.flatnonzero(unclear) + first, self._windows.size):
             moving = beyond | level.unlike(loudness, wander, shorter)
-        stretch.moving = np.concatenate([stretch.moving, moving])
-        if not short and (begins := level.deeper_rest(stretch, first, last)) is not None:
-            self._begin_at_rest(stretch, begins, last)
+        segment.moving = np.concatenate([segment.moving, moving])
+        if not short and (begins := level.deeper_rest(segment, first, last)) is not None:
+            self._begin_at_rest(segment, begins, last)
             return
-        rest = stretch.means[first:last]
+        rest = segment.means[first:last]
         if moving.any():
             rest = rest[~moving]
             louder = level.contrast(loudness[moving])
             self.summary.louder += float(louder.sum())
             self.summary.compared += len(louder)
         if len(rest) and not short:
-            self._excursions.take(rest, windows.time(stretch, stretch.base + first),
+            self._excursions.take(rest, windows.time(segment, segment.base + first),
                                   self._windows.size * self.interval_s)
         if not short:
-            time_s = windows.time(stretch, stretch.base + last)
+            time_s = windows.time(segment, segment.base + last)
             for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
                 self.summary.changes = (*self.summary.changes[:_LISTED_CHANGES], (time_s, ratio))
 
-    def _begin_at_rest(self, stretch: Stretch, first: int, last: int) -> None:
+    def _begin_at_rest(self, segment: Segment, first: int, last: int) -> None:
         """Take windows from number `first` of the arrays on for rest, all before for motion."""
-        self._level.begin_at(stretch, first, last)
+        self._level.begin_at(segment, first, last)
         self._void = True
         self._excursions = Excursions()
-        stretch.moving[:first] = True
-        stretch.moving[first:] = (
-            self._windows.implausible(stretch, first)[:last - first]
-            | self._level.unlike(stretch.loudness[first:last], stretch.wander()[first:last], 1.0))
+        segment.moving[:first] = True
+        segment.moving[first:] = (
+            self._windows.implausible(segment, first)[:last - first]
+            | self._level.unlike(segment.loudness[first:last], segment.wander()[first:last], 1.0))
         self.summary = self.summary.all_cut(
-            stretch.first_index + stretch.given * self._windows.size,
+            segment.first_index + segment.given * self._windows.size,
             max(self.summary.seen // self._windows.size, 1))
 
-    def _give(self, stretch: Stretch) -> list[EvenBlock]:
+    def _give(self, segment: Segment) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""
         size = self._windows.size
-        judged = stretch.base + len(stretch.moving)
-        upto = judged if stretch.closed else judged - _MARGIN
-        count = upto - stretch.given
+        judged = segment.base + len(segment.moving)
+        upto = judged if segment.closed else judged - _MARGIN
+        count = upto - segment.given
         if count <= 0:
             return []
-        context = stretch.given - stretch.base
-        if stretch.moving.any():
-            near = np.convolve(stretch.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
+        context = segment.given - segment.base
+        if segment.moving.any():
+            near = np.convolve(segment.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
             cut = near[context:context + count] > 0.5
             edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
         else:
             cut, edges = np.zeros(1, dtype=bool), [0, count]
-        rows = stretch.joined()
-        length = min(count * size, stretch.held)
-        first = stretch.first_index + stretch.given * size
+        rows = segment.joined()
+        length = min(count * size, segment.held)
+        first = segment.first_index + segment.given * size
         blocks = []
         for left, right in pairwise(edges):
             begin, end = left * size, min(right * size, length)
-            start_s = self._windows.time(stretch, stretch.given + left)
+            start_s = self._windows.time(segment, segment.given + left)
             place = first + begin, end - begin, start_s, (end - begin) * self.interval_s
             if cut[left]:
                 self.summary.cut.add(*place)
-                self._run_pending |= stretch.new_run
+                self._run_pending |= segment.new_run
             else:
-                bridged = stretch.bridged
+                bridged = segment.bridged
                 if len(bridged):
                     bridged = bridged[np.searchsorted(bridged, first + begin):
                                       np.searchsorted(bridged, first + end)] - (first + begin)
                 blocks.append(EvenBlock(rows[begin:end], first + begin, bridged,
-                                        stretch.new_run or self._run_pending, self._void,
+                                        segment.new_run or self._run_pending, self._void,
                                         start_s))
                 self._run_pending = self._void = False
                 self.summary.kept.add(*place)
-            stretch.new_run = False
-        struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
-        newest = self._windows.time(stretch, stretch.given) + length * self.interval_s
+            segment.new_run = False
+        struck = int(np.count_nonzero(segment.moving[context:context + count])) * size
+        newest = self._windows.time(segment, segment.given) + length * self.interval_s
         self.summary.seen += length
         self.summary.struck += min(struck, length)
         self.summary.moving = newest - self.summary.cut.end_s < _LATELY_S
-        stretch.rows = [rows[length:]]
-        stretch.held -= length
-        stretch.given = upto
-        drop = max(upto - _CONTEXT - stretch.base, 0)
+        segment.rows = [rows[length:]]
+        segment.held -= length
+        segment.given = upto
+        drop = max(upto - _CONTEXT - segment.base, 0)
         if drop:
-            stretch.base += drop
-            stretch.means = stretch.means[drop:]
-            stretch.loudness = stretch.loudness[drop:]
-            stretch.moving = stretch.moving[drop:]
-        if len(stretch.bridged):
-            stretch.bridged = stretch.bridged[np.searchsorted(stretch.bridged, first + length):]
+            segment.base += drop
+            segment.means = segment.means[drop:]
+            segment.loudness = segment.loudness[drop:]
+            segment.moving = segment.moving[drop:]
+        if len(segment.bridged):
+            segment.bridged = segment.bridged[np.searchsorted(segment.bridged, first + length):]
         return blocks

@@ -36,7 +36,7 @@ _MOSTLY_IN_BURSTS = 0.55
 _SLOWEST, _FASTEST = 0.9, 2.9
 """Rates, over that of the messages, among which the sensor's is sought."""
 _GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
-"""Stretches of 64 messages that tell it, and the share of the best fit that is as good."""
+"""Segments of 64 messages that tell it, and the share of the best fit that is as good."""
 _EARLY, _CROWDED = 0.9, 0.06
 """Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
 are lost from pairs in .08, and no message on a grid does."""
@@ -49,7 +49,7 @@ _NEAR = 0.15
 _SHORTEST_STEP_NS = 1e5
 """No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
 _SHORTEST_ON = 0.1
-"""Share of the time that even stretches take up at least; bursts take up a few percent."""
+"""Share of the time that even segments take up at least; bursts take up a few percent."""
 _LONGEST_BATCH_NS = 5e8
 """A FIFO is read more often: it overflows after some tenths of a second."""
 _TICKS_NS = (100_000, 1_000_000, 10_000_000)
@@ -80,7 +80,7 @@ _LEAP = 16
 _HIDDEN_LAGS = np.array([32, 64, 96, 128])
 """Messages: longer than a batch, and short enough for many of them in a window."""
 _ERRORS, _ERRORS_OF_LINE = 2.0, 5.0
-"""Standard deviations of a variance of so few stretches as fit into a window. A line fitted to the
+"""Standard deviations of a variance of so few segments as fit into a window. A line fitted to the
 stamps takes some of their wander with it: of 60 windows each of 2048 and 4096 messages with 2, 10
 and 40 % lost its bound held for all but 0 to 5 %."""
 _LONGEST_OF_BATCHES = 20

@@ -4,7 +4,7 @@
 The second part of a timeline, in one class because every step moves the same cursor.
 
 Usable messages find their places on the even grid. They are put in order and split where the clock
-jumps; stretches at another rate are left out; steps on the grid are counted, short gaps bridged
+jumps; segments at another rate are left out; steps on the grid are counted, short gaps bridged
 and long ones listed.
 """
 
@@ -184,7 +184,7 @@ class Placing(Record):
         return jumps
 
     def _at_one_rate(self, messages: Messages) -> Iterator[EvenBlock]:
-        """Leave out stretches at another rate than the first one; place the others."""
+        """Leave out segments at another rate than the first one; place the others."""
         cursor, decision = self.cursor, self._decision
         if decision.first_interval_ns is None:
             pace = measure_pace(messages.stamps)

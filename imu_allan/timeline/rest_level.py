@@ -14,7 +14,7 @@ from functools import cached_property
 from math import log, sqrt
 
 from imu_allan.state import Record
-from imu_allan.timeline.windows import Stretch, Windows
+from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 from numpy.typing import NDArray
 
@@ -142,23 +142,23 @@ class RestLevel(Record):
                 != [(12,), (12,), (6,), (6,)]):
             raise ValueError('the level of rest is not that of six axes')
 
-    def begin(self, held: list[Stretch], windows: Windows) -> None:
+    def begin(self, held: list[Segment], windows: Windows) -> None:
         """Find the first baseline in the windows held back."""
-        full = [stretch for stretch in held if stretch.held >= windows.size]
+        full = [segment for segment in held if segment.held >= windows.size]
         if not full:
-            # Between frequent gaps no stretch may last a window: then each is one, but for the
+            # Between frequent gaps no segment may last a window: then each is one, but for the
             # shorter ones. One sample has no noise, and two may be alike by chance.
-            full = [stretch for stretch in held if len(stretch.loudness) == 1]
-            usual = np.median([stretch.held for stretch in full]) if full else 0
-            full = [stretch for stretch in full if stretch.held >= usual]
+            full = [segment for segment in held if len(segment.loudness) == 1]
+            usual = np.median([segment.held for segment in full]) if full else 0
+            full = [segment for segment in full if segment.held >= usual]
         if not full:
             self.baseline = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
             return
-        loudness = np.concatenate([stretch.loudness for stretch in full])
-        wander = np.concatenate([stretch.wander() for stretch in full])
-        resolution = np.min([resolution_of(stretch.joined()[:8 * 1024]) for stretch in full[:4]],
+        loudness = np.concatenate([segment.loudness for segment in full])
+        wander = np.concatenate([segment.wander() for segment in full])
+        resolution = np.min([resolution_of(segment.joined()[:8 * 1024]) for segment in full[:4]],
                             axis=0)
-        still = ~np.concatenate([windows.implausible(stretch, 0) for stretch in full])
+        still = ~np.concatenate([windows.implausible(segment, 0) for segment in full])
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         loudness, wander = loudness[still], wander[still]
@@ -191,7 +191,7 @@ class RestLevel(Record):
         unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
         return np.asarray(unlike)
 
-    def refine_resolution(self, stretch: Stretch, windows: Ints, size: int) -> bool:
+    def refine_resolution(self, segment: Segment, windows: Ints, size: int) -> bool:
         """
         Look for smaller steps in the rows of `windows`; tell whether there are any.
 
@@ -199,10 +199,10 @@ class RestLevel(Record):
         before they show how small their step is.
         """
         assert self.baseline is not None
-        rows = stretch.joined()
+        rows = segment.joined()
         known = self.baseline.resolution
         smaller = known
-        for window in (windows + stretch.base - stretch.given).tolist():
+        for window in (windows + segment.base - segment.given).tolist():
             near = rows[max(window - 1, 0) * size:(window + 2) * size]
             smaller = np.minimum(smaller, resolution_of(near))
         if np.array_equal(smaller, known):
@@ -226,17 +226,17 @@ class RestLevel(Record):
         louder: Floats = np.max(loudness[:, known] / rest[known], axis=1)
         return np.log(np.maximum(louder, 1.0))
 
-    def deeper_rest(self, stretch: Stretch, first: int, last: int) -> int | None:
+    def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
         """
         Find where windows far quieter than the baseline begin, which are the rest.
 
         A recording may begin while its vehicle drives: then the first baseline is that of driving.
         """
         assert self.baseline is not None
-        if not (stretch.loudness[first:last] < self.baseline.far_quieter).any():
+        if not (segment.loudness[first:last] < self.baseline.far_quieter).any():
             self.quieter = 0
             return None
-        loud, windows = self.baseline.loudness, stretch.loudness[first:last]
+        loud, windows = self.baseline.loudness, segment.loudness[first:last]
         known = (loud > 0) & np.isfinite(loud)
         quiet, alive = windows < self.baseline.far_quieter, (windows > 0) & known
         # A coarse or constant axis may be as it was, and one that stands still has died.
@@ -249,10 +249,10 @@ class RestLevel(Record):
                 return at + 1 - _REST_WINDOWS
         return None
 
-    def begin_at(self, stretch: Stretch, first: int, last: int) -> None:
+    def begin_at(self, segment: Segment, first: int, last: int) -> None:
         """Begin anew with the windows from number `first` of the arrays on."""
         assert self.baseline is not None
-        found = baseline_of(stretch.loudness[first:last], stretch.wander()[first:last],
+        found = baseline_of(segment.loudness[first:last], segment.wander()[first:last],
                             self.baseline.resolution)
         # A few windows tell a spread to a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
@@ -323,7 +323,7 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
     Find the windows at rest, and the baseline that they make.
 
     Their set grows from the quietest eighth as far as the distribution of loudness has no hole of
-    many standard deviations. Wander is NaN at the ends of a stretch.
+    many standard deviations. Wander is NaN at the ends of a segment.
     """
     dead = _dead(loudness, resolution)
     percentile = np.nanpercentile if dead.any() else np.percentile

@@ -68,7 +68,7 @@ class TimelineSummary:
     moving : bool
         Motion was seen within the last seconds.
     mostly_motion : bool
-        More than half of the samples are motion, and no stretch of five seconds is at rest: this
+        More than half of the samples are motion, and no segment of five seconds is at rest: this
         is no recording at rest.
     turned : tuple of str
         Axes whose mean went away and came back, as in a slow turn.
@@ -172,7 +172,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
 
 
 def _measured_rate(counts: Counts, decision: Decision) -> float | None:
-    """Tell samples per second of all unbroken stretches."""
+    """Tell samples per second of all unbroken segments."""
     if counts.paced_ns <= 0 or not counts.paced_steps:
         return None
     rate = counts.paced_steps / counts.paced_ns * SECOND

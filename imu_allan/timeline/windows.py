@@ -32,7 +32,7 @@ FARTHEST_LAG = max(_LAGS)
 _LONGEST_LAG_S = 6.0
 """Of a slow sensor windows are longer: beyond this, drift is no motion. A judgment."""
 _MOST_RECENT = 64
-"""Windows of stretches before a gap that those behind it are held against."""
+"""Windows of segments before a gap that those behind it are held against."""
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
@@ -40,11 +40,11 @@ _PLAUSIBLE_SIGMAS = 10.0
 
 
 @dataclass
-class Stretch(Record):
+class Segment(Record):
     """
     Even rows without a gap between them, of which the verdict is still open.
 
-    Windows are numbered from the start of the stretch. `rows` begins with window `given`; the
+    Windows are numbered from the start of the segment. `rows` begins with window `given`; the
     arrays of windows begin with window `base`, a few before, which are needed as context.
     """
 
@@ -97,7 +97,7 @@ class Windows(Record):
     interval_s : float
         Sample interval; a window is half a second, 25 rows at least.
     recent : ndarray, shape (windows, 14)
-        Place, rows, means and noise of the newest windows of stretches that are closed.
+        Place, rows, means and noise of the newest windows of segments that are closed.
     part, size : int
         Rows in a part of a window, and in a window.
     lags : tuple of int
@@ -116,62 +116,62 @@ class Windows(Record):
                           if lag * self.size * self.interval_s < _LONGEST_LAG_S)
         self.farthest = max(self.lags, default=0)
 
-    def time(self, stretch: Stretch, window: int) -> float:
-        """Give when a window of a stretch begins, in seconds."""
-        return max(stretch.start_s + window * self.size * self.interval_s, 0.0)
+    def time(self, segment: Segment, window: int) -> float:
+        """Give when a window of a segment begins, in seconds."""
+        return max(segment.start_s + window * self.size * self.interval_s, 0.0)
 
-    def measure(self, stretch: Stretch) -> None:
+    def measure(self, segment: Segment) -> None:
         """Work out mean and loudness of the windows that are complete by now."""
         size = self.size
-        known = stretch.base + len(stretch.means)
-        done = (known - stretch.given) * size
-        complete = (stretch.held - done) // size
+        known = segment.base + len(segment.means)
+        done = (known - segment.given) * size
+        complete = (segment.held - done) // size
         if complete < 0:
             return
         if complete:
-            rows = stretch.joined()[done:done + complete * size].reshape(complete, size, 6)
-            stretch.describe(rows, self.part)
-        left = stretch.held - done - complete * size
-        if stretch.closed and left:
-            stretch.describe(stretch.joined()[None, -size:], self.part)
+            rows = segment.joined()[done:done + complete * size].reshape(complete, size, 6)
+            segment.describe(rows, self.part)
+        left = segment.held - done - complete * size
+        if segment.closed and left:
+            segment.describe(segment.joined()[None, -size:], self.part)
 
-    def implausible(self, stretch: Stretch, first: int) -> Bools:
+    def implausible(self, segment: Segment, first: int) -> Bools:
         """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
-        means = stretch.means
+        means = segment.means
         beyond = np.zeros(len(means), dtype=bool)
         for lag in self.lags:
             change = np.abs(means[lag:] - means[:-lag])
             large = change > _PLAUSIBLE_CHANGE
             if large.any():
-                sigma = stretch.loudness ** 1.5
+                sigma = segment.loudness ** 1.5
                 sigma = np.maximum(sigma[:, :6], sqrt(self.part) * sigma[:, 6:])
                 white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size)
                 beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
         return beyond[first:]
 
-    def beyond_before(self, stretch: Stretch, first: int, last: int) -> Bools:
-        """Tell windows whose mean is beyond belief beside those of stretches just before."""
+    def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
+        """Tell windows whose mean is beyond belief beside those of segments just before."""
         beyond = np.zeros(last - first, dtype=bool)
         reach, size = self.farthest * self.size, self.size
-        begins = stretch.first_index + (stretch.base + first) * size
+        begins = segment.first_index + (segment.base + first) * size
         near = self.recent[self.recent[:, 0] >= begins - reach]
-        if stretch.base + first < self.farthest and not stretch.new_run and len(near):
-            there = min(last - first, self.farthest - stretch.base - first)
-            sigma = stretch.loudness[first:first + there, :6] ** 1.5
-            change = np.abs(stretch.means[first:first + there, None] - near[:, 2:8])
+        if segment.base + first < self.farthest and not segment.new_run and len(near):
+            there = min(last - first, self.farthest - segment.base - first)
+            sigma = segment.loudness[first:first + there, :6] ** 1.5
+            change = np.abs(segment.means[first:first + there, None] - near[:, 2:8])
             white = _PLAUSIBLE_SIGMAS * np.minimum(sigma[:, None], near[:, 8:]) * np.sqrt(
-                1 / near[:, 1:2] + 1 / min(size, max(stretch.held, 1)))
+                1 / near[:, 1:2] + 1 / min(size, max(segment.held, 1)))
             close = (begins + np.arange(there)[:, None] * size - near[:, 0]) <= reach
             beyond[:there] = np.any(
                 close & np.any((change > _PLAUSIBLE_CHANGE) & (change > white), axis=2), axis=1)
-        if stretch.closed:
+        if segment.closed:
             newest = max(last - self.farthest, 0)
             count = last - newest
             places = begins + (np.arange(newest, last) - first) * size
-            rows = np.full((count, 1), float(min(size, max(stretch.held, 1))))
+            rows = np.full((count, 1), float(min(size, max(segment.held, 1))))
             self.recent = np.concatenate([self.recent, np.hstack([
-                places[:, None], rows, stretch.means[newest:last],
-                stretch.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
+                places[:, None], rows, segment.means[newest:last],
+                segment.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
         return beyond
 
 

@@ -77,7 +77,7 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     For each axis there is None where the record is too short or the axis has no noise.
     """
     axes = series.sums.shape[0]
-    rows = max(stretches(series, cell), key=lambda rows: rows.shape[1],
+    rows = max(segments(series, cell), key=lambda rows: rows.shape[1],
                default=np.zeros((axes, 0)))
     cell_s = cell * dt
     coarsen = max(1, int(np.ceil(rows.shape[1] / 2 / MOST_STEPS)),
@@ -112,7 +112,7 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
     found = axis.backtest
     if found is None:
         return ()
-    # One after the other in both halves, but for the first stretch, in which the filter learns.
+    # One after the other in both halves, but for the first segment, in which the filter learns.
     outages = [2 * max(int(found.tested_s / coast.horizon_s + _ROUNDING) - 1, 1)
                for coast in found.coast]
     return coast_bands(axis, found.coast, outages)
@@ -168,7 +168,7 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
         met.coasts[size * step_s] = predicted + more[0], squared + more[1], outages + len(starts)
 
 
-def stretches(series: Cells, cell: int) -> list[Array]:
+def segments(series: Cells, cell: int) -> list[Array]:
     """
     Cut a series of means into rows where the record is interrupted.
 

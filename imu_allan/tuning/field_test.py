@@ -25,7 +25,7 @@ from imu_allan.noise.record.periodogram import SHORTEST, SpectrumPiece
 from imu_allan.noise.terms import AXES, line_power
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
 from imu_allan.tuning.arguments import drift_model_of
-from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches
+from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, segments
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import coast_bands, widened
@@ -85,7 +85,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     rows = [i for i, name in enumerate(names)
             if name in axes and axes[name].drift_model is not None]
     kept = {names[i]: axes[names[i]] for i in rows}
-    parts = [part[rows] for part in stretches(means.series, means.cell)
+    parts = [part[rows] for part in segments(means.series, means.cell)
              if part.shape[1] >= SHORTEST]
     if not kept:
         return {}

@@ -6,7 +6,7 @@ What an axis does on its own: heading, velocity and position after a time withou
 The bias was averaged over some time before and subtracted; the drift model then gives the variance
 of what remains, exactly: the mean over the outage about the mean before it, and for a position the
 double integral. The band holds what the recording does not know: how well so few independent
-stretches of that length fix a variance, and how much the drift changes from one part to another.
+segments of that length fix a variance, and how much the drift changes from one part to another.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class DriftForecast:
     integral : tuple of float
         Of the angle (gyroscope, rad) or the velocity (accelerometer, m/s).
     integral_ci95 : tuple of (float, float)
-        Where the standard deviation of a stretch like those of the recording lies.
+        Where the standard deviation of a segment like those of the recording lies.
     position : tuple of float or None
         Of the position (m); None for a gyroscope.
     position_ci95 : tuple of (float, float) or None

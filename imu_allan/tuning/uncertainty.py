@@ -101,7 +101,7 @@ def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
         return np.ones(len(horizons))
     tau, edf = np.array(known).T
     inside = np.exp(np.interp(np.log(horizons), np.log(tau), np.log(edf)))
-    # Beyond the curve there are fewer and fewer stretches of such a length.
+    # Beyond the curve there are fewer and fewer segments of such a length.
     return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
 
 

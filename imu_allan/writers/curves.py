@@ -257,8 +257,8 @@ def over_time(signal: Signal | None) -> tuple[Array, Array]:
     """
     Return a signal as arrays: seconds, and in rows its lowest, mean and highest values.
 
-    Time in the middle of each stretch; a stretch that lacks one of the three is NaN. Nothing where
-    there is no signal, or none of its stretches has all three.
+    Time in the middle of each segment; a segment that lacks one of the three is NaN. Nothing where
+    there is no signal, or none of its segments has all three.
     """
     if signal is None:
         return np.zeros(0), np.zeros((3, 0))
@@ -271,9 +271,9 @@ def over_time(signal: Signal | None) -> tuple[Array, Array]:
 
 def wander(axis: AxisResult) -> tuple[Array, Array]:
     """
-    Return how the mean of an axis wandered: that of each stretch less that of all.
+    Return how the mean of an axis wandered: that of each segment less that of all.
 
-    Time in the middle of each stretch in seconds, and the mean in the unit of a sample: NaN where
+    Time in the middle of each segment in seconds, and the mean in the unit of a sample: NaN where
     there were no samples, and nothing where the result does not have the signal.
     """
     time, (_, mean, _) = over_time(axis.signal)

@@ -205,7 +205,7 @@ class Panel:
         return ''.join(marks)
 
     def span(self, x0: float, x1: float, kind: str, title: str) -> str:
-        """Return the shade of a stretch of x, one pixel wide at least."""
+        """Return the shade of a range of x, one pixel wide at least."""
         left, top, right, bottom = self.box
         begin, end = np.clip(self.x([x0, x1]), left, right)
         return (f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
@@ -338,7 +338,7 @@ def _path(points: Iterable[tuple[float, float]]) -> str:
 
 
 def _unbroken(values: Array) -> list[slice]:
-    """Return the stretches without NaN."""
+    """Return the segments without NaN."""
     there = np.concatenate(([False], np.isfinite(values), [False]))
     edges = np.flatnonzero(there[1:] != there[:-1])
     return [slice(begin, end) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

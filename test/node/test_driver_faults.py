@@ -43,7 +43,7 @@ def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros
 
 
 @pytest.mark.parametrize('step_s', [-3600, slow(3600)])
-def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
+def test_a_clock_that_steps_while_the_node_runs_begins_a_new_segment(
         ros: Ros, step_s: float) -> None:
     node = ros.start('imu_allan_node')
     driver = Driver(ros).wait_for_node()

@@ -1099,7 +1099,7 @@ def test_a_very_short_record_at_rest_is_no_motion(rate_hz):
         assert summary.timeline.motion == ()
 
 
-def test_a_knock_is_seen_where_gaps_leave_no_stretch_of_a_window():
+def test_a_knock_is_seen_where_gaps_leave_no_segment_of_a_window():
     messages, truth, rng = gyro(10.0, 600)
     messages.samples[2990:2993] += rng.normal(size=(3, 6)) * 60 * SIGMA
     result = characterized(keep(messages, messages.place % 33 >= 9))

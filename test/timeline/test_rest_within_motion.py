@@ -45,7 +45,7 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         400 - rest_s, abs=0.6)
 
 
-def test_the_stretches_at_rest_are_named():
+def test_the_segments_at_rest_are_named():
     assert told(characterized(driven('drives first', 20)[0]), 'rest_within_motion').values == {
         'share': pytest.approx(0.88, abs=5e-3), 'rest_s': pytest.approx(46.5, abs=0.05),
         'rests': 3, 'starts_s': pytest.approx([183, 263, 343], abs=0.5),

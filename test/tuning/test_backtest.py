@@ -82,7 +82,7 @@ def test_a_constant_axis_and_a_short_record_are_not_tested(hours):
     assert halves_of(hours[:round(500 * RATE)]) == [None]
 
 
-def test_only_the_longest_unbroken_stretch_is_tested(hours):
+def test_only_the_longest_unbroken_segment_is_tested(hours):
     estimator = Estimator()
     estimator.update(hours[:round(3600 * RATE)])
     estimator.skip(round(1000 * RATE))

@@ -300,7 +300,7 @@ def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):
 
 
 def test_a_warm_up_shows_in_the_overview(result):
-    # The mean of the first of eight stretches lies far from the others.
+    # The mean of the first of eight segments lies far from the others.
     signal = Signal(450.0, (-1.0,) * 8, (0.5, *[0.0] * 7), (1.0,) * 8)
     warm = replace(result, axes={name: replace(axis, signal=signal)
                                  for name, axis in result.axes.items()})

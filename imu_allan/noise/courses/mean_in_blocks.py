@@ -32,7 +32,7 @@ def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: C
     """
     Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
 
-    The longest blocks of a stage follow one another; of the shorter ones, the ends of stretches,
+    The longest blocks of a stage follow one another; of the shorter ones, the ends of segments,
     it is not known where they lie.
 
     `pieces`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of

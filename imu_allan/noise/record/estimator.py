@@ -115,7 +115,7 @@ class Estimator(SideBySide):
     def update(self, samples: ArrayLike, bridged: Sequence[int] | NDArray[np.int64] = ()
                ) -> None:
         """
-        Take in the next samples of the stretch.
+        Take in the next samples of the segment.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class Estimator(SideBySide):
 
     def skip(self, missing: int) -> None:
         """
-        Leave out `missing` samples: a new stretch begins behind them.
+        Leave out `missing` samples: a new segment begins behind them.
 
         Raises
         ------
@@ -175,14 +175,14 @@ class Estimator(SideBySide):
         if missing < 0:
             raise ValueError(f'missing must not be negative: {missing}')
         self._absorb()
-        self.pyramid.start_stretch()
+        self.pyramid.start_segment()
         self.signal.skip(missing)
         self.first += missing
 
     def start_run(self) -> None:
         """Begin a new run, whose distance in time from the one before is unknown."""
         self._absorb()
-        self.pyramid.start_stretch()
+        self.pyramid.start_segment()
         self.run += 1
         self.first = 0
         if self.run >= MOST_RUNS:

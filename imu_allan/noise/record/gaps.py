@@ -78,7 +78,7 @@ def filled(cells: Cells) -> Array:
 
     `cells`: all of one run. Returns shape (axes, span): missing cells stand on the straight line
     between the means of what surrounds them, taken over twice as many cells as are missing: a line
-    between the two nearest cells alone would stretch their noise over the gap and look like
+    between the two nearest cells alone would spread their noise over the gap and look like
     flicker.
     """
     means = cells.means

@@ -44,7 +44,7 @@ STAGE_OCTAVES = 6
 SERIES = 8192
 """The most cells of the whole-record series."""
 SHORTEST = 16
-"""Points of the shortest block: the rest of a stretch is cut into blocks of powers of two."""
+"""Points of the shortest block: the rest of a segment is cut into blocks of powers of two."""
 
 _MAX_STAGES = 4
 """Means of 2**18 samples in the slowest: at 1 kHz its blocks last for twelve days."""
@@ -181,13 +181,13 @@ class Stage(SideBySide):
         # Nothing is filled here: what is slow enough to need it is in the series.
         cut = np.flatnonzero(np.diff(held.keys) > 1) + 1
         for begin, end in pairwise([0, *cut.tolist(), len(held)]):
-            stretch = held.take(slice(begin, end))
-            whole = len(stretch)
+            segment = held.take(slice(begin, end))
+            whole = len(segment)
             if end == len(held) and not all_of_it:
-                # The stretch goes on: only whole blocks are taken now.
+                # The segment goes on: only whole blocks are taken now.
                 whole -= whole % BLOCK
-                self.waiting = joined(stretch.take(slice(whole, None)), growing)
-            self.add(stretch.means[:, :whole], (size / stretch.counts)[:whole])
+                self.waiting = joined(segment.take(slice(whole, None)), growing)
+            self.add(segment.means[:, :whole], (size / segment.counts)[:whole])
 
     def merge(self, other: 'Stage') -> None:
         """Add the sums of another finished record."""
@@ -223,9 +223,9 @@ class Periodogram(SideBySide):
 
     def absorb(self, rows: Array, run: int, first: int) -> None:
         """
-        Add samples of one stretch.
+        Add samples of one segment.
 
-        `rows`, shape (axes, n): a multiple of `BLOCK` samples, or the rest of the stretch.
+        `rows`, shape (axes, n): a multiple of `BLOCK` samples, or the rest of the segment.
         `first`: place of the first sample on the grid of the run.
         """
         self.samples += rows.shape[1]

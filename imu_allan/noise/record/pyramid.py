@@ -58,14 +58,14 @@ class Pyramid(SideBySide):
         self.newest, self.odd, self.tails = np.zeros((self.axes, 0)), [0], []
         self._work = np.empty((3, self.axes, 0))
 
-    def start_stretch(self) -> None:
+    def start_segment(self) -> None:
         """Forget the last samples: no difference is taken across this point."""
         self.newest = np.zeros((self.axes, 0))
         self.tails, self.odd = [self.newest] * len(self.tails), [0] * len(self.odd)
 
     def absorb(self, rows: Array) -> None:
         """
-        Add the next samples of the stretch.
+        Add the next samples of the segment.
 
         `rows`, shape (axes, n): in the unit of a sample.
         """
@@ -88,7 +88,7 @@ class Pyramid(SideBySide):
         for stage in range(_MAX_STAGES):
             known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
             first = end - self._add(OVERLAP_OCTAVE + stage, track, OVERLAP, new)
-            # Every other pair, counted from the beginning of the stretch.
+            # Every other pair, counted from the beginning of the segment.
             every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
             sums = track[:, every] + track[:, OVERLAP:][:, every]
             self.odd[stage] = (self.odd[stage] + new) % 2
@@ -125,7 +125,7 @@ class Pyramid(SideBySide):
         octaves = len(other.counts)
         self.sums[:octaves] += other.sums
         self.counts[:octaves] += other.counts
-        self.start_stretch()
+        self.start_segment()
 
     def check(self) -> None:
         """Raise ValueError where fields that were saved do not belong together."""

@@ -111,7 +111,7 @@ class Segments(SideBySide):
             self._widen()
         at = (self.samples + n // 2) // self.width
         for length, count, power in blocks:
-            # A shorter one, the rest of a stretch, has under five octaves above `_LOWEST_INDEX`.
+            # A shorter one, the rest of a segment, has under five octaves above `_LOWEST_INDEX`.
             if length >= 256:
                 self._add(at, layout(length, 1), count, power)
         if n == SHORTEST_SEGMENT:

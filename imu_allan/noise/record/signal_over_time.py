@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The signal over time in constant memory: lowest, mean and highest value of equal stretches.
+The signal over time in constant memory: lowest, mean and highest value of equal segments.
 
 A column holds ``width`` neighbouring places of the grid. When the columns are used up, neighbours
 are merged in pairs and the width doubles, so that a second and a month cost the same. Where the
@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 COLUMNS = 512
 """Most columns: finer than a figure across a page shows, and 60 KB of JSON for six axes."""
 _STILL_SAMPLES = 16
-"""To a stretch at least: as many equal samples in a row say something in all but coarse steps."""
+"""To a segment at least: as many equal samples in a row say something in all but coarse steps."""
 _FEWEST_STILL = 3
-"""Such stretches in a row: the first and the last may be still in part alone."""
+"""Such segments in a row: the first and the last may be still in part alone."""
 _BY_CHANCE = 1e-4
 """Probability of a false word in a record; coarse steps repeat one value by nature."""
 
@@ -43,7 +43,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     Find where an axis gave one value all the time, and elsewhere does not.
 
     `columns`: of the whole record. Returns: first place and number of places of the longest such
-    stretch. None where there is none, where the axis is constant throughout, or where its
+    segment. None where there is none, where the axis is constant throughout, or where its
     resolution is so coarse that chance repeats values as long.
     """
     known = np.flatnonzero(columns.counts)
@@ -54,7 +54,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     low = np.minimum.reduceat(columns.low[axis, known], starts)
     high = np.maximum.reduceat(columns.high[axis, known], starts)
     still = low == high
-    # A run ends where the next stretch moves, or holds another value.
+    # A run ends where the next segment moves, or holds another value.
     borders = np.flatnonzero(~still[1:] | ~still[:-1] | (low[1:] != low[:-1])) + 1
     begins, ends = np.r_[0, borders], np.r_[borders, len(still)]
     lengths = np.where(still[begins], ends - begins, 0)

@@ -78,7 +78,7 @@ def test_a_whole_series_is_its_means():
                                   (ROWS[:, ::2] + ROWS[:, 1::2]) / 2)
 
 
-def test_noise_of_the_nearest_cells_is_not_stretched_over_a_gap():
+def test_noise_of_the_nearest_cells_is_not_spread_over_a_gap():
     rng = np.random.default_rng(4)
     keys = np.delete(np.arange(400), np.arange(150, 250))
     fills = [filled(Cells(keys, rng.standard_normal((1, 300)), np.ones(300, np.int64)))

@@ -105,7 +105,7 @@ def test_sample_rate_only_stretches_time():
 
 @pytest.mark.parametrize('interrupt', [lambda estimator: estimator.skip(20), Estimator.start_run])
 def test_no_difference_is_taken_across_an_interruption(interrupt):
-    # A step between two noiseless stretches would show if it were.
+    # A step between two noiseless segments would show if it were.
     estimator = Estimator()
     for level in (0.0, 5.0):
         estimator.update(np.full(3000, level))

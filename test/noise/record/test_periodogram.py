@@ -10,10 +10,10 @@ import pytest
 from scipy.fft import dct
 
 
-def periodogram_of(*stretches):
-    """Absorb stretches, pairs of run and samples, in the chunks in which an estimator does."""
-    spectrum = Periodogram(stretches[0][1].shape[0])
-    for run, rows in stretches:
+def periodogram_of(*segments):
+    """Absorb segments, pairs of run and samples, in the chunks in which an estimator does."""
+    spectrum = Periodogram(segments[0][1].shape[0])
+    for run, rows in segments:
         for first in range(0, rows.shape[1], CHUNK):
             spectrum.absorb(rows[:, first:first + CHUNK], run, first)
     spectrum.finish()
@@ -73,7 +73,7 @@ def test_every_stage_holds_the_transforms_of_its_means():
             assert piece.blocks == means.shape[1] // BLOCK
 
 
-def test_the_rest_of_a_stretch_is_cut_into_ever_shorter_blocks():
+def test_the_rest_of_a_segment_is_cut_into_ever_shorter_blocks():
     rows = np.random.default_rng(3).normal(size=(1, 2 * BLOCK + 1024 + 64 + 32 + 7))
     stage = Stage(1)
     stage.add(rows)
