@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEIGHBOURS = 8
-"""Samples on each side of a short gap whose mean bridges it."""
+"""Samples on each side of a short gap whose mean fills it."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class EvenBlock:
     first_index : int
         Place of the first row on the grid. It equals the end of the block before, or lies beyond
         it: then the samples between are missing and no difference is taken across them.
-    bridged : ndarray of int64, shape (b,)
+    interpolated : ndarray of int64, shape (b,)
         Rows interpolated for missing samples, rising.
     new_run : bool
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
@@ -93,7 +93,7 @@ class EvenBlock:
 
     samples: NDArray[np.float64]
     first_index: int
-    bridged: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    interpolated: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     new_run: bool = False
     restart: bool = False
     start_s: float = 0.0

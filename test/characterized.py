@@ -38,16 +38,16 @@ def one_axis(estimator, rate_hz, fits=None):
     return axis, {remark.code: remark.values for remark in remarks}
 
 
-def taken_in(samples, bridged=()):
+def taken_in(samples, interpolated=()):
     """Return an estimator that has taken in a record of one axis or, in columns, of several."""
     estimator = Estimator(1 if np.ndim(samples) == 1 else np.shape(samples)[1])
-    estimator.update(samples, bridged)
+    estimator.update(samples, interpolated)
     return estimator
 
 
-def shown(samples, bridged=()):
+def shown(samples, interpolated=()):
     """Return it finished."""
-    return taken_in(samples, bridged).finished()
+    return taken_in(samples, interpolated).finished()
 
 
 def ends(coefficient):

@@ -66,7 +66,7 @@ class Group(Record):
         samples = block.samples
         if len(self.columns) < samples.shape[1]:
             samples = samples[:, self.columns]
-        estimator.update(samples, block.bridged)
+        estimator.update(samples, block.interpolated)
         self.end = block.first_index + len(block)
 
     def finished(self, rate_hz: float) -> FinishedGroup:

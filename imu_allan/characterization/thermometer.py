@@ -30,7 +30,7 @@ _BEYOND = 1e6
 """In degrees: no temperature, and far from what the integers hold."""
 _TYPICAL_GAPS = 10         # of usual intervals ...
 _LONGEST_GAP_S = 300.0
-"""A gap of so many usual intervals, or so long, is bridged by a line: a sensor's temperature
+"""A gap of so many usual intervals, or so long, is interpolated by a line: a sensor's temperature
 settles in several minutes."""
 COVERED = 0.9
 """Share of the record that the readings have to cover; the rest keeps the nearest."""

@@ -297,7 +297,7 @@ def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, obj
     return {'rate_hz': summary.measured_rate_hz, 'jitter_s': summary.jitter_s,
             'clock': summary.clock, 'frame_id': summary.frame_id, 'samples': timeline.samples,
             'duration_s': timeline.duration_s, 'missing': timeline.missing,
-            'interpolated': summary.bridged, 'gaps': summary.gaps,
+            'interpolated': summary.interpolated, 'gaps': summary.gaps,
             'longest_gap_s': summary.longest_gap_s,
             'duplicates': timeline.duplicates, 'out_of_order': timeline.out_of_order,
             'rejected': timeline.rejected, 'clock_jumps': summary.clock_jumps,

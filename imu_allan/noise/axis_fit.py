@@ -207,7 +207,7 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
 def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[int], dt: float
              ) -> list[_Source]:
     """Leave lines out of every axis, and compare the parts of the record."""
-    bins = bins_of(pieces, dt, finished.bridges)
+    bins = bins_of(pieces, dt, finished.interpolation)
     segments = segment_powers(finished.periodogram)
     brief = short_powers(finished.periodogram) if segments is None else None
     coarse = steps_hide_noise(finished)
@@ -270,5 +270,5 @@ def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[
     """Quarters of a record."""
     used = periodogram.segments.used
     ends = [round(part * used / _QUARTERS) for part in range(_QUARTERS + 1)]
-    return [Part(periodogram, dt, first, last, finished.bridges)
+    return [Part(periodogram, dt, first, last, finished.interpolation)
             for first, last in pairwise(ends) if last > first]

@@ -25,11 +25,11 @@ import numpy as np
 _GRAVITY_TOLERANCE = 0.5
 """In m/s^2: usual offsets are less, units of g or removed gravity far more. A judgment."""
 _MANY_MISSING = 0.05
-"""The fit allows for bridges; so many say that the link is bad. A judgment."""
+"""The fit allows for interpolation; so many say that the link is bad. A judgment."""
 _TOO_MANY_MISSING = 0.51
 """Longer gaps left out, as where 55 % are lost in all: up to there N is right."""
 _OFF_BEYOND = 0.25
-"""Of 36 axes N was off by 13 % at most with 57.5 % lost, by 19 with 60; more are not bridged."""
+"""Of 36 axes N was off by 13 % at most with 57.5 % lost, by 19 with 60; more are gaps."""
 _MOSTLY = 0.5
 """Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
 _LONG_MOTION_S = 10.0
@@ -93,7 +93,7 @@ def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
 
     """
     either = ((_uneven_error(counts) + _short_error(counts, decision)) / 2
-              + _bridged_error(counts))
+              + _interpolation_error(counts))
     return either, either + _hidden_error(decision)
 
 
@@ -107,9 +107,9 @@ def _short_error(counts: Counts, decision: Decision) -> float:
     return error if error > _LITTLE_HIDDEN else 0.0
 
 
-def _bridged_error(counts: Counts) -> float:
-    many = counts.bridged >= _TOO_MANY_MISSING * (counts.samples + counts.bridged)
-    return _OFF_BEYOND if counts.bridged and many else 0.0
+def _interpolation_error(counts: Counts) -> float:
+    many = counts.interpolated >= _TOO_MANY_MISSING * (counts.samples + counts.interpolated)
+    return _OFF_BEYOND if counts.interpolated and many else 0.0
 
 
 def _uneven_error(counts: Counts) -> float:
@@ -150,10 +150,10 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
     if counts.gaps > len(counts.listed_gaps):
         facts['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
                                     'listed': len(counts.listed_gaps)}
-    places = counts.samples + counts.bridged
-    if counts.bridged > _MANY_MISSING * places:
-        facts['many_missing'] = {'share': counts.bridged / places,
-                                 'density_error_share': _bridged_error(counts) or None}
+    places = counts.samples + counts.interpolated
+    if counts.interpolated > _MANY_MISSING * places:
+        facts['many_missing'] = {'share': counts.interpolated / places,
+                                 'density_error_share': _interpolation_error(counts) or None}
     if counts.at_other_rate:
         used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
         # Time is told from the first sample used: what was cut out before has none.

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The even grid of the sensor's own rate: which of its places are empty, and what bridges them.
+The even grid of the sensor's own rate: which of its places are empty, and what is interpolated.
 
 Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What tells them apart
 is the phase of the stamps against the grid: a lost sample moves it for good by one whole place,
@@ -102,9 +102,9 @@ def _level(values: Ints) -> int:
     return int(np.sort(values)[len(values) // 2])
 
 
-def bridge(samples: Floats, at: Ints, segment: Ints) -> Floats:
+def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
     """
-    Local means that stand in for missing samples.
+    Local means in place of missing samples.
 
     Parameters
     ----------
@@ -138,7 +138,8 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     Give samples as rows without a gap: those with an `index`, the others are their neighbours.
 
     `tail` are up to `NEIGHBOURS` samples before, `steps` places from each sample to the one
-    before, of which up to `tolerated` are bridged, and `elapsed_ns` times since the first sample.
+    before, of which up to `tolerated` are interpolated, and `elapsed_ns` times since the
+    first sample.
     """
     c = len(index)
     known = np.concatenate([tail, samples[:c + NEIGHBOURS]])
@@ -146,7 +147,7 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     segment = np.zeros(len(known), dtype=np.int64)
     segment[len(tail):] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
     lengths = steps[gaps] - 1
-    means = np.repeat(bridge(known, gaps + len(tail), segment), lengths, axis=0)
+    means = np.repeat(interpolate(known, gaps + len(tail), segment), lengths, axis=0)
     ends = np.cumsum(lengths)
     holes = (np.repeat(index[gaps] - ends, lengths)
              + np.arange(int(ends[-1]) if len(ends) else 0))

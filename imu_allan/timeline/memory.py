@@ -72,7 +72,7 @@ class Counts(Record):
         Decided on so far.
     samples : int
         Found their place on the grid.
-    missing, bridged : int
+    missing, interpolated : int
         Empty places, and those of them that a local mean fills.
     duplicates, out_of_order, rejected : int
         Why the other messages found none.
@@ -84,7 +84,7 @@ class Counts(Record):
     clock_jumps : int
         Jumps of the clock in use.
     gaps, gaps_ns : int
-        Gaps that are not bridged, and their total duration.
+        Gaps that are not interpolated, and their total duration.
     longest_gap_ns : int
         Duration of the longest one.
     listed_gaps : list of (float, float)
@@ -107,7 +107,7 @@ class Counts(Record):
     messages: int = 0
     samples: int = 0
     missing: int = 0
-    bridged: int = 0
+    interpolated: int = 0
     duplicates: int = 0
     out_of_order: int = 0
     rejected: int = 0
@@ -134,13 +134,13 @@ class Counts(Record):
     def forget(self) -> None:
         """Call all samples so far rejected: they were one value, repeated."""
         self.rejected += self.samples
-        self.samples = self.missing = self.bridged = 0
+        self.samples = self.missing = self.interpolated = 0
         self.gaps = self.gaps_ns = self.longest_gap_ns = 0
         self.paced_ns = self.paced_steps = self.gravity_samples = 0
         self.listed_gaps, self.gravity = [], [0.0, 0.0, 0.0]
 
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
-        """Note a gap that is not bridged."""
+        """Note a gap that is not interpolated."""
         self.gaps += 1
         self.gaps_ns += round(duration_ns)
         self.longest_gap_ns = max(self.longest_gap_ns, round(duration_ns))

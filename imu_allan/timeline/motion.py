@@ -184,8 +184,9 @@ class MotionDetector(Record):
             last.start_s = block.start_s - grown * self.interval_s
         last.rows.append(block.samples)
         last.held += len(block)
-        if len(block.bridged):
-            last.bridged = np.concatenate([last.bridged, block.first_index + block.bridged])
+        if len(block.interpolated):
+            last.interpolated = np.concatenate([
+                last.interpolated, block.first_index + block.interpolated])
         self._void |= block.restart
         return self._decide(final=False)
 
@@ -290,11 +291,11 @@ class MotionDetector(Record):
                 self.summary.cut.add(*place)
                 self._run_pending |= segment.new_run
             else:
-                bridged = segment.bridged
-                if len(bridged):
-                    bridged = bridged[np.searchsorted(bridged, first + begin):
-                                      np.searchsorted(bridged, first + end)] - (first + begin)
-                blocks.append(EvenBlock(rows[begin:end], first + begin, bridged,
+                interpolated = segment.interpolated
+                if len(interpolated):
+                    low, high = np.searchsorted(interpolated, (first + begin, first + end))
+                    interpolated = interpolated[low:high] - (first + begin)
+                blocks.append(EvenBlock(rows[begin:end], first + begin, interpolated,
                                         segment.new_run or self._run_pending, self._void,
                                         start_s))
                 self._run_pending = self._void = False
@@ -314,6 +315,7 @@ class MotionDetector(Record):
             segment.means = segment.means[drop:]
             segment.loudness = segment.loudness[drop:]
             segment.moving = segment.moving[drop:]
-        if len(segment.bridged):
-            segment.bridged = segment.bridged[np.searchsorted(segment.bridged, first + length):]
+        if len(segment.interpolated):
+            given = np.searchsorted(segment.interpolated, first + length)
+            segment.interpolated = segment.interpolated[given:]
         return blocks

@@ -24,7 +24,7 @@ class TimelineOptions:
     force_rate : bool
         Use the stated rate even if the measured one differs by more than 2 %.
     gap_tolerance : int
-        Gaps of up to so many samples are bridged by the local mean.
+        Gaps of up to so many samples are interpolated by the local mean.
     motion : {'exclude', 'keep'}
         Whether motion and knocks are cut out.
 

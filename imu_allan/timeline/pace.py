@@ -41,7 +41,7 @@ _EARLY, _CROWDED = 0.9, 0.06
 """Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
 are lost from pairs in .08, and no message on a grid does."""
 _SPARSEST = 0.37
-"""Share of places taken: with 0.4 the bound on bridges holds, with 0.3 it does not."""
+"""Share of places taken: with 0.4 the bound on interpolation holds, with 0.3 it does not."""
 _EXACT = 0.05
 """In intervals: a driver's header stamps lie closer, batches and ticks do not."""
 _NEAR = 0.15
@@ -164,7 +164,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     if grid is None or _is_tick(stamps, steps, grid.interval_ns):
         return _on_a_line(time)[0]
     if grid.interval_ns < _SPARSEST * overall:
-        # Too many places are empty to be bridged.
+        # Too many places are empty to be interpolated.
         line, _ = _on_a_line(time)
         return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
     return _grid_or_line(time, grid, other)

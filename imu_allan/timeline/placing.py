@@ -4,8 +4,8 @@
 The second part of a timeline, in one class because every step moves the same cursor.
 
 Usable messages find their places on the even grid. They are put in order and split where the clock
-jumps; segments at another rate are left out; steps on the grid are counted, short gaps bridged
-and long ones listed.
+jumps; segments at another rate are left out; steps on the grid are counted; short gaps are
+interpolated, long ones listed.
 """
 
 from collections.abc import Iterator
@@ -345,7 +345,7 @@ class Placing(Record):
         if missing:
             blocks = even_blocks(self._memory.tail, messages.samples, steps, index, elapsed,
                                  interval, tolerated, new_run)
-            counts.bridged += sum(len(block.bridged) for block in blocks)
+            counts.interpolated += sum(len(block.interpolated) for block in blocks)
         else:
             blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
                                 start_s=float(elapsed[0]) / SECOND)]
@@ -408,7 +408,7 @@ class Placing(Record):
 
 
 def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
-    """Tell gaps that are not bridged from single messages that came as late as a gap is long."""
+    """Distinguish long gaps from single messages that came as late as a gap is long."""
     far: Bools = steps > tolerated
     return far if pace.counting else far & (
         np.abs(passed / pace.interval_ns - steps) < _LATE_AS_A_GAP)

@@ -222,9 +222,9 @@ class TimelineStage(Record):
             new_run = block.new_run
             for first, last in pairwise([0, *edges.tolist(), len(block)]):
                 if there[first].any():
-                    low, high = np.searchsorted(block.bridged, (first, last))
+                    low, high = np.searchsorted(block.interpolated, (first, last))
                     yield EvenBlock(block.samples[first:last], block.first_index + first,
-                                    block.bridged[low:high] - first, new_run,
+                                    block.interpolated[low:high] - first, new_run,
                                     start_s=block.start_s + first * interval_s)
                     new_run = False
 

@@ -33,7 +33,7 @@ class TimelineSummary:
     timeline : Timeline
         The part that goes into the result. `samples` counts the messages that found their place
         on the grid, those in motion among them; `missing` counts all empty places between them,
-        bridged or in a listed gap, but for those of messages with unusable values. `samples`,
+        interpolated or in a listed gap, but for those of messages with unusable values. `samples`,
         `duplicates`, `out_of_order` and `rejected` add up to the messages decided on.
     clock : {'header', 'receive'} or None
         None before a message came, and where samples are only counted (no usable stamps).
@@ -47,10 +47,10 @@ class TimelineSummary:
         Whether each axis was ever there; the others are NaN in every block.
     messages : int
         Messages seen, those still held back included.
-    bridged : int
-        Missing samples that were bridged by the local mean.
+    interpolated : int
+        Missing samples that were interpolated by the local mean.
     gaps, gaps_s, longest_gap_s : int, float, float
-        Number, total and longest duration of the gaps that were not bridged, listed or not.
+        Number, total and longest duration of the gaps that were not interpolated, listed or not.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
     stamps_read : str
@@ -84,7 +84,7 @@ class TimelineSummary:
     remarks: tuple[Finding, ...]
     present: tuple[bool, ...]
     messages: int = 0
-    bridged: int = 0
+    interpolated: int = 0
     gaps: int = 0
     gaps_s: float = 0.0
     longest_gap_s: float = 0.0
@@ -155,7 +155,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         remarks=remarks,
         present=tuple(decision.present or [True] * 6),
         messages=counts.messages + held_back,
-        bridged=counts.bridged,
+        interpolated=counts.interpolated,
         gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,
         longest_gap_s=counts.longest_gap_ns / SECOND,
         measured_rate_hz=None if decision.counted_only else measured,

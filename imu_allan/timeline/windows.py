@@ -53,7 +53,7 @@ class Segment(Record):
     new_run: bool
     rows: list[Floats] = field(default_factory=list)
     held: int = 0
-    bridged: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    interpolated: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     closed: bool = False
     given: int = 0
     base: int = 0

@@ -94,7 +94,7 @@ def test_every_coefficient_has_symbol_and_unit(quantity, samples):
                             else TERMS[key].accel_unit)
 
 
-def test_samples_that_stand_in_for_missing_ones_leave_the_density_alone():
+def test_interpolated_samples_leave_the_density_as_it_is():
     # A tenth of the samples replaced by the mean of their neighbours.
     missing = np.random.default_rng(3).choice(np.arange(8, 299_992), 30_000, replace=False)
     around = sum(WHITE[missing + k] for k in range(-8, 9) if k) / 16

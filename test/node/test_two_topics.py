@@ -195,7 +195,7 @@ def test_reset_and_pause_mean_both_halves(ros: Ros, health: Health) -> None:
     for name in RATES_HZ:
         camera.publish(name, half(name, 5.0, start_s=20.0))
     document = camera.saved(2000)
-    # The pause is a gap of both, bridged by neither.
+    # The pause is a gap of both, interpolated by neither.
     assert [round(gap['duration_s'], 1) for gap in document['timeline']['gaps']] == [5.0]
 
 

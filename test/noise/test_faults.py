@@ -14,7 +14,7 @@ from repeated import slow
 WHITE = np.random.default_rng(7).normal(size=30_000)
 
 
-def bridged(samples, share, rng=None):
+def interpolated(samples, share, rng=None):
     """Fill in missing samples as the timeline does: by the mean of others on both sides."""
     missing = (rng or np.random.default_rng(8)).random(samples.shape) < share
     around = np.convolve(samples, np.full(16, 1 / 16), 'same')
@@ -49,9 +49,9 @@ def test_noise_in_steps_has_no_deadband(rounded):
             assert [axis for axis in range(20) if deadband(finished, axis)] == []
 
 
-def test_samples_that_stand_in_for_missing_ones_make_and_hide_no_deadband():
+def test_interpolated_samples_make_and_hide_no_deadband():
     for samples, there in ((without_small(WHITE, 1.0), True), (np.round(WHITE), False)):
-        filled = bridged(samples, 0.02, np.random.default_rng(5))
+        filled = interpolated(samples, 0.02, np.random.default_rng(5))
         assert (deadband(shown(*filled), 0) is not None) == there
 
 
@@ -90,14 +90,14 @@ def test_whole_values_about_a_mean_off_zero_have_no_deadband(sigma, mean, share)
     rng = np.random.default_rng(8)
     for offset in (-0.4, 0.0, 0.3):
         samples = np.rint(mean + offset + sigma * WHITE[:9000])
-        assert deadband(shown(*bridged(0.00106 * samples, share, rng)), 0) is None
+        assert deadband(shown(*interpolated(0.00106 * samples, share, rng)), 0) is None
 
 
 @pytest.mark.parametrize(('mean', 'share'), [
     (0.0, 0.0), (0.0, 0.02), (0.0, 0.05), (0.0, 0.1), (0.004, 0.0), (0.004, 0.02), (0.004, 0.05)])
 def test_a_deadband_is_told_despite_losses(mean, share):
     samples = without_small(1e-4 * np.rint(30 * WHITE[:9000] + 1e4 * mean), 0.0015)
-    found = deadband(shown(*bridged(samples, share, np.random.default_rng(9))), 0)
+    found = deadband(shown(*interpolated(samples, share, np.random.default_rng(9))), 0)
     assert found.width == pytest.approx(0.0015, rel=0.2)
 
 
@@ -189,7 +189,7 @@ def test_few_samples_off_the_steps_of_the_others_do_not_make_an_end_of_a_range()
 @pytest.mark.parametrize('step', [1.5, 2.0, 3.0])
 def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, step):
     for offset in (0.0, 0.2, 0.4):
-        samples, missing = bridged(step * np.round(WHITE[:6000] / step + offset), share)
+        samples, missing = interpolated(step * np.round(WHITE[:6000] / step + offset), share)
         finished = shown(samples, missing)
         assert cut_off(finished, 0) is None
         assert finished.census.step[0] == step
@@ -198,7 +198,7 @@ def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
 def test_a_clipped_axis_is_told_where_samples_are_missing_with_its_share_of_those_there(share):
     clipped = np.minimum(0.1 * np.round(WHITE / 0.1), 1.0)
-    samples, missing = bridged(clipped, share)
+    samples, missing = interpolated(clipped, share)
     found = cut_off(shown(samples, missing), 0)
     assert found.value == pytest.approx(1.0)
     assert found.share == np.mean(np.delete(clipped, missing) == clipped.max())

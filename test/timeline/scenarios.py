@@ -576,7 +576,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     rate = result.timeline.sample_rate_hz
     off = _bound(result, 'tau_error_share', 'rate_error_share')
     too_high = _bound(result, 'density_high_share')
-    bridged = _bound(result, 'density_error_share')
+    missing = _bound(result, 'density_error_share')
     hidden = _bound(result, 'hidden_share')
     may = max(off, RATE_TOLERANCE)
     if not result.axes and not codes:
@@ -592,7 +592,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
             continue
         if density.observable and density.value is not None and density.ci95 is not None:
             low, high = (density.value + 3 * (end - density.value) for end in density.ci95)
-            least = DENSITY_TOLERANCE + off / 2 + bridged
+            least = DENSITY_TOLERANCE + off / 2 + missing
             near = -least < density.value / truth.density - 1 < least + too_high
             if not (near or low <= truth.density <= high) and not told:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')

@@ -127,15 +127,16 @@ def test_one_knock_in_a_short_recording_is_not_mostly_motion():
     assert not summary.mostly_motion
 
 
-def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_bridged():
+def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_interpolated():
     block = still(20_000)
     block.absent[:, 0] = True
     block.samples[10_000:10_005, 4] += 0.5
     rows = np.delete(np.arange(20_000), [5000, 10_010, 15_000])
     summary, even = run(pick(block, rows))
     assert covered(summary.timeline.motion, 100.0, 0.05)
-    assert (summary.motions, summary.bridged) == (1, 3)
-    assert [place for one in even for place in one.first_index + one.bridged] == [5000, 15_000]
+    assert (summary.motions, summary.interpolated) == (1, 3)
+    assert [place for one in even
+            for place in one.first_index + one.interpolated] == [5000, 15_000]
     assert np.isnan(rows_by_place(even)[1][:, :3]).all()
     jumps = np.diff(rows_by_place(even)[0]) - 1
     assert (jumps.min(), np.count_nonzero(jumps)) == (0, 1)

@@ -27,7 +27,7 @@ def test_a_car_that_drives_is_mostly_motion_and_its_stamps_are_counted():
     assert (summary.header_repeats, summary.header_backward) == (0, 0)
     assert summary.clock == 'header'
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-4)
-    assert summary.timeline.missing == summary.bridged == 45
+    assert summary.timeline.missing == summary.interpolated == 45
     assert summary.mostly_motion
 
 

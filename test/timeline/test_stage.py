@@ -53,7 +53,7 @@ def test_clean_messages_come_out_as_they_went_in():
 def assert_alike(some: list[EvenBlock], others: list[EvenBlock]) -> None:
     for one, other in zip(some, others, strict=True):
         assert np.array_equal(one.samples, other.samples)
-        assert np.array_equal(one.bridged, other.bridged)
+        assert np.array_equal(one.interpolated, other.interpolated)
         assert (one.first_index, one.new_run) == (other.first_index, other.new_run)
 
 
@@ -116,8 +116,8 @@ def test_messages_are_all_accounted_for_and_places_rise(data):
             + timeline.rejected) == len(messages)
     places, given_rows = rows_by_place(even)
     assert np.all(np.diff(places) >= 1)
-    assert len(places) == timeline.samples + summary.bridged
-    assert sum(len(one.bridged) for one in even) == summary.bridged
+    assert len(places) == timeline.samples + summary.interpolated
+    assert sum(len(one.interpolated) for one in even) == summary.interpolated
     assert np.isfinite(given_rows).all()
 
 
@@ -130,17 +130,17 @@ def test_one_percent_random_drops_are_counted_exactly(rate_hz, jitter):
     keep = rng.random(count) >= 0.01
     keep[[0, -1]] = True
     summary, even = run(pick(block, np.flatnonzero(keep)))
-    assert summary.timeline.missing == summary.bridged == np.count_nonzero(~keep)
+    assert summary.timeline.missing == summary.interpolated == np.count_nonzero(~keep)
     assert summary.timeline.samples == np.count_nonzero(keep)
     assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-5)
     assert summary.timeline.gaps == summary.timeline.motion == ()
     assert len(rows_by_place(even)[0]) == count
 
 
-def test_a_bridged_gap_holds_the_mean_of_its_neighbours():
+def test_an_interpolated_gap_holds_the_mean_of_its_neighbours():
     block = still(1000)
     summary, even = run(pick(block, np.delete(np.arange(1000), [500, 501, 502])), motion='keep')
-    assert summary.bridged == 3
+    assert summary.interpolated == 3
     _, rows = rows_by_place(even)
     around = np.concatenate([block.samples[492:500], block.samples[503:511]])
     assert rows[500:503] == pytest.approx(np.tile(around.mean(axis=0), (3, 1)), rel=1e-12)
@@ -149,7 +149,7 @@ def test_a_bridged_gap_holds_the_mean_of_its_neighbours():
 
 
 @pytest.mark.parametrize('tolerance', [0, 1, 5, 20])
-def test_gaps_up_to_the_tolerance_are_bridged_and_longer_ones_listed(tolerance):
+def test_gaps_up_to_the_tolerance_are_interpolated_and_longer_ones_listed(tolerance):
     block = still(5000)
     gaps = {1000: 1, 2000: 5, 3000: 6, 4000: 21}
     rows = np.delete(np.arange(5000),
@@ -157,7 +157,7 @@ def test_gaps_up_to_the_tolerance_are_bridged_and_longer_ones_listed(tolerance):
     summary, even = run(pick(block, rows), gap_tolerance=tolerance)
     longer = {at: n for at, n in gaps.items() if n > tolerance}
     assert summary.timeline.missing == 33
-    assert summary.bridged == 33 - sum(longer.values())
+    assert summary.interpolated == 33 - sum(longer.values())
     assert [(gap.start_s, gap.duration_s) for gap in summary.timeline.gaps] == [
         pytest.approx((at / 100, n / 100), abs=1e-6) for at, n in longer.items()]
     places, _ = rows_by_place(even)
@@ -178,11 +178,11 @@ def test_repeated_and_backward_messages_are_counted_and_left_out():
     swapped[late], swapped[late + 1] = late + 1, late
     summary, _ = run(pick(block, swapped))
     assert summary.timeline.out_of_order == summary.header_backward == len(late)
-    assert summary.timeline.missing == summary.bridged == len(late)
+    assert summary.timeline.missing == summary.interpolated == len(late)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300, 'absent'])
-def test_unusable_values_are_rejected_and_bridged(value):
+def test_unusable_values_are_rejected_and_interpolated(value):
     block = still(10_000)
     rows, axes = np.array([100, 5000, 5001, 9000]), np.array([0, 3, 5, 2])
     if value == 'absent':
@@ -191,7 +191,7 @@ def test_unusable_values_are_rejected_and_bridged(value):
         block.samples[rows, axes] = value
     summary, even = run(block)
     assert (summary.timeline.rejected, summary.timeline.missing) == (4, 0)
-    assert summary.bridged == 4
+    assert summary.interpolated == 4
     assert np.isfinite(rows_by_place(even)[1]).all()
     assert summary.present == (True,) * 6
 

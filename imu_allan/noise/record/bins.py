@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
-from imu_allan.noise.record.bridges import Bridges, NO_BRIDGES
+from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
 from imu_allan.noise.record.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
@@ -74,11 +74,12 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
 
 
-def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BRIDGES) -> Bins:
+def bins_of(pieces: Sequence[SpectrumPiece], dt: float,
+            interpolation: Interpolation = NO_INTERPOLATION) -> Bins:
     """
     Join the pieces of a spectrum.
 
-    `pieces`: at least one. `bridges`: samples that stand in for missing ones.
+    `pieces`: at least one. `interpolation`: what interpolated samples do to white noise.
     """
     parts = []
     for number, piece in enumerate(pieces):
@@ -91,9 +92,9 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
             white *= piece.gaps.white[part]
         if piece.gaps.flicker is not None and piece.gaps.walk is not None:
             flicker, walk = flicker * piece.gaps.flicker[part], walk * piece.gaps.walk[part]
-        bridged = bridges.white_power(piece.length, piece.step)
-        if bridged is not None:
-            white *= bridged[part]
+        interpolated = interpolation.white_power(piece.length, piece.step)
+        if interpolated is not None:
+            white *= interpolated[part]
         # The second part of the first column is what both ends of a block leak.
         quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
         design = np.stack((quantized, white, flicker, step * walk), axis=1)
@@ -102,8 +103,8 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BR
             signed, squared = np.zeros((len(piece.power), len(index))), -ramp**2
         else:
             signed, squared = piece.coefficients[:, part], ramp**2
-        # What stands in for missing samples adds nothing new; means of many hardly hold any.
-        known = 1 - max(piece.gaps.filled, bridges.share if piece.step == 1 else 0.0)
+        # Interpolated samples add nothing new; means of many hardly hold any.
+        known = 1 - max(piece.gaps.filled, interpolation.share if piece.step == 1 else 0.0)
         parts.append(Bins(
             index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
             piece.power[:, part], design, signed, squared,

@@ -8,9 +8,9 @@ from copy import copy
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from imu_allan.noise.record.bridges import Bridges, BridgeSums
 from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.census import Census
+from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
 from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
 from imu_allan.noise.record.segments import SHORTEST_SEGMENT
@@ -43,16 +43,16 @@ class Estimator(SideBySide):
 
     Attributes
     ----------
-    samples, bridged : int
-        Samples taken in, and how many of them stand in for missing ones.
+    samples, interpolated : int
+        Samples taken in, and how many of them are interpolated.
     reference : ndarray, shape (axes,), or None
         The first sample, which is subtracted from all.
-    pyramid, periodogram, signal, census, bridge_sums
+    pyramid, periodogram, signal, census, interpolation_sums
         What is kept of them.
     chunk : ndarray, shape (axes, CHUNK)
         Samples held back, `held` of them.
-    stand_ins : list of int
-        Rows of the chunk that stand in for missing samples, rising.
+    interpolated_rows : list of int
+        Interpolated rows of the chunk, rising.
     run, first : int
         The run that is being taken in, and the place of the first sample of the chunk in it.
 
@@ -70,13 +70,13 @@ class Estimator(SideBySide):
 
     axes: int = 1
     samples: int = 0
-    bridged: int = 0
+    interpolated: int = 0
     run: int = 0
     first: int = 0
     held: int = 0
     reference: Array | None = field(default=None, metadata=AXES_FIRST)
-    stand_ins: list[int] = field(default_factory=list)
-    bridge_sums: BridgeSums = field(default_factory=BridgeSums)
+    interpolated_rows: list[int] = field(default_factory=list)
+    interpolation_sums: InterpolationSums = field(default_factory=InterpolationSums)
     pyramid: Pyramid = field(init=False)
     periodogram: Periodogram = field(init=False)
     signal: Signal = field(init=False)
@@ -90,19 +90,19 @@ class Estimator(SideBySide):
         self.chunk = np.zeros((self.axes, CHUNK))
 
     @property
-    def bridges(self) -> Bridges:
-        """Tell what the samples that stand in for missing ones do to noise."""
-        return self.bridge_sums.bridges(self.bridged / max(self.samples, 1))
+    def interpolation(self) -> Interpolation:
+        """Give what interpolated samples do to white noise."""
+        return self.interpolation_sums.interpolation(self.interpolated / max(self.samples, 1))
 
     @property
     def measured(self) -> int:
         """How many of the samples the sensor gave."""
-        return self.samples - self.bridged
+        return self.samples - self.interpolated
 
     @property
     def constant(self) -> NDArray[np.bool_]:
         """Whether each axis has given one value so far, shape (axes,)."""
-        held = self._without_stand_ins()
+        held = self._without_interpolated()
         return np.asarray(
             np.maximum(self.census.highest, held.max(axis=1, initial=-np.inf))
             <= np.minimum(self.census.lowest, held.min(axis=1, initial=np.inf)))
@@ -112,7 +112,7 @@ class Estimator(SideBySide):
         """Return the run that is being taken in, by number, and the place of its next sample."""
         return self.run, self.first + self.held
 
-    def update(self, samples: ArrayLike, bridged: Sequence[int] | NDArray[np.int64] = ()
+    def update(self, samples: ArrayLike, interpolated: Sequence[int] | NDArray[np.int64] = ()
                ) -> None:
         """
         Take in the next samples of the segment.
@@ -121,14 +121,14 @@ class Estimator(SideBySide):
         ----------
         samples : array_like, shape (n, axes) or, for one axis, (n,)
             Evenly spaced, finite.
-        bridged : sequence of int, optional
-            Which rows stand in for missing ones, rising. They are no values of the sensor: its
-            range, its steps and its zeros are told without them.
+        interpolated : sequence of int, optional
+            Which rows are interpolated, rising. They are no values of the sensor: its
+            range, its steps and its zeros are found without them.
 
         Raises
         ------
         ValueError
-            If the shape is not that of the axes, a sample is not finite, or the rows of `bridged`
+            If the shape is not that of the axes, a sample is not finite, or `interpolated`
             are not there or do not rise.
 
         """
@@ -139,10 +139,10 @@ class Estimator(SideBySide):
             raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
         if not np.isfinite(block).all():
             raise ValueError('samples must be finite')
-        stand_ins = [int(row) for row in bridged]
-        if any(later <= one for one, later in pairwise([-1, *stand_ins, len(block)])):
-            raise ValueError(f'bridged must be rising rows of the {len(block)} samples, not '
-                             f'{stand_ins}')
+        places = [int(row) for row in interpolated]
+        if any(later <= one for one, later in pairwise([-1, *places, len(block)])):
+            raise ValueError(f'interpolated must be rising rows of the {len(block)} samples, not '
+                             f'{places}')
         if not len(block):
             return
         if self.reference is None:
@@ -152,15 +152,15 @@ class Estimator(SideBySide):
             take = min(CHUNK - self.held, len(block) - start)
             np.subtract(block[start:start + take].T, self.reference[:, None],
                         out=self.chunk[:, self.held:self.held + take])
-            if stand_ins:
-                low, high = (bisect_left(stand_ins, end) for end in (start, start + take))
-                self.stand_ins += [self.held + row - start for row in stand_ins[low:high]]
+            if places:
+                low, high = (bisect_left(places, end) for end in (start, start + take))
+                self.interpolated_rows += [self.held + row - start for row in places[low:high]]
             self.held += take
             start += take
             if self.held == CHUNK:
                 self._absorb()
         self.samples += len(block)
-        self.bridged += len(stand_ins)
+        self.interpolated += len(places)
 
     def skip(self, missing: int) -> None:
         """
@@ -254,10 +254,10 @@ class Estimator(SideBySide):
             self.run = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self.run)
         self.pyramid.merge(theirs.pyramid)
-        self.bridge_sums.merge(theirs.bridge_sums)
+        self.interpolation_sums.merge(theirs.interpolation_sums)
         self.census.merge(theirs.census, shift)
         self.samples += theirs.samples
-        self.bridged += theirs.bridged
+        self.interpolated += theirs.interpolated
         self.run += runs
 
     def _absorb(self) -> None:
@@ -265,23 +265,23 @@ class Estimator(SideBySide):
         if not self.held:
             return
         assert self.reference is not None
-        rows, own = self.chunk[:, :self.held], self._without_stand_ins()
+        rows, own = self.chunk[:, :self.held], self._without_interpolated()
         if own.shape[1]:
             self.census.count(own, self.reference)
-        self.bridge_sums.add(self.stand_ins, self.held)
+        self.interpolation_sums.add(self.interpolated_rows, self.held)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, self.run, self.first)
         self.signal.absorb(rows)
         self.first += self.held
-        self.held, self.stand_ins = 0, []
+        self.held, self.interpolated_rows = 0, []
 
-    def _without_stand_ins(self) -> Array:
+    def _without_interpolated(self) -> Array:
         """Return the samples held back that the sensor gave."""
         held = self.chunk[:, :self.held]
-        if not self.stand_ins:
+        if not self.interpolated_rows:
             return held
         own = np.ones(self.held, dtype=np.bool_)
-        own[self.stand_ins] = False
+        own[self.interpolated_rows] = False
         # Taken, the rows stay contiguous, as what reads them wants; deleted, they do not.
         return held.take(np.flatnonzero(own), axis=1)
 
@@ -324,8 +324,8 @@ class Estimator(SideBySide):
                 or (self.reference is None) != (self.samples == 0)
                 or (self.reference is not None and self.reference.shape != (self.axes,))
                 or any(later <= one for one, later in pairwise(
-                    [-1, *self.stand_ins, self.held]))
-                or not 0 <= self.run < MOST_RUNS or not 0 <= self.bridged <= self.samples
+                    [-1, *self.interpolated_rows, self.held]))
+                or not 0 <= self.run < MOST_RUNS or not 0 <= self.interpolated <= self.samples
                 or self.held > self.samples or self.first < 0):
             raise ValueError('arrays of the estimator do not fit together')
         chunk = self.chunk

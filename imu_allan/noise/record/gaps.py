@@ -40,7 +40,7 @@ _EVENED = 5
 class Gaps:
     """What gaps do to noise."""
 
-    # Share of the points that stand in for missing ones: the others are independent
+    # Share of the points that are interpolated: the others are independent
     filled: float = 0.0
     # (length,): expected power by index over that of full cells, None where it is the same
     white: Array | None = None
@@ -52,7 +52,7 @@ NO_GAPS = Gaps()
 
 
 @dataclass(frozen=True)
-class _Bridge:
+class _GapLine:
     """Places `first` up to `last` on the line between the means of cells `left` and `right`."""
 
     first: int
@@ -62,14 +62,14 @@ class _Bridge:
     share: Array
 
 
-def _bridges(places: Keys) -> Iterator[_Bridge]:
+def _gap_lines(places: Keys) -> Iterator[_GapLine]:
     for before in np.flatnonzero(np.diff(places) > 1).tolist():
         first, last = int(places[before]) + 1, int(places[before + 1])
         width = min(max(2 * (last - first), _FEWEST), _MOST)
         left = slice(max(before + 1 - width, 0), before + 1)
         right = slice(before + 1, before + 1 + width)
         x0, x1 = places[left].mean(), places[right].mean()
-        yield _Bridge(first, last, left, right, (np.arange(first, last) - x0) / (x1 - x0))
+        yield _GapLine(first, last, left, right, (np.arange(first, last) - x0) / (x1 - x0))
 
 
 def filled(cells: Cells) -> Array:
@@ -88,9 +88,9 @@ def filled(cells: Cells) -> Array:
         return means
     grid = np.empty((means.shape[0], span))
     grid[:, places] = means
-    for bridge in _bridges(places):
-        y0, y1 = (means[:, side].mean(axis=1) for side in (bridge.left, bridge.right))
-        grid[:, bridge.first:bridge.last] = y0[:, None] + (y1 - y0)[:, None] * bridge.share
+    for line in _gap_lines(places):
+        y0, y1 = (means[:, side].mean(axis=1) for side in (line.left, line.right))
+        grid[:, line.first:line.last] = y0[:, None] + (y1 - y0)[:, None] * line.share
     return grid
 
 
@@ -118,9 +118,9 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
         index = np.union1d(index, np.geomspace(_EXACT, span - 1, some).astype(np.int64))
     waves = np.exp(1j * np.pi / span * index[:, None] * (np.arange(span) + 0.5))
     weights = waves[:, places]
-    for bridge in _bridges(places):
-        part = waves[:, bridge.first:bridge.last]
-        for side, share in ((bridge.left, 1 - bridge.share), (bridge.right, bridge.share)):
+    for line in _gap_lines(places):
+        part = waves[:, line.first:line.last]
+        for side, share in ((line.left, 1 - line.share), (line.right, line.share)):
             weights[:, side] += (part @ share)[:, None] / weights[:, side].shape[1]
     power = (np.abs(weights) ** 2) @ variance / span
     single = index < _EXACT

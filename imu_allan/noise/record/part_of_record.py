@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from imu_allan.noise.record.bins import Bins, bins_of
-from imu_allan.noise.record.bridges import Bridges, NO_BRIDGES
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.groups import grouped, Groups, stacked
+from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
 from imu_allan.noise.record.periodogram import (
     HIGHEST_OF_MEANS,
     Periodogram,
@@ -56,7 +56,7 @@ class Part:
     # The segments, `first` up to and without `last`
     first: int
     last: int
-    bridges: Bridges = NO_BRIDGES    # samples of the whole record that stand in for missing ones
+    interpolation: Interpolation = NO_INTERPOLATION    # of the whole record
 
     def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
         """
@@ -82,7 +82,7 @@ class Part:
         pieces = [piece for points, gaps, start in unbroken(
             part_cells(self.periodogram, self.first, self.last), cell)
             if (piece := whole_piece(points, cell, cell * self._border, gaps, start)).last > 1]
-        return bins_of(pieces, self.dt, self.bridges) if pieces else None
+        return bins_of(pieces, self.dt, self.interpolation) if pieces else None
 
     @cached_property
     def _border(self) -> float:
@@ -105,7 +105,7 @@ class Part:
         parts = []
         for length, step in TRANSFORMS:
             place = layout(length, step)
-            frequency, design, ramp = _shapes(length, step, self.dt, self.bridges)
+            frequency, design, ramp = _shapes(length, step, self.dt, self.interpolation)
             keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
             bands = place.bands[keep]
             nothing = np.zeros(len(bands))
@@ -117,10 +117,10 @@ class Part:
 
 
 @lru_cache(maxsize=16)
-def _shapes(length: int, step: int, dt: float, bridges: Bridges
+def _shapes(length: int, step: int, dt: float, interpolation: Interpolation
             ) -> tuple[Array, Array, Array]:
     """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
     place = layout(length, step)
     nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
-    bins = bins_of([nothing], dt, bridges)
+    bins = bins_of([nothing], dt, interpolation)
     return place.means(bins.frequency), place.means(bins.design), place.means(bins.ramp)

@@ -197,7 +197,7 @@ def test_small_non_negative_least_squares_agrees_with_scipy():
                                    atol=1e-6)
 
 
-def test_white_noise_of_bridged_samples_is_given_back():
+def test_white_noise_of_interpolated_samples_is_given_back():
     # One sample in twenty replaced by the mean of its neighbours lowers the power by a twentieth.
     rng = np.random.default_rng(3)
     samples = rng.standard_normal(400_000)
@@ -209,7 +209,7 @@ def test_white_noise_of_bridged_samples_is_given_back():
     finished = estimator.finished()
     pieces = finished.periodogram.pieces()
     plain, mended = (maximise(grouped(bins, 0), fixed={QUANTIZATION: 0.0}) for bins in (
-        bins_of(pieces, 1.0), bins_of(pieces, 1.0, finished.bridges)))
+        bins_of(pieces, 1.0), bins_of(pieces, 1.0, finished.interpolation)))
     assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
     assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
 

@@ -248,13 +248,13 @@ DAMAGE = {
                     '"excess": 99.0', '"4095": {'],
     'signal/counts': [np.zeros(3, int), lambda counts: counts * 99],
     'signal/low': [np.zeros((3, 512))], 'signal': ['"width": 0'],
-    'bridge_sums/shared': [lambda sums: sums * np.nan, lambda sums: sums + np.inf],
-    'bridge_sums/pairs': [np.zeros(3), lambda pairs: pairs - pairs.max()],
+    'interpolation_sums/shared': [lambda sums: sums * np.nan, lambda sums: sums + np.inf],
+    'interpolation_sums/pairs': [np.zeros(3), lambda pairs: pairs - pairs.max()],
     'census/zeros': [lambda zeros: zeros - 1, lambda zeros: zeros + 10**6],
     'census/sizes': [lambda sizes: sizes[:, 1:]],
     'chunk': [np.zeros((3, 0)), lambda chunk: chunk[:, 1:]],
-    'reference': [np.zeros(3)], 'stand_ins': [np.array('[9, 9]'), np.array('[99999]')],
-    'run': [np.array('-1'), np.array(str(MOST_RUNS))], 'bridged': [np.array('99999')]}
+    'reference': [np.zeros(3)], 'interpolated_rows': [np.array('[9, 9]'), np.array('[99999]')],
+    'run': [np.array('-1'), np.array(str(MOST_RUNS))], 'interpolated': [np.array('99999')]}
 
 
 @pytest.mark.parametrize(('key', 'spoil'), [
@@ -320,7 +320,7 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
     assert together.samples == 40_000
 
 
-def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
+def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
     rng = np.random.default_rng(4)
     samples = np.round(rng.normal(size=(3 * CHUNK + 77, 2)))
     rows = np.flatnonzero(rng.random(len(samples)) < 0.2)
@@ -344,7 +344,7 @@ def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
         key: value.tobytes() for key, value in bits.to_state().items()}
 
 
-def test_nothing_but_stand_ins_is_no_range():
+def test_nothing_but_interpolated_samples_is_no_range():
     estimator = Estimator()
     estimator.update(np.ones(5), range(5))
     finished = estimator.finished()

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What samples that stand in for missing ones do to the spectrum of white noise.
+What interpolated samples do to the spectrum of white noise.
 
-A stand-in is the mean of the samples around it, so it shares their noise. How much any two places
+Such a sample is the mean of those around it, so it shares their noise. How much any two places
 share follows from the pattern of the gaps alone; averaged over the record by their distance, it
 gives the expected power of every coefficient, whatever the pattern: losses at random, in bursts or
 in turn.
@@ -21,7 +21,7 @@ from scipy.fft import dct, dst
 Array = NDArray[np.float64]
 
 LAGS = 256
-"""Places apart: with two of three lost, what two stand-ins share ends after some hundred."""
+"""Places apart: with two of three lost, two interpolated samples share no noise beyond some 100."""
 
 _LEAST = 1e-3
 """Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
@@ -29,12 +29,12 @@ nothing."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bridges:
-    """Stand-ins of a record, as the fit of its spectrum takes them."""
+class Interpolation:
+    """The interpolated samples of a record, as the fit of its spectrum takes them."""
 
     share: float = 0.0    # of the samples
-    # (lags,): of white noise of unit variance by distance in samples; None where none stands
-    # in
+    # (lags,): of white noise of unit variance by distance in samples; None where
+    # none is interpolated
     covariance: Array | None = None
 
     def white_power(self, length: int, step: int) -> Array | None:
@@ -60,7 +60,7 @@ class Bridges:
         return np.maximum(even, _LEAST)
 
 
-NO_BRIDGES = Bridges()
+NO_INTERPOLATION = Interpolation()
 
 
 def _places_apart() -> Array:
@@ -68,7 +68,7 @@ def _places_apart() -> Array:
 
 
 @dataclass(eq=False)
-class BridgeSums(Record):
+class InterpolationSums(Record):
     """Sums over the pairs of places of a record."""
 
     # (LAGS,): covariance of white noise in two places by their distance, over that of
@@ -76,13 +76,13 @@ class BridgeSums(Record):
     shared: Array = field(default_factory=_places_apart)
     pairs: Array = field(default_factory=_places_apart)    # (LAGS,): how many pairs these are
 
-    def add(self, stand_ins: Sequence[int], samples: int) -> None:
-        """Add `samples` places in a row, of which some, rising, are `stand_ins`."""
+    def add(self, interpolated: Sequence[int], samples: int) -> None:
+        """Add `samples` places in a row, of which some, rising, are `interpolated`."""
         self.pairs += np.maximum(samples - np.arange(LAGS), 0)
-        if len(stand_ins):
-            self.shared += shared_noise(np.asarray(stand_ins), samples)
+        if len(interpolated):
+            self.shared += shared_noise(np.asarray(interpolated), samples)
 
-    def merge(self, other: 'BridgeSums') -> None:
+    def merge(self, other: 'InterpolationSums') -> None:
         """Add the sums of another record."""
         self.shared += other.shared
         self.pairs += other.pairs
@@ -94,27 +94,27 @@ class BridgeSums(Record):
                 (np.abs(self.shared) <= self.pairs) & (self.pairs < np.inf)):
             raise ValueError('sums over pairs of samples are out of range')
 
-    def bridges(self, share: float) -> Bridges:
-        """Give the mean over all pairs, of samples of which a `share` stand in for others."""
+    def interpolation(self, share: float) -> Interpolation:
+        """Give the mean over all pairs, of samples of which a `share` is interpolated."""
         if not share:
-            return NO_BRIDGES
+            return NO_INTERPOLATION
         if not self.shared.any():
-            return Bridges(share)
+            return Interpolation(share)
         covariance = self.shared / np.maximum(self.pairs, 1)
         covariance[0] += 1
-        return Bridges(share, covariance)
+        return Interpolation(share, covariance)
 
 
-def shared_noise(stand_ins: NDArray[np.int64], samples: int) -> Array:
+def shared_noise(interpolated: NDArray[np.int64], samples: int) -> Array:
     """
-    Sum up the noise that stand-ins share with others.
+    Sum up the noise that interpolated samples share with others.
 
-    `stand_ins`, shape (b,): their places, rising. `samples`: places in a row. Returns shape
+    `interpolated`, shape (b,): their places, rising. `samples`: places in a row. Returns shape
     (LAGS,): sum over the pairs of places of a distance of the covariance of white noise of unit
     variance, less that of as many samples. Nothing where no sample is left.
     """
     own = np.ones(samples, dtype=bool)
-    own[stand_ins] = False
+    own[interpolated] = False
     received = np.flatnonzero(own)
     total = np.zeros(LAGS)
     if not len(received):
@@ -123,19 +123,19 @@ def shared_noise(stand_ins: NDArray[np.int64], samples: int) -> Array:
     def enter(distance: NDArray[np.int64], noise: Array) -> None:
         total[:] += np.bincount(np.minimum(distance, LAGS), noise, LAGS + 1)[:LAGS]
 
-    behind = np.searchsorted(received, stand_ins)
+    behind = np.searchsorted(received, interpolated)
     first = np.maximum(behind - NEIGHBOURS, 0)
     last = np.minimum(behind + NEIGHBOURS, len(received))
     share = 1.0 / (last - first)
     for beside in range(-NEIGHBOURS, NEIGHBOURS):
         row = behind + beside
         there = (first <= row) & (row < last)
-        enter(np.abs(stand_ins - received[np.where(there, row, 0)]), share * there)
-    enter(np.zeros_like(stand_ins), share - 1)
-    for later in range(1, min(len(stand_ins), LAGS)):
+        enter(np.abs(interpolated - received[np.where(there, row, 0)]), share * there)
+    enter(np.zeros_like(interpolated), share - 1)
+    for later in range(1, min(len(interpolated), LAGS)):
         alike = last[:-later] - first[later:]
         if alike.max() <= 0:
             break
-        enter(stand_ins[later:] - stand_ins[:-later],
+        enter(interpolated[later:] - interpolated[:-later],
               np.maximum(alike, 0) * share[later:] * share[:-later])
     return total

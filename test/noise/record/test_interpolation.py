@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 from characterized import taken_in
 from imu_allan.characterization.axis import axis_results
-from imu_allan.noise.record.bridges import Bridges, BridgeSums, LAGS, shared_noise
 from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.interpolation import (
+    Interpolation,
+    InterpolationSums,
+    LAGS,
+    shared_noise,
+)
 from imu_allan.noise.terms import Quantity
-from imu_allan.timeline.grid import bridge
+from imu_allan.timeline.grid import interpolate
 import numpy as np
 import pytest
 from repeated import combined
@@ -22,11 +27,11 @@ def received(pattern):
     return there
 
 
-def with_stand_ins(rows, there):
-    """Let the timeline's bridges stand in for what is missing."""
+def with_interpolation(rows, there):
+    """Fill what is missing as the timeline does."""
     places = np.flatnonzero(there)
     behind = np.flatnonzero(np.diff(places) > 1) + 1
-    means = bridge(rows[there], behind, np.zeros(len(places), dtype=np.int64))
+    means = interpolate(rows[there], behind, np.zeros(len(places), dtype=np.int64))
     full = rows.copy()
     full[~there] = np.repeat(means, np.diff(places)[behind - 1] - 1, axis=0)
     return full
@@ -35,11 +40,11 @@ def with_stand_ins(rows, there):
 def shares_of(there):
     """Give the weight of every sample (columns) in every place (rows)."""
     eye = np.eye(SAMPLES)
-    return np.hstack([with_stand_ins(eye[:, at:at + 6], there) for at in range(0, SAMPLES, 6)])
+    return np.hstack([with_interpolation(eye[:, at:at + 6], there) for at in range(0, SAMPLES, 6)])
 
 
 def sums_of(there):
-    sums = BridgeSums()
+    sums = InterpolationSums()
     sums.add(np.flatnonzero(~there).tolist(), len(there))
     return sums
 
@@ -47,44 +52,45 @@ def sums_of(there):
 @pytest.mark.parametrize(('pattern', 'step'), combined(
     [0.02, 0.4, 0.6, '110', '11100'], [1, 2, 16],
     everyday=[(0.02, 16), (0.4, 1), (0.6, 2), ('110', 1), ('11100', 16)]))
-def test_white_noise_through_the_timeline_s_bridges_has_the_power_that_is_worked_out(
+def test_white_noise_that_the_timeline_interpolates_has_the_power_that_is_worked_out(
         pattern, step):
     there = received(pattern)
     weights = shares_of(there)
     covariance = weights @ weights.T
-    bridges = sums_of(there).bridges(float(np.mean(~there)))
+    interpolation = sums_of(there).interpolation(float(np.mean(~there)))
     distance = range(LAGS)
     np.testing.assert_allclose(
-        bridges.covariance, [np.trace(covariance, lag) / (SAMPLES - lag) for lag in distance],
+        interpolation.covariance,
+        [np.trace(covariance, lag) / (SAMPLES - lag) for lag in distance],
         atol=1e-12)
     points = SAMPLES // step
     transform = dct(np.eye(points), axis=0, norm='ortho') @ np.kron(
         np.eye(points), np.full(step, step**-0.5))
     exact = ((transform @ covariance) * transform).sum(axis=1)
-    given = bridges.white_power(points, step)
+    given = interpolation.white_power(points, step)
     # Means are fitted up to a quarter of their rate.
     for band in np.array_split(np.arange(1, points if step == 1 else points // 2), 6):
         assert given[band].mean() == pytest.approx(exact[band].mean(), rel=0.03)
 
 
 def test_samples_without_a_gap_have_the_power_of_white_noise():
-    sums = BridgeSums()
+    sums = InterpolationSums()
     sums.add([], 5000)
-    assert sums.bridges(0.0).white_power(512, 1) is None
-    np.testing.assert_allclose(Bridges(0.0, np.eye(1, LAGS)[0]).white_power(512, 4), 1.0)
+    assert sums.interpolation(0.0).white_power(512, 1) is None
+    np.testing.assert_allclose(Interpolation(0.0, np.eye(1, LAGS)[0]).white_power(512, 4), 1.0)
 
 
-def test_stand_ins_without_a_sample_share_nothing():
+def test_without_a_sample_nothing_is_shared():
     assert not shared_noise(np.arange(7), 7).any()
 
 
 @pytest.mark.parametrize('pattern', [0.5, '1100'])
-def test_the_noise_density_of_a_record_with_stand_ins_is_right(pattern):
+def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(pattern):
     rng, there = np.random.default_rng(3), received(pattern)
     estimator = Estimator(axes=6)
     for _ in range(20):
         rows = rng.standard_normal((SAMPLES, 6))
-        estimator.update(with_stand_ins(rows, there), np.flatnonzero(~there))
+        estimator.update(with_interpolation(rows, there), np.flatnonzero(~there))
         estimator.skip(20)
     found = [axis.coefficients['noise_density'] for axis, _ in axis_results(
         estimator, 1.0, [Quantity.ANGULAR_VELOCITY] * 6)]
@@ -98,8 +104,8 @@ def test_the_noise_density_of_a_record_with_stand_ins_is_right(pattern):
 
 def test_a_record_merged_with_itself_shares_as_much_noise():
     there = received(0.2)
-    rows = with_stand_ins(np.random.default_rng(6).standard_normal((SAMPLES, 1)), there)
+    rows = with_interpolation(np.random.default_rng(6).standard_normal((SAMPLES, 1)), there)
     both = taken_in(rows, np.flatnonzero(~there))
-    expected = both.finished().bridges.covariance
+    expected = both.finished().interpolation.covariance
     both.merge(both.copy())
-    np.testing.assert_array_equal(both.bridges.covariance, expected)
+    np.testing.assert_array_equal(both.interpolation.covariance, expected)
