@@ -21,7 +21,7 @@ from scipy.fft import dct, dst
 Array = NDArray[np.float64]
 
 LAGS = 256
-"""Places apart: with two of three lost, two interpolated samples share no noise beyond some 100."""
+"""Places apart: with two of three lost, interpolated samples share no noise beyond some 100."""
 
 _LEAST = 1e-3
 """Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
