@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
@@ -53,15 +53,15 @@ def main() -> None:
     work = []
     for kind, message in serialized(store).items():
         definition, _ = store.generate_msgdef(kind, ros_version=2)
-        pieces = [Piece(np.tile(np.frombuffer(message, np.uint8), (AT_A_TIME, 1)), stamps)
+        batches = [MessageBatch(np.tile(np.frombuffer(message, np.uint8), (AT_A_TIME, 1)), stamps)
                   for _ in range(max(options.messages // AT_A_TIME, 1))]
-        work.append((imu_messages(kind, definition).decoder(), pieces))
+        work.append((imu_messages(kind, definition).decoder(), batches))
     times = np.empty((options.repeats, 2))
     for repeat in range(options.repeats):
-        for column, (decode, pieces) in enumerate(work):
+        for column, (decode, batches) in enumerate(work):
             start = time.process_time()
-            for piece in pieces:
-                decode([piece])
+            for batch in batches:
+                decode([batch])
             times[repeat, column] = time.process_time() - start
     each = np.median(times, axis=0) / (len(work[0][1]) * AT_A_TIME) * 1e6
     print(f'bare {each[0]:.3f} us   nested {each[1]:.3f} us   '

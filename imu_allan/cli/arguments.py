@@ -211,7 +211,7 @@ def factors(text: str) -> dict[str, float]:
     """Read factors for N and K, such as ``N=2,K=5``."""
     found: dict[str, float] = {}
     for part in text.split(','):
-        name, equals, value = (piece.strip() for piece in part.partition('='))
+        name, equals, value = (text.strip() for text in part.partition('='))
         if name not in ('N', 'K') or not equals or name in found:
             raise argparse.ArgumentTypeError(
                 f'{text!r} is not of the form N=2,K=5: a factor for N, for K, or for both')

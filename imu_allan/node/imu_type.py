@@ -85,7 +85,7 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             messages, receive_ns, on_malformed=on_malformed)
     # Most nodes read sensor_msgs/Imu and have no use for these.
     from imu_allan.recordings.messages.imus_in import decoder_of
-    from imu_allan.recordings.messages.piece import Piece
+    from imu_allan.recordings.messages.message_batch import MessageBatch
     from imu_allan.recordings.options import RecordingOptions
     try:
         decode = decoder_of(type_name, definition_of(type_name), options=RecordingOptions(
@@ -102,12 +102,12 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
 
     def decoded(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
                 on_malformed: OnMalformed) -> list[ImuBlock]:
-        pieces, start = [], 0
+        batches, start = [], 0
         for size, group in groupby(messages, len):
             equal = list(group)
             rows = np.frombuffer(b''.join(equal), np.uint8).reshape(len(equal), size)
-            pieces.append(Piece(rows, receive_ns[start:start + len(equal)]))
+            batches.append(MessageBatch(rows, receive_ns[start:start + len(equal)]))
             start += len(equal)
-        return decode(pieces, on_malformed)
+        return decode(batches, on_malformed)
 
     return decoded

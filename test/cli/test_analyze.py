@@ -240,8 +240,8 @@ def on_a_terminal(arguments):
         seen = b''
         # Linux tells by an error that nobody writes any more.
         with contextlib.suppress(OSError):
-            while piece := os.read(master, 65536):
-                seen += piece
+            while more := os.read(master, 65536):
+                seen += more
     os.close(master)
     assert process.returncode == 0
     return seen

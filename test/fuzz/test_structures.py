@@ -14,7 +14,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 from imu_allan.writers.words import message_of
 from mutations import each, EXTREMES, mutated_text, rounds, TEXTS
 import numpy as np
@@ -228,7 +228,7 @@ def judge_definition(choice: Random) -> None:
         found = imus_in('/imu', 'a/msg/F', 'cdr', Definition(text), RecordingOptions())
         for messages in found.values():
             blocks = messages.decoder()(
-                [Piece(np.frombuffer(message, np.uint8).reshape(1, -1), np.zeros(1, np.int64))],
+                [MessageBatch(np.frombuffer(message, np.uint8)[None], np.zeros(1, np.int64))],
                 lambda *_: None)
             assert all(len(part.samples) == len(part) for part in blocks)
     except ImuAllanError as error:

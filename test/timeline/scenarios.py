@@ -371,7 +371,7 @@ def dropped_in_turn(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose a fifth of the recording in one piece."""
+    """Lose a fifth of the recording in one gap."""
     at = int(len(m.place) * rng.uniform(0.1, 0.7))
     keep = np.ones(len(m.place), bool)
     keep[at:at + len(keep) // 5] = False
@@ -529,7 +529,7 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
     return messages, truth, rng
 
 
-def pieces(block: ImuBlock, rng: Generator) -> Iterator[ImuBlock]:
+def split(block: ImuBlock, rng: Generator) -> Iterator[ImuBlock]:
     """Cut messages into blocks of random sizes."""
     first = 0
     while first < len(block):
@@ -552,7 +552,7 @@ def characterized(messages: Messages, rng: Generator | None = None, *, numbered:
     block = messages.block()
     if numbered:
         block = replace(block, numbers=messages.place + 1)
-    for part in [block] if rng is None else pieces(block, rng):
+    for part in [block] if rng is None else split(block, rng):
         # As node and recordings do: a driver may take a while to come to life.
         with suppress(NoAxes):
             run.update(part)

@@ -15,11 +15,11 @@ from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import DamagedData
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import in_batches
+from imu_allan.recordings.formats.gather import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
@@ -29,7 +29,7 @@ LARGEST_CHUNK = 1 << 28
 _UNWRITTEN = 'what was not yet written is missing'
 _SERIALIZATIONS: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
 
-Decode = Callable[[Iterable[Piece]], list[ImuBlock]]
+Decode = Callable[[Iterable[MessageBatch]], list[ImuBlock]]
 
 
 @dataclass
@@ -122,8 +122,8 @@ class ChunkedRecording(FileRecording):
             if self._channels[number].is_of(imu):
                 wanted.add(number)
 
-        def decode(pieces: Iterable[Piece]) -> list[ImuBlock]:
-            return [block for held in in_batches(pieces) for block in decoder(held, malformed)]
+        def decode(batches: Iterable[MessageBatch]) -> list[ImuBlock]:
+            return [block for held in in_lists(batches) for block in decoder(held, malformed)]
 
         with self._stored.open('rb') as file:
             for part in self._parts(file, damage):

@@ -13,7 +13,7 @@ from imu_allan.recordings.formats.temporary_folder import make_folder, remove_fo
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
-_PIECE = 1 << 22
+_READ_BYTES = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
 _LONGEST_FRAME_HEAD = 18
 """Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
@@ -65,7 +65,7 @@ class CompressedRecording(Recording):
             file.seek(0)
             read = decompressing(file)
             try:
-                while data := read(_PIECE):
+                while data := read(_READ_BYTES):
                     written += len(data)
                     if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:
                         raise ImuAllanError(

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 TOPIC = NO_TOPIC
 """The name that stands for a topic."""
 
-_PIECE = 1 << 20
+_READ_BYTES = 1 << 20
 """Some 10,000 lines, so that numpy works on many at once; longer than any line."""
 _LONGEST_HEADER = 1 << 20
 """30,000 columns with names of 30 characters: all topics of a robot in one export."""
@@ -137,12 +137,12 @@ class CsvRecording(FileRecording):
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
         with self._stored.open('rb') as file:
             file.seek(self._data_at)
-            while data := file.read(_PIECE):
-                last = file.readline(_PIECE + 1)
-                if len(last) > _PIECE:
+            while data := file.read(_READ_BYTES):
+                last = file.readline(_READ_BYTES + 1)
+                if len(last) > _READ_BYTES:
                     raise ImuAllanError(
                         f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
-                        f'than {_PIECE} bytes; not a CSV file of samples')
+                        f'than {_READ_BYTES} bytes; not a CSV file of samples')
                 yield (data + last).decode('utf-8', 'replace'), file.tell()
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,

@@ -20,7 +20,7 @@ from struct import Struct
 from imu_allan.cdr import rows_like_first
 from imu_allan.recordings.formats.decompress import DamagedData
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,8 @@ _STEPS_WITHOUT_INDEX = 32
 """Records that are stepped through before the message index is asked for."""
 _BATCH_BYTES = 1 << 24
 """Of messages that are copied at a time: 20 chunks of rosbag2, where one may be a thousand."""
-_PIECE_BYTES = 1 << 10
-"""Bytes of a piece beside those of its messages, about."""
+_BATCH_BYTES = 1 << 10
+"""Bytes of a batch beside those of its messages, about."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
@@ -49,7 +49,7 @@ def gather(
     describe: Callable[[int, bytes], object] | None = None,
     index: Callable[[], NDArray[np.int64]] | None = None,
     effort: Effort | None = None,
-) -> tuple[Iterator[Piece], int]:
+) -> tuple[Iterator[MessageBatch], int]:
     """
     Gather the messages of the channels `wanted`.
 
@@ -69,7 +69,7 @@ def gather(
 
     Returns
     -------
-    pieces : iterator of Piece
+    batches : iterator of MessageBatch
         The messages; those that are copied are copied when they are asked for.
     consumed : int
         Bytes of whole records. Less than ``len(buffer)`` where the last record is incomplete, or
@@ -81,7 +81,7 @@ def gather(
         If there are more records than `effort` allows.
 
     """
-    pieces: list[Iterable[Piece]] = []
+    batches: list[Iterable[MessageBatch]] = []
     scattered: list[int] = []
     at, end = 0, len(buffer)
     steps_left = _STEPS_WITHOUT_INDEX
@@ -105,15 +105,15 @@ def gather(
                 if steps_left == 0:
                     places = _verified(buffer, at, index(), describe)
                     if places is not None:
-                        pieces += [_collected(buffer, scattered), _collected(
+                        batches += [_collected(buffer, scattered), _collected(
                             buffer, _of_channels(buffer, places, wanted))]
-                        return chain.from_iterable(pieces), end
+                        return chain.from_iterable(batches), end
             if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
                 if run:
                     if scattered:
-                        pieces.append(_collected(buffer, scattered))
+                        batches.append(_collected(buffer, scattered))
                         scattered = []
-                    pieces.append([_piece(np.ndarray(
+                    batches.append([_batch(np.ndarray(
                         (count, stride), np.uint8, buffer, at, (stride, 1)))])
                 else:
                     scattered.append(at)
@@ -124,27 +124,27 @@ def gather(
             at += stride
         else:
             break
-    pieces.append(_collected(buffer, scattered))
-    return chain.from_iterable(pieces), at
+    batches.append(_collected(buffer, scattered))
+    return chain.from_iterable(batches), at
 
 
-def in_batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
+def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     """
-    Hand pieces on in lists of a few MiB: each may be of one message, in millions.
+    Hand batches on in lists of a few MiB: each may be of one message, in millions.
 
     Raises
     ------
     DamagedData
-        As `pieces` does, after those before it.
+        As `batches` does, after those before it.
 
     """
-    held: list[Piece] = []
+    held: list[MessageBatch] = []
     left = _BATCH_BYTES
     failure: DamagedData | None = None
     try:
-        for piece in pieces:
-            held.append(piece)
-            left -= piece.rows.nbytes + _PIECE_BYTES
+        for batch in batches:
+            held.append(batch)
+            left -= batch.rows.nbytes + _BATCH_BYTES
             if left < 0:
                 yield held
                 held, left = [], _BATCH_BYTES
@@ -227,7 +227,7 @@ def _lengths(buffer: bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
     return lengths[places]
 
 
-def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterator[Piece]:
+def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterator[MessageBatch]:
     """Copy the message records at `offsets` into arrays of equal size, in their order."""
     if len(offsets) == 0:
         return
@@ -235,9 +235,9 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
     lengths = _lengths(buffer, places)
     bounds = [0, *(np.flatnonzero(np.diff(lengths)) + 1).tolist(), len(places)]
     for start, stop in pairwise(bounds):
-        yield _piece(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
+        yield _batch(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
 
 
-def _piece(records: NDArray[np.uint8]) -> Piece:
+def _batch(records: NDArray[np.uint8]) -> MessageBatch:
     log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
-    return Piece(records[:, _MESSAGE_HEAD:], log_time)
+    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time)

@@ -88,8 +88,8 @@ class McapRecording(ChunkedRecording):
                 enter(number)
 
         def gathered(buffer: bytes, index: Index | None = None) -> tuple[list[ImuBlock], int]:
-            pieces, consumed = gather(buffer, wanted, describe, index, effort)
-            return decode(unpacked(pieces, effort)), consumed
+            batches, consumed = gather(buffer, wanted, describe, index, effort)
+            return decode(unpacked(batches, effort)), consumed
 
         file.seek(part.start)
         effort.begin(part.length)

@@ -12,7 +12,7 @@ from imu_allan.recordings.formats.decompress import (
     decompress_frame,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
@@ -20,26 +20,26 @@ _ZSTD = b'\x28\xb5\x2f\xfd'
 _LARGEST_MESSAGE = 1 << 16
 """An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more."""
 _TOGETHER = 1 << 8
-"""Messages that are decompressed into one piece, however large they are."""
+"""Messages that are decompressed into one batch, however large they are."""
 
 
-def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
-    """Decompress the messages of `pieces`, where they are compressed."""
-    for compressed, group in groupby(pieces, _is_compressed):
+def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[MessageBatch]:
+    """Decompress the messages of `batches`, where they are compressed."""
+    for compressed, group in groupby(batches, _is_compressed):
         if not compressed:
             yield from group
             continue
-        rows = ((row.tobytes(), stamp) for piece in group
-                for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
+        rows = ((row.tobytes(), stamp) for batch in group
+                for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True))
         while some := list(islice(rows, _TOGETHER)):
             messages, stamps = zip(*some, strict=True)
-            yield from starmap(Piece, rows_of(
+            yield from starmap(MessageBatch, rows_of(
                 [_unpacked_message(message, effort) for message in messages],
                 np.array(stamps, np.int64)))
 
 
-def _is_compressed(piece: Piece) -> bool:
-    return piece.rows[0, :len(_ZSTD)].tobytes() == _ZSTD
+def _is_compressed(batch: MessageBatch) -> bool:
+    return batch.rows[0, :len(_ZSTD)].tobytes() == _ZSTD
 
 
 def _unpacked_message(message: bytes, effort: Effort) -> bytes:

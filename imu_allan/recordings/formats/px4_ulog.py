@@ -96,9 +96,9 @@ class UlogRecording(TableLog):
             for start, stop in _segments(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
                 file.seek(start)
                 rest, at = b'', start
-                while at < stop and (piece := file.read(min(_READ, stop - at))):
-                    at += len(piece)
-                    data = rest + piece
+                while at < stop and (more := file.read(min(_READ, stop - at))):
+                    at += len(more)
+                    data = rest + more
                     rest = data[reader.through(data):]
                     for name, table in reader.taken(data):
                         yield name, table, at

@@ -31,9 +31,9 @@ from imu_allan.recordings.formats.chunked_file import (
 )
 from imu_allan.recordings.formats.decompress import DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import collect, equal_records, in_batches
+from imu_allan.recordings.formats.gather import collect, equal_records, in_lists
 from imu_allan.recordings.messages.definitions import Definition
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,9 +67,9 @@ class Ros1Recording(ChunkedRecording):
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 enter: Callable[[int], None], decode: Decode, effort: Effort,
                 ) -> Iterator[list[ImuBlock]]:
-        for pieces in in_batches(self._gather(
+        for batches in in_lists(self._gather(
                 _chunk_data(file, part, effort), wanted, enter, effort)):
-            yield decode(pieces)
+            yield decode(batches)
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Take connections and counts from the end of the bag; False where it has none."""
@@ -160,7 +160,7 @@ class Ros1Recording(ChunkedRecording):
             at = record.start + record.length
 
     def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
-                effort: Effort) -> Iterator[Piece]:
+                effort: Effort) -> Iterator[MessageBatch]:
         """
         Gather the messages of connections from a chunk, and remember the connections in it.
 
@@ -194,7 +194,7 @@ class Ros1Recording(ChunkedRecording):
                     yield _scattered(buffer, scattered, scattered_head)
                     scattered, scattered_head = [], None
                 if count > 1:
-                    yield _piece(
+                    yield _batch(
                         np.ndarray((count, head.stride), np.uint8, buffer, at), head)
                 else:
                     scattered.append(at)
@@ -361,11 +361,11 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     return head
 
 
-def _piece(records: NDArray[np.uint8], head: _MessageHead) -> Piece:
+def _batch(records: NDArray[np.uint8], head: _MessageHead) -> MessageBatch:
     time = records[:, head.time_at:head.time_at + 8].view(_TIME)[:, 0]
-    return Piece(records[:, head.size:],
+    return MessageBatch(records[:, head.size:],
                  time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
 
 
-def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> Piece:
-    return _piece(collect(buffer, np.array(places), head.stride), head)
+def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> MessageBatch:
+    return _batch(collect(buffer, np.array(places), head.stride), head)

@@ -35,7 +35,7 @@ from imu_allan.recordings.formats.untrusted_database import (
 )
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
@@ -91,8 +91,8 @@ class SqliteRecording(FileRecording):
         with self._database() as (database, budget):
             rows = self._fetched(database, budget, imu, malformed)
             for stamps, messages, position in self._batches(rows, imu):
-                pieces = starmap(Piece, rows_of(messages, np.array(stamps, np.int64)))
-                for block in decode(unpacked(pieces, effort), malformed):
+                batches = starmap(MessageBatch, rows_of(messages, np.array(stamps, np.int64)))
+                for block in decode(unpacked(batches, effort), malformed):
                     yield block, position
         malformed.report(imu, self.remark)
 

@@ -19,7 +19,7 @@ from imu_allan.recordings.messages.columns import Columns, frames_of, taken
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.forms import Form, Forms, OnMalformed
 from imu_allan.recordings.messages.imu_fields import ImuFields
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +31,7 @@ _ENOUGH = 16
 class Decoder(Protocol):
     """What turns the messages of a topic into blocks; one for each reading of the topic."""
 
-    def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
         """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
 
@@ -69,18 +69,18 @@ class ImuMessages:
             return plain
         factors = np.repeat(self.factors, 3)
 
-        def scaled(pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+        def scaled(batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                    ) -> list[ImuBlock]:
             return [replace(block, samples=block.samples * factors)
-                    for block in plain(pieces, on_malformed)]
+                    for block in plain(batches, on_malformed)]
 
         return scaled
 
-    def _decoded(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+    def _decoded(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
         """Decode sensor_msgs/Imu itself."""
-        return [block for piece in pieces for block in decode_imu_rows(
-            piece.rows, piece.receive_ns, self.serialization, on_malformed)]
+        return [block for batch in batches for block in decode_imu_rows(
+            batch.rows, batch.receive_ns, self.serialization, on_malformed)]
 
     @property
     def half(self) -> Literal['gyro', 'accel'] | None:
@@ -112,10 +112,10 @@ class FieldsDecoder:
         self._frames: dict[str, int] = {'': 0}
         self._step_ns = 0.0
 
-    def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
+    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
         """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
-        held = [piece for piece in pieces if len(piece.rows)]
+        held = [batch for batch in batches if len(batch.rows)]
         self._frames = {'': 0}
         if not held:
             return []
@@ -132,26 +132,26 @@ class FieldsDecoder:
 
     # ----------------------------------------------------------------------------------- columns
 
-    def _columns(self, pieces: Sequence[Piece], on_malformed: OnMalformed | None,
+    def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed | None,
                  ) -> Columns | None:
-        """Decode the pieces, those of equal size together; one frame may stand for all."""
-        if len(pieces) == 1:
+        """Decode the batches, those of equal size together; one frame may stand for all."""
+        if len(batches) == 1:
             # By far the most frequent case is the fastest: nothing needs to be put in order.
-            [piece] = pieces
+            [batch] = batches
             with suppress(MalformedImu):
-                form = self._forms.of(piece.rows[0].data)
-                if rows_like_first(piece.rows, form.keys_and_frame) is None:
-                    columns = self._taken(piece.rows, piece.receive_ns, form, on_malformed)
-                    columns['frames'] = frames_of(piece.rows[:1], form.frame_id, self._frames)
+                form = self._forms.of(batch.rows[0].data)
+                if rows_like_first(batch.rows, form.keys_and_frame) is None:
+                    columns = self._taken(batch.rows, batch.receive_ns, form, on_malformed)
+                    columns['frames'] = frames_of(batch.rows[:1], form.frame_id, self._frames)
                     return columns
-        bounds = np.cumsum([0, *(len(piece.rows) for piece in pieces)])
+        bounds = np.cumsum([0, *(len(batch.rows) for batch in batches)])
         by_size: dict[int, list[int]] = {}
-        for number, piece in enumerate(pieces):
-            by_size.setdefault(piece.rows.shape[1], []).append(number)
+        for number, batch in enumerate(batches):
+            by_size.setdefault(batch.rows.shape[1], []).append(number)
         decoded: list[Columns] = []
         for numbers in by_size.values():
-            rows = np.concatenate([pieces[number].rows for number in numbers])
-            receive_ns = np.concatenate([pieces[number].receive_ns for number in numbers])
+            rows = np.concatenate([batches[number].rows for number in numbers])
+            receive_ns = np.concatenate([batches[number].receive_ns for number in numbers])
             index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
             for which, form in self._forms.groups(rows, on_malformed):
                 same = rows if len(which) == len(rows) else rows[which]

@@ -180,8 +180,9 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     Returns
     -------
     Decoder
-        Takes pieces of serialized messages (`imu_allan.recordings.messages.piece.Piece`) in their
-        order and returns blocks. It remembers which stamps are used: one for each topic.
+        Takes batches of serialized messages in their order, as
+        `imu_allan.recordings.messages.message_batch` has them, and returns blocks. It remembers
+        which stamps are used: one for each topic.
 
     Raises
     ------
@@ -191,14 +192,14 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     Examples
     --------
     >>> import numpy as np
-    >>> from imu_allan.recordings.messages.piece import Piece
+    >>> from imu_allan.recordings.messages.message_batch import MessageBatch
     >>> definition = 'uint64 timestamp' + chr(10) + 'float32[3] gyro_rad' + chr(10) + (
     ...     'float32[3] accelerometer_m_s2')
     >>> decode = decoder_of('px4_msgs/msg/SensorCombined', definition)
     >>> message = bytes([0, 1, 0, 0]) + np.array([5], 'u8').tobytes() + np.arange(
     ...     6, dtype='f4').tobytes()
     >>> rows = np.frombuffer(message, np.uint8).reshape(1, -1)
-    >>> [block] = decode([Piece(rows, np.zeros(1, np.int64))])
+    >>> [block] = decode([MessageBatch(rows, np.zeros(1, np.int64))])
     >>> block.samples.tolist(), block.header_ns.tolist()
     ([[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]], [5000])
 

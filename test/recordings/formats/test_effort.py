@@ -21,7 +21,7 @@ from bags import (
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
 from imu_allan.recordings.formats import effort
-from imu_allan.recordings.formats.gather import gather, in_batches
+from imu_allan.recordings.formats.gather import gather, in_lists
 from imu_allan.recordings.open_recording import open_recording
 from measured_command import run
 import numpy as np
@@ -187,9 +187,9 @@ def test_connections_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path)
 def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():
     count = 100_000
     data = b''.join(message(bytes(number % 2)) for number in range(count))
-    pieces, consumed = gather(data, {1})
+    batches, consumed = gather(data, {1})
     assert consumed == len(data)
-    sizes = [len(held) for held in in_batches(pieces)]
+    sizes = [len(held) for held in in_lists(batches)]
     assert sum(sizes) == count
     assert max(sizes) < 20_000
 
@@ -198,11 +198,11 @@ def test_the_messages_before_a_damaged_place_are_handed_on():
     rows = encode_imu_rows(MESSAGES)
     data = b''.join(message(row.tobytes()) for row in rows)
 
-    def pieces():
+    def batches():
         yield from gather(data, {1})[0]
         effort.Effort(Path(__file__), 0).expand(1 << 40)
 
     held = []
     with refused('the file expands to more than 1000 times its size', ValueError):
-        held.extend(in_batches(pieces()))
-    assert np.concatenate([piece.rows for some in held for piece in some]).shape == rows.shape
+        held.extend(in_lists(batches()))
+    assert np.concatenate([batch.rows for some in held for batch in some]).shape == rows.shape

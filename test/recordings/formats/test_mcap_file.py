@@ -114,11 +114,11 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
         expected = [record for record in breakup_chunk(chunk) if hasattr(record, 'log_time')]
         claim = message_places(chunk.data)[::-1]
         for wanted in ({channels[0]}, {channels[1], channels[3]}, set(channels)):
-            pieces, consumed = gather(
+            batches, consumed = gather(
                 chunk.data, wanted, None, partial(np.copy, claim) if index else None)
             assert consumed == len(chunk.data)
-            assert [(stamp, row.tobytes()) for piece in pieces
-                    for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True)] == [
+            assert [(stamp, row.tobytes()) for batch in batches
+                    for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True)] == [
                 (record.log_time, record.data) for record in expected
                 if record.channel_id in wanted]
 
@@ -133,9 +133,9 @@ def test_a_wrong_message_index_loses_nothing(tmp_path, claim):
     with path.open('rb') as file:
         [chunk] = [record for record in StreamReader(file, emit_chunks=True).records
                    if isinstance(record, Chunk)]
-    pieces, consumed = gather(chunk.data, {1}, None, lambda: claim(message_places(chunk.data)))
+    batches, consumed = gather(chunk.data, {1}, None, lambda: claim(message_places(chunk.data)))
     assert consumed == len(chunk.data)
-    assert np.concatenate([piece.receive_ns for piece in pieces]).tolist() == (
+    assert np.concatenate([batch.receive_ns for batch in batches]).tolist() == (
         MESSAGES.receive_ns.tolist())
 
 

@@ -9,7 +9,7 @@ from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import vector_of
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 from mutations import mutated_bytes
 import numpy as np
 from other_types import full_definition, imu, stamped, store_with
@@ -40,7 +40,7 @@ def outcome(make) -> str:
 
 def decode(definition: str, message: bytes) -> None:
     decoder = imu_messages(KIND, definition, options=CHOICE).decoder()
-    for block in decoder([Piece(np.frombuffer(message, np.uint8).reshape(1, -1),
+    for block in decoder([MessageBatch(np.frombuffer(message, np.uint8).reshape(1, -1),
                                 np.zeros(1, np.int64))], lambda *_: None):
         assert block.samples.shape == (1, 6)
 

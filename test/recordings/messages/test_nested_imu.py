@@ -13,7 +13,7 @@ from imu_allan.recordings.messages import forms
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from other_types import (
     full_definition,
@@ -272,7 +272,7 @@ def test_messages_that_are_all_of_another_form_are_compared_in_linear_time(monke
     monkeypatch.setattr(forms, 'rows_like_first', lambda rows, spans: (
         compared.append(len(rows)), rows_like_first(rows, spans))[1])
     decode = imu_messages('x/msg/Forms', full_definition(store, 'x/msg/Forms')).decoder()
-    [block] = decode([Piece(rows, np.zeros(len(rows), np.int64))])
+    [block] = decode([MessageBatch(rows, np.zeros(len(rows), np.int64))])
     assert block.samples.tobytes() == samples(len(lengths)).tobytes()
     # Each with all the others would be 1,000 times their number.
     assert len(lengths) == 2080

@@ -53,7 +53,7 @@ def wait_until(reached, timeout: float = 20.0) -> None:
 
 def read_here(path: Path) -> tuple[ImuBlock, list[Finding]]:
     with open_recording(path) as recording:
-        blocks = [piece for piece, _ in recording.decoded(choose_topic(recording))]
+        blocks = [block for block, _ in recording.decoded(choose_topic(recording))]
         return joined(blocks), recording.remarks
 
 
@@ -83,13 +83,13 @@ def test_every_change_of_frame_id_begins_a_block(tmp_path):
     bag = write_recording(tmp_path / 'bag', parts)
     with open_recording(bag) as recording:
         after = list(read_blocks(recording, choose_topic(recording)))
-    frames = [piece.frame_id for piece in after]
+    frames = [block.frame_id for block in after]
     changes = [name for name, before in zip(frames, [None, *frames[:-1]], strict=True)
                if name != before]
     assert changes == ['one', 'two', 'one']
     for name in ('one', 'two'):
         assert_same(joined([part for part in parts if part.frame_id == name]),
-                    joined([piece for piece in after if piece.frame_id == name]))
+                    joined([block for block in after if block.frame_id == name]))
 
 
 def test_remarks_of_the_reading_come_back(tmp_path):
@@ -110,7 +110,7 @@ def test_an_exception_comes_after_the_blocks_before_it(error):
     blocks = reading_process.ReadingProcess(FailingRecording(MESSAGES, error), '/imu').blocks()
     taken = []
     with pytest.raises(type(error)) as caught:
-        taken.extend(piece for piece, _ in blocks)
+        taken.extend(block for block, _ in blocks)
     assert str(caught.value) == str(error)
     assert_same(MESSAGES, joined(taken))
     if isinstance(error, ZeroDivisionError):

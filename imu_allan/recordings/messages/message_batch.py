@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class Piece:
+class MessageBatch:
     """
     Messages of equal size, in the order of the file.
 
