@@ -16,7 +16,7 @@ from imu_allan.noise.courses.regressors import duration, RecordSpectrum
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import FLICKER, WHITE
-from imu_allan.noise.record.periodogram import SpectrumPiece
+from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -25,16 +25,16 @@ from scipy.signal import freqz
 Array = NDArray[np.float64]
 
 
-def shape_of(samples: int) -> list[SpectrumPiece]:
-    """Return the pieces of the spectrum of a record of so many samples."""
+def shape_of(samples: int) -> list[SpectrumSection]:
+    """Return the sections of the spectrum of a record of so many samples."""
     estimator = Estimator()
     zeros = np.zeros(1 << 20)
     for begin in range(0, samples, len(zeros)):
         estimator.update(zeros[:samples - begin])
-    return estimator.finished().periodogram.pieces()
+    return estimator.finished().periodogram.sections()
 
 
-def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, records: int,
+def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float, records: int,
          rng: np.random.Generator, courses: Sequence[Course] = (),
          process: tuple[float, float] | None = None,
          power_law: tuple[float, float] | None = None,
@@ -45,7 +45,7 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
 
     Parameters
     ----------
-    pieces : sequence of SpectrumPiece
+    sections : sequence of SpectrumSection
         As `shape_of` gives them.
     theta : sequence of float
         Squared coefficients of quantization, white noise, flicker and random walk.
@@ -69,10 +69,10 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         return np.asarray(sum(course(time) for course in courses))
 
     drawn = []
-    for piece in pieces:
-        lines = np.arange(piece.first, piece.last)
-        power = np.zeros((records, piece.length))
-        bins = bins_of([piece], dt)
+    for section in sections:
+        lines = np.arange(section.first, section.last)
+        power = np.zeros((records, section.length))
+        bins = bins_of([section], dt)
         variance = bins.design @ np.asarray(theta)
         nu = np.minimum(bins.frequency * dt, 0.5)
         if process is not None:
@@ -88,20 +88,20 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         if low_pass is not None:
             white = theta[WHITE] * bins.design[:, WHITE]
             variance = ((variance - white) * np.abs(freqz(*low_pass, 2 * np.pi * nu)[1])**2
-                        + white * _folded(low_pass, nu, piece.step))
-        if piece.coefficients is None:
-            dof = piece.blocks
+                        + white * _folded(low_pass, nu, section.step))
+        if section.coefficients is None:
+            dof = section.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
             if courses:
-                power[:, lines] += leaks([piece], dt, duration(pieces, dt), mean)[0]
-            drawn.append(replace(piece, power=power))
+                power[:, lines] += leaks([section], dt, duration(sections, dt), mean)[0]
+            drawn.append(replace(section, power=power))
             continue
-        signed = np.zeros((records, piece.length))
+        signed = np.zeros((records, section.length))
         signed[:, lines] = np.sqrt(variance) * rng.standard_normal((records, len(lines)))
-        time = (piece.start + (np.arange(piece.length) + 0.5) * piece.step) * dt
+        time = (section.start + (np.arange(section.length) + 0.5) * section.step) * dt
         for course in courses:
             signed[:, lines] += dct(course(time), norm='ortho')[lines]
-        drawn.append(replace(piece, power=signed**2, coefficients=signed))
+        drawn.append(replace(section, power=signed**2, coefficients=signed))
     bins = bins_of(drawn, dt)
     return [RecordSpectrum(drawn, bins, axis, dt) for axis in range(records)]
 

@@ -23,7 +23,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.part_of_record import Part
-from imu_allan.noise.record.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
@@ -90,15 +90,15 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     True
 
     """
-    pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
+    sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
     axes = [axis for axis in range(finished.axes) if axis_fault(finished, axis) is None]
     found: list[AxisFit | None] = [None] * finished.axes
-    if not pieces or not axes:
+    if not sections or not axes:
         return found
     # A cycle that a thermometer shows is no other cycle.
     heat = [] if temperature is None else [
         temperature.of_sensor(float(lag)).courses[0] for lag in lags_of(temperature)]
-    sources = _without_cycles(_sources(finished, pieces, axes, dt), finished, heat)
+    sources = _without_cycles(_sources(finished, sections, axes, dt), finished, heat)
     kinds = COURSES if temperature is None else with_temperature(temperature)
     first = _weighed(sources, dt, kinds)
     # What moves the mean is no change of the noise, and leaks into blocks.
@@ -140,7 +140,7 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
         report = report.without_walk()
     if source.cycle is not None:
         report = report.with_cycle(source.cycle.period_s)
-    lines = vibrations(source.lines, report.trend.cycle_s, source.record.pieces, dt)
+    lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
     beside = source.record.beside(posterior.courses(source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
                    beside, source.parts)
@@ -204,10 +204,10 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
     return [line.frequency_hz for line in lines[:NAMED]]
 
 
-def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[int], dt: float
+def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequence[int], dt: float
              ) -> list[_Source]:
     """Leave lines out of every axis, and compare the parts of the record."""
-    bins = bins_of(pieces, dt, finished.interpolation)
+    bins = bins_of(sections, dt, finished.interpolation)
     segments = segment_powers(finished.periodogram)
     brief = short_powers(finished.periodogram) if segments is None else None
     coarse = steps_hide_noise(finished)
@@ -215,8 +215,8 @@ def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[in
     found = []
     for axis in axes:
         whole = grouped(bins, axis)
-        lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
-        record = RecordSpectrum(pieces, bins, axis, dt, keep, aligned=True)
+        lines, keep = find_lines(sections, bins, axis, dt, maximise(whole, ramp=None))
+        record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
         steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
         own = segments
         if brief is not None and not coarse[axis]:

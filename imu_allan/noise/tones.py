@@ -16,7 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import Solution
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import about_ramp
-from imu_allan.noise.record.periodogram import longest_blocks, SpectrumPiece
+from imu_allan.noise.record.periodogram import longest_blocks, SpectrumSection
 from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import NDArray
@@ -66,17 +66,17 @@ _LOBE_MARGIN_OF_ONE = 4.0
 """... and so many in a few blocks, where side lobes scatter."""
 
 
-def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
+def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float,
                first: Solution) -> tuple[list[Tone], Mask]:
     """
     Find the lines of one axis.
 
-    `pieces`: from the slowest to the fastest part. `bins`: of the same pieces. `first`: a first
+    `sections`: from the slowest to the fastest part. `bins`: of the same sections. `first`: a
     fit of all bins, by which the spectrum is flattened. Returns the lines, the strongest first,
     and a mask of the bins, False where a line or its side lobes are.
     """
     for leak in _LEAKS:
-        lines, keep = _find_lines(pieces, bins, axis, dt, first, leak)
+        lines, keep = _find_lines(sections, bins, axis, dt, first, leak)
         if keep.mean() >= _LEAST_LEFT:
             return lines, keep
     # What is left is no spectrum to fit: the fit shall see all of it and say so.
@@ -100,12 +100,12 @@ def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]
     return tuple(lines[:NAMED]), tuple(weaker)
 
 
-def vibrations(lines: Sequence[Tone], cycle_s: float | None, pieces: Sequence[SpectrumPiece],
+def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[SpectrumSection],
                dt: float) -> list[Tone]:
     """
     Leave out the lines of a slow cycle, whose harmonics come one after the other from the first.
 
-    `lines`: of one record. `cycle_s`: period of its cycle. `pieces`: in which the lines were
+    `lines`: of one record. `cycle_s`: period of its cycle. `sections`: in which the lines were
     found. In the same order.
     """
     if cycle_s is None:
@@ -113,8 +113,8 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, pieces: Sequence[Sp
     last, harmonics = _FIRST_HARMONICS, set()
     for line in sorted(lines, key=lambda line: line.frequency_hz):
         order = round(line.frequency_hz * cycle_s)
-        spacing = min((piece.spacing_hz(dt) for piece in pieces
-                       if line.frequency_hz < piece.last * piece.spacing_hz(dt)), default=0.0)
+        spacing = min((section.spacing_hz(dt) for section in sections
+                       if line.frequency_hz < section.last * section.spacing_hz(dt)), default=0.0)
         off = abs(line.frequency_hz - order / cycle_s)
         if 1 <= order <= _NEXT_HARMONIC * last and off < _OFF * spacing + _CYCLE_OFF / cycle_s:
             last = max(last, order)
@@ -122,7 +122,7 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, pieces: Sequence[Sp
     return [line for line in lines if line not in harmonics]
 
 
-def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, first: Solution,
+def _find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float, first: Solution,
                 leak: float) -> tuple[list[Tone], Mask]:
     """Find lines, with the bins that they and their side lobes above a leak take."""
     keep = np.ones(len(bins.frequency), dtype=bool)
@@ -130,20 +130,20 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, first.slope)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
-    longest = longest_blocks(pieces)
+    longest = longest_blocks(sections)
     # The fastest part first: what it finds may stand again in a slower one, folded.
-    for number in reversed(range(len(pieces))):
-        piece = pieces[number]
+    for number in reversed(range(len(sections))):
+        section = sections[number]
         # Eight neighbourhoods: in shorter blocks no lines are sought, a judgment.
-        if piece.length != longest[piece.step] or piece.length < 512:
+        if section.length != longest[section.step] or section.length < 512:
             continue
-        here = np.flatnonzero(bins.piece == number)[max(0, _LOWEST_INDEX - piece.first):]
+        here = np.flatnonzero(bins.section == number)[max(0, _LOWEST_INDEX - section.first):]
         if len(here) < _NEIGHBOURHOOD:
             continue
         frequency, level = bins.frequency[here], expected[here]
-        found, taken = _lines_of(power[here], level, piece.blocks, leak)
+        found, taken = _lines_of(power[here], level, section.blocks, leak)
         keep[here[taken]] = False
-        width = piece.spacing_hz(dt)
+        width = section.spacing_hz(dt)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False]))))
         spans += [(frequency[a] - width, frequency[b - 1] + width)
                   for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -154,15 +154,15 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
             # highest bin.
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < 64 else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
-            line = Tone(centre, float(np.sqrt(2 * excess.sum() / piece.length)))
-            if piece.step == 1 or not folded(line, lines, piece.step, dt, 3 * width):
+            line = Tone(centre, float(np.sqrt(2 * excess.sum() / section.length)))
+            if section.step == 1 or not folded(line, lines, section.step, dt, 3 * width):
                 lines.append(line)
     # Shorter blocks of the same stage see the same lines, only less sharply.
-    for number, piece in enumerate(pieces):
-        if piece.length == longest[piece.step]:
+    for number, section in enumerate(sections):
+        if section.length == longest[section.step]:
             continue
-        width = 2 * piece.spacing_hz(dt)
-        here = np.flatnonzero(bins.piece == number)
+        width = 2 * section.spacing_hz(dt)
+        here = np.flatnonzero(bins.section == number)
         for low, high in spans:
             inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
             keep[here[inside]] = False

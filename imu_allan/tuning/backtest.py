@@ -18,7 +18,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.gaps import filled
 from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.record.periodogram import SpectrumPiece, whole_piece
+from imu_allan.noise.record.periodogram import SpectrumSection, whole_section
 from imu_allan.result import (
     AxisResult,
     Backtest,
@@ -194,10 +194,10 @@ def _averaged(rows: Array, size: int) -> Array:
 def _fitted(row: Array, step_s: float) -> DriftModel | None:
     if not np.ptp(row) > 0:
         return None
-    return fit_drift_model(grouped(bins_of([piece_of(row[None])], step_s), 0), step_s)
+    return fit_drift_model(grouped(bins_of([section_of(row[None])], step_s), 0), step_s)
 
 
-def piece_of(rows: Array) -> SpectrumPiece:
-    """Return the spectrum of means in a row, shape (axes, n), as one piece."""
+def section_of(rows: Array) -> SpectrumSection:
+    """Return the spectrum of means in a row, shape (axes, n), as one section."""
     # About their mean, so that a large one costs no digits.
-    return whole_piece(rows - rows.mean(axis=1, keepdims=True))
+    return whole_section(rows - rows.mean(axis=1, keepdims=True))

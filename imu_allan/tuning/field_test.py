@@ -21,11 +21,11 @@ from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.groups import grouped, Groups, WALK, WHITE
-from imu_allan.noise.record.periodogram import SHORTEST, SpectrumPiece
+from imu_allan.noise.record.periodogram import SHORTEST, SpectrumSection
 from imu_allan.noise.terms import AXES, line_power
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
 from imu_allan.tuning.arguments import drift_model_of
-from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, segments
+from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, section_of, segments
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import coast_bands, widened
@@ -98,11 +98,11 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     # Long ones begin anew, too: what a filter keeps of every step is much.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
                          for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
-    pieces = [piece_of(part) for part in parts]
-    bins = bins_of(pieces, means.cell_s)
+    sections = [section_of(part) for part in parts]
+    bins = bins_of(sections, means.cell_s)
     found = {}
     for i, (name, axis) in enumerate(kept.items()):
-        spectrum = capped(grouped(_as_predicted(bins, pieces, axis, means.cell_s), i))
+        spectrum = capped(grouped(_as_predicted(bins, sections, axis, means.cell_s), i))
         found[name] = FieldTest(
             sum(part.shape[1] for part in parts) * means.cell_s, len(parts),
             _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis),
@@ -123,7 +123,7 @@ def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
     return Outcome(innovations, coasts, coast_bands(axis, coasts, outages))
 
 
-def _as_predicted(bins: Bins, pieces: Sequence[SpectrumPiece], axis: AxisResult, step_s: float
+def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisResult, step_s: float
                   ) -> Bins:
     """Return the spectrum with two columns: what a model predicts of noise, and of drift."""
     model = drift_model_of(axis)
@@ -132,9 +132,9 @@ def _as_predicted(bins: Bins, pieces: Sequence[SpectrumPiece], axis: AxisResult,
     for process in model.processes:
         # A stop is short beside a slow process: the spectrum of an endless record is not its.
         power = {length: dct_power(process.correlation_time_s, step_s, length)
-                 for length in {piece.length for piece in pieces}}
+                 for length in {section.length for section in sections}}
         drift = drift + process.sigma**2 * np.concatenate(
-            [power[piece.length][piece.first - 1:piece.last - 1] for piece in pieces])
+            [power[section.length][section.first - 1:section.last - 1] for section in sections])
     white = bins.design[:, WHITE] * (model.noise_density**2 + lines)
     return replace(bins, design=np.stack((white, drift), axis=1))
 

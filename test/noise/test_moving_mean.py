@@ -53,8 +53,8 @@ def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
     record = simulate({**STILL, 'rate_random_walk': 1e-4}, HOURS_2, RATE, 4)
     solutions = []
     for slope in (0.0, 1e-7, -1e-5):
-        pieces = taken_in(record + slope * TIME).finished().periodogram.pieces()
-        groups = grouped(bins_of(pieces, 1 / RATE), 0)
+        sections = taken_in(record + slope * TIME).finished().periodogram.sections()
+        groups = grouped(bins_of(sections, 1 / RATE), 0)
         solutions.append(maximise(groups, fixed={0: 0.0}, trend='restricted'))
     for slope, solution in zip((1e-7, -1e-5), solutions[1:], strict=True):
         np.testing.assert_allclose(solution.theta, solutions[0].theta, rtol=2e-3)
@@ -63,15 +63,15 @@ def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
 
 def test_restricted_likelihood_is_that_of_what_the_ramp_leaves_over():
     record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, 300, RATE, 5)
-    [piece] = taken_in(record).finished().periodogram.pieces()
-    groups = grouped(bins_of([piece], 1 / RATE), 0)
-    c = piece.coefficients[0, 1:]
-    ramp = bins_of([piece], 1 / RATE).ramp
+    [section] = taken_in(record).finished().periodogram.sections()
+    groups = grouped(bins_of([section], 1 / RATE), 0)
+    c = section.coefficients[0, 1:]
+    ramp = bins_of([section], 1 / RATE).ramp
     # Any orthonormal basis of what is orthogonal to the ramp has this likelihood.
     basis = np.linalg.svd(np.sqrt(ramp)[:, None])[0][:, 1:]
 
     def exact(theta):
-        covariance = basis.T @ np.diag(bins_of([piece], 1 / RATE).design @ theta) @ basis
+        covariance = basis.T @ np.diag(bins_of([section], 1 / RATE).design @ theta) @ basis
         rest = basis.T @ c
         return 0.5 * (np.linalg.slogdet(covariance)[1]
                       + rest @ np.linalg.solve(covariance, rest))

@@ -29,9 +29,9 @@ def records(*samples, rate=RATE):
     estimator = Estimator(len(samples))
     estimator.update(np.stack(samples, axis=1))
     finished = estimator.finished()
-    pieces = finished.periodogram.pieces()
-    bins = bins_of(pieces, 1 / rate)
-    return [RecordSpectrum(pieces, bins, axis, 1 / rate) for axis in range(len(samples))]
+    sections = finished.periodogram.sections()
+    bins = bins_of(sections, 1 / rate)
+    return [RecordSpectrum(sections, bins, axis, 1 / rate) for axis in range(len(samples))]
 
 
 def fits(*samples, rate=RATE):

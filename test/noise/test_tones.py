@@ -20,13 +20,13 @@ def pieces_of(samples):
     spectrum = Periodogram(1)
     spectrum.absorb(samples[None], 0, 0)
     spectrum.finish()
-    return spectrum.pieces()
+    return spectrum.sections()
 
 
-def lines_of(samples, pieces=None):
-    pieces = pieces_of(samples) if pieces is None else pieces
-    bins = bins_of(pieces, DT)
-    return find_lines(pieces, bins, 0, DT, maximise(grouped(bins, 0)))
+def lines_of(samples, sections=None):
+    sections = pieces_of(samples) if sections is None else sections
+    bins = bins_of(sections, DT)
+    return find_lines(sections, bins, 0, DT, maximise(grouped(bins, 0)))
 
 
 @pytest.mark.parametrize(('frequency', 'size', 'samples', 'error'), [
@@ -49,14 +49,14 @@ def test_bins_of_a_line_are_left_out_of_long_and_short_blocks_and_no_others(freq
     time = np.arange(7 * 4096 + 3584) * DT
     noise = np.random.default_rng(1).normal(size=len(time))
     samples = noise + 2 * np.sin(2 * np.pi * frequency * time)
-    pieces = pieces_of(samples)
-    bins, (lines, keep) = bins_of(pieces, DT), lines_of(samples, pieces)
+    sections = pieces_of(samples)
+    bins, (lines, keep) = bins_of(sections, DT), lines_of(samples, sections)
     assert lines[0].frequency_hz == pytest.approx(frequency, abs=0.01)
-    fine = [number for number, piece in enumerate(pieces) if piece.step == 1]
-    assert {pieces[number].length for number in fine} >= {4096, 2048, 1024, 512}
+    fine = [number for number, section in enumerate(sections) if section.step == 1]
+    assert {sections[number].length for number in fine} >= {4096, 2048, 1024, 512}
     for number in fine:
-        here = bins.piece == number
-        width = 1 / (2 * pieces[number].length * DT)
+        here = bins.section == number
+        width = 1 / (2 * sections[number].length * DT)
         near = here & (np.abs(bins.frequency - frequency) < 3 * width)
         assert near.any()
         assert not keep[near].any()
@@ -148,8 +148,8 @@ def test_no_line_is_sought_in_a_part_of_a_few_bins():
     tone = np.sin(2 * np.pi * 17.0 * np.arange(8192) * DT)
     samples = np.random.default_rng(1).normal(size=8192) + tone
 
-    [piece] = pieces_of(samples)
-    lines, keep = lines_of(samples, [replace(piece, first=2 * 1383, last=2 * 1403)])
+    [section] = pieces_of(samples)
+    lines, keep = lines_of(samples, [replace(section, first=2 * 1383, last=2 * 1403)])
     assert lines == []
     assert keep.all()
 

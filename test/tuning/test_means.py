@@ -19,8 +19,8 @@ def taken(*blocks, interval_ns=1e8):
 
 def test_the_blocks_they_came_in_make_no_difference():
     whole = taken(EvenBlock(ROWS, 0))
-    pieces = taken(*(EvenBlock(ROWS[i:i + 7], i) for i in range(0, 1050, 7)))
-    np.testing.assert_allclose(pieces.series.means, whole.series.means, rtol=1e-12, atol=1e-15)
+    batched = taken(*(EvenBlock(ROWS[i:i + 7], i) for i in range(0, 1050, 7)))
+    np.testing.assert_allclose(batched.series.means, whole.series.means, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(whole.series.means[:, :100].T, ROWS[:1000].reshape(
         100, 10, 6).mean(axis=1), rtol=1e-12, atol=1e-15)
     assert whole.cell_s == 1.0

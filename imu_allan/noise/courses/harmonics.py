@@ -140,7 +140,7 @@ def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpec
     calm = record.without_leak(cycle.course, variance)
     assert calm.keep is not None
     bins = calm.bins
-    coefficient = bins.coefficient - regressors(record.pieces, record.dt, [cycle.course]).T
+    coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.course]).T
     # Nothing of a coefficient that is all the cycle's, but its band stays.
     left = np.maximum(1 - cycle.taken, 1e-9)
     # Where more of a coefficient is the cycle's, too little of it is noise.
@@ -176,7 +176,7 @@ class _Slow:
 
     def transformed(self, courses: Sequence[Course]) -> Array:
         """Transform courses of the mean, shape (coefficients, courses)."""
-        return regressors(self._record.pieces, self._record.dt, courses, self._last)
+        return regressors(self._record.sections, self._record.dt, courses, self._last)
 
     def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
         """Return sizes and errors of columns beside what the mean follows, and what they take."""

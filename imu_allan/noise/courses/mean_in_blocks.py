@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.cells import end_to_end
-from imu_allan.noise.record.periodogram import longest_blocks, Periodogram, SpectrumPiece
+from imu_allan.noise.record.periodogram import longest_blocks, Periodogram, SpectrumSection
 from imu_allan.noise.record.segments import layout, TRANSFORMS
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ _NEAR = 1e-3
 """Of a block: the distance over which a slope is taken."""
 
 
-def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: Course
+def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Course
           ) -> tuple[Array, Array]:
     """
     Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
@@ -35,24 +35,24 @@ def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: C
     The longest blocks of a stage follow one another; of the shorter ones, the ends of segments,
     it is not known where they lie.
 
-    `pieces`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
+    `sections`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
     the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): Zero
     for the coefficients of the whole record.
     """
-    longest = longest_blocks(pieces)
+    longest = longest_blocks(sections)
     found, bounds = [], []
-    for piece in pieces:
-        nothing = np.zeros(piece.last - piece.first)
+    for section in sections:
+        nothing = np.zeros(section.last - section.first)
         leak, bound = nothing, nothing
-        if piece.coefficients is None:
-            step = piece.step * dt
-            ends = _slopes(mean, 0.0, duration_s, piece.length * step)
-            index = np.arange(piece.first, piece.last)
-            if piece.length == longest[piece.step]:
-                leak = _of_slopes(piece.length, step, index, *ends)
+        if section.coefficients is None:
+            step = section.step * dt
+            ends = _slopes(mean, 0.0, duration_s, section.length * step)
+            index = np.arange(section.first, section.last)
+            if section.length == longest[section.step]:
+                leak = _of_slopes(section.length, step, index, *ends)
             else:
                 steepest = np.array([np.abs(ends).max()])
-                bound = _of_slopes(piece.length, step, index | 1, steepest, steepest)
+                bound = _of_slopes(section.length, step, index | 1, steepest, steepest)
         found.append(leak)
         bounds.append(bound)
     return np.concatenate(found), np.concatenate(bounds)

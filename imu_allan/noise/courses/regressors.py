@@ -15,7 +15,7 @@ from functools import cached_property
 from imu_allan.noise.courses.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups, joined_groups, regressed
-from imu_allan.noise.record.periodogram import SpectrumPiece
+from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 class SlowCoefficients:
     """The slowest whole-record coefficients of one axis."""
 
-    pieces: Sequence[SpectrumPiece]    # of the record
+    sections: Sequence[SpectrumSection]    # of the record
     count: int    # index of the last of them
     which: NDArray[np.bool_]    # which coefficients up to that index are no line
     dt: float    # sample interval in seconds
@@ -38,15 +38,15 @@ class SlowCoefficients:
 
     def regressors(self, courses: Sequence[Course]) -> Array:
         """Transform courses of the mean, shape (n, courses), which are slow themselves."""
-        return regressors(self.pieces, self.dt, courses, self.count)[self.which]
+        return regressors(self.sections, self.dt, courses, self.count)[self.which]
 
 
 @dataclass(frozen=True)
 class RecordSpectrum:
     """The spectrum of one axis, to which courses of the mean can be laid."""
 
-    pieces: Sequence[SpectrumPiece]
-    bins: Bins    # of these pieces
+    sections: Sequence[SpectrumSection]
+    bins: Bins    # of these sections
     axis: int
     dt: float    # sample interval in seconds
     keep: NDArray[np.bool_] | None = None    # (bins,): False where a line is
@@ -58,29 +58,29 @@ class RecordSpectrum:
     @property
     def duration_s(self) -> float:
         """Seconds from the beginning of the record to its end."""
-        return duration(self.pieces, self.dt)
+        return duration(self.sections, self.dt)
 
     def slowest(self, count: int) -> SlowCoefficients:
         """Return the slowest whole-record coefficients, up to index `count`."""
         which = slow = self.bins.whole & (self.bins.index <= count)
         if self.keep is not None:
             which = slow & self.keep
-        return SlowCoefficients(self.pieces, count, which[slow], self.dt, self.bins.design[which],
-                                self.bins.coefficient[self.axis, which],
+        return SlowCoefficients(self.sections, count, which[slow], self.dt,
+                                self.bins.design[which], self.bins.coefficient[self.axis, which],
                                 self.bins.of_ramp[which])
 
     def groups(self, *courses: Course) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
         if not courses:
             return self._still
-        columns = regressors(self.pieces, self.dt, courses)
+        columns = regressors(self.sections, self.dt, courses)
         return regressed(self._still, *self._kept,
                          np.column_stack((*self._columns, columns)))
 
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
         """Regressors of the courses that stand in every fit."""
-        return (regressors(self.pieces, self.dt, self.courses),) if self.courses else ()
+        return (regressors(self.sections, self.dt, self.courses),) if self.courses else ()
 
     @cached_property
     def _still(self) -> Groups:
@@ -118,7 +118,7 @@ class RecordSpectrum:
         axis.
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
-        leak, doubt = leaks(self.pieces, self.dt, self.duration_s, mean)
+        leak, doubt = leaks(self.sections, self.dt, self.duration_s, mean)
         keep = is_little(leak, doubt, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
@@ -132,33 +132,33 @@ def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
     return joined_groups([record.groups() for record in records])
 
 
-def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Course],
+def regressors(sections: Sequence[SpectrumSection], dt: float, courses: Sequence[Course],
                slowest: int | None = None) -> Array:
     """
     Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
 
-    `pieces`: of the record. `dt`: sample interval in seconds. `courses`: each gives a column.
+    `sections`: of the record. `dt`: sample interval in seconds. `courses`: each gives a column.
     `slowest`: last index that is wanted; the courses shall be slow themselves. Returns shape
-    (bins, courses): for the bins of the same pieces, zero outside the whole-record part; or for
+    (bins, courses): for the bins of the same sections, zero outside the whole-record part; or for
     the slowest coefficients of the whole-record parts alone.
     """
     parts = []
-    for piece in pieces:
-        if piece.coefficients is None:
+    for section in sections:
+        if section.coefficients is None:
             if slowest is None:
-                parts.append(np.zeros((piece.last - piece.first, len(courses))))
+                parts.append(np.zeros((section.last - section.first, len(courses))))
             continue
         # Enough points for a course of a few dozen cycles in the record.
-        length = piece.length if slowest is None else min(piece.length, max(1024, slowest + 1))
-        last = piece.last if slowest is None else min(piece.last, slowest + 1)
-        middle = (np.arange(length) + 0.5) * (piece.length / length)
-        time: Array = np.asarray((piece.start + middle * piece.step) * dt, dtype=np.float64)
+        length = section.length if slowest is None else min(section.length, max(1024, slowest + 1))
+        last = section.last if slowest is None else min(section.last, slowest + 1)
+        middle = (np.arange(length) + 0.5) * (section.length / length)
+        time: Array = np.asarray((section.start + middle * section.step) * dt, dtype=np.float64)
         rows = dct(np.stack([course(time) for course in courses]), norm='ortho')
-        parts.append(rows[:, piece.first:last].T * np.sqrt(piece.length / length))
+        parts.append(rows[:, section.first:last].T * np.sqrt(section.length / length))
     return np.concatenate(parts)
 
 
-def duration(pieces: Sequence[SpectrumPiece], dt: float) -> float:
+def duration(sections: Sequence[SpectrumSection], dt: float) -> float:
     """Seconds from the beginning of the record to its end; runs are laid end to end."""
-    return max(((piece.start + piece.length * piece.step) * dt for piece in pieces
-                if piece.coefficients is not None), default=0.0)
+    return max(((section.start + section.length * section.step) * dt for section in sections
+                if section.coefficients is not None), default=0.0)

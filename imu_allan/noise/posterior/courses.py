@@ -213,7 +213,7 @@ class Bank:
     def regressors(self, kind: CourseKind, values: Array) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
         courses = [kind.columns(float(value), self.duration_s) for value in values]
-        found = regressors(self._record.pieces, self._record.dt,
+        found = regressors(self._record.sections, self._record.dt,
                            [course for each in courses for course in each], _SLOWEST)
         return np.asarray(found.T.reshape(len(values), len(courses[0]), -1))
 

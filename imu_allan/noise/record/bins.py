@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
-from imu_allan.noise.record.periodogram import SpectrumPiece
+from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,8 +36,8 @@ class Bins:
     whole: NDArray[np.bool_]
     step: Array    # (bins,): samples averaged into one point
     length: Array    # (bins,): points of the block
-    # (bins,): which piece a bin is from, and its DCT index there
-    piece: NDArray[np.int64]
+    # (bins,): which section a bin is from, and its DCT index there
+    section: NDArray[np.int64]
     index: NDArray[np.int64]
 
     @property
@@ -58,7 +58,7 @@ class Bins:
         # The key keeps apart what must not be averaged: single coefficients, and the whole-record
         # part, whose ramp has a sign, from the blocks, and those of one step from the others.
         apart = (64 * band + np.log2(self.step).astype(np.int64)) * 2 + self.whole
-        key = np.where(single, (self.piece + 2) * 10_000_000 + self.index, apart)
+        key = np.where(single, (self.section + 2) * 10_000_000 + self.index, apart)
         return np.unique(key, return_inverse=True)[1].astype(np.int64)
 
 
@@ -74,42 +74,43 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
 
 
-def bins_of(pieces: Sequence[SpectrumPiece], dt: float,
+def bins_of(sections: Sequence[SpectrumSection], dt: float,
             interpolation: Interpolation = NO_INTERPOLATION) -> Bins:
     """
-    Join the pieces of a spectrum.
+    Join the sections of a spectrum.
 
-    `pieces`: at least one. `interpolation`: what interpolated samples do to white noise.
+    `sections`: at least one. `interpolation`: what interpolated samples do to white noise.
     """
     parts = []
-    for number, piece in enumerate(pieces):
-        step = piece.step * dt
-        shapes = _block_shapes if piece.coefficients is None else _shapes
-        flicker, walk, s2 = shapes(piece.length, piece.first, piece.last)
-        index, part = np.arange(piece.first, piece.last), slice(piece.first, piece.last)
+    for number, section in enumerate(sections):
+        step = section.step * dt
+        shapes = _block_shapes if section.coefficients is None else _shapes
+        flicker, walk, s2 = shapes(section.length, section.first, section.last)
+        index, part = np.arange(section.first, section.last), slice(section.first, section.last)
         white = np.full(len(s2), 1 / step)
-        if piece.gaps.white is not None:
-            white *= piece.gaps.white[part]
-        if piece.gaps.flicker is not None and piece.gaps.walk is not None:
-            flicker, walk = flicker * piece.gaps.flicker[part], walk * piece.gaps.walk[part]
-        interpolated = interpolation.white_power(piece.length, piece.step)
+        if section.gaps.white is not None:
+            white *= section.gaps.white[part]
+        if section.gaps.flicker is not None and section.gaps.walk is not None:
+            flicker, walk = flicker * section.gaps.flicker[part], walk * section.gaps.walk[part]
+        interpolated = interpolation.white_power(section.length, section.step)
         if interpolated is not None:
             white *= interpolated[part]
         # The second part of the first column is what both ends of a block leak.
-        quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
+        quantized = 4 * (s2 + (1 - s2) / section.length) / step**2
         design = np.stack((quantized, white, flicker, step * walk), axis=1)
-        ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
-        if piece.coefficients is None:
-            signed, squared = np.zeros((len(piece.power), len(index))), -ramp**2
+        ramp = spectrum.ramp_dct(section.length, step)[section.first - 1:section.last - 1]
+        if section.coefficients is None:
+            signed, squared = np.zeros((len(section.power), len(index))), -ramp**2
         else:
-            signed, squared = piece.coefficients[:, part], ramp**2
+            signed, squared = section.coefficients[:, part], ramp**2
         # Interpolated samples add nothing new; means of many hardly hold any.
-        known = 1 - max(piece.gaps.filled, interpolation.share if piece.step == 1 else 0.0)
+        known = 1 - max(section.gaps.filled, interpolation.share if section.step == 1 else 0.0)
         parts.append(Bins(
-            index / (2 * piece.length * step), np.full(len(index), float(known * piece.blocks)),
-            piece.power[:, part], design, signed, squared,
-            np.full(len(index), piece.coefficients is not None),
-            np.full(len(index), float(piece.step)), np.full(len(index), float(piece.length)),
+            index / (2 * section.length * step),
+            np.full(len(index), float(known * section.blocks)),
+            section.power[:, part], design, signed, squared,
+            np.full(len(index), section.coefficients is not None),
+            np.full(len(index), float(section.step)), np.full(len(index), float(section.length)),
             np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'coefficient')))

@@ -13,9 +13,9 @@ from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
 from imu_allan.noise.record.periodogram import (
     HIGHEST_OF_MEANS,
     Periodogram,
-    SpectrumPiece,
+    SpectrumSection,
     unbroken,
-    whole_piece,
+    whole_section,
 )
 from imu_allan.noise.record.segments import (
     layout,
@@ -79,10 +79,10 @@ class Part:
     def _slow(self) -> Bins | None:
         """Spectrum of the series, up to the border."""
         cell = self.periodogram.cell
-        pieces = [piece for points, gaps, start in unbroken(
+        sections = [section for points, gaps, start in unbroken(
             part_cells(self.periodogram, self.first, self.last), cell)
-            if (piece := whole_piece(points, cell, cell * self._border, gaps, start)).last > 1]
-        return bins_of(pieces, self.dt, self.interpolation) if pieces else None
+            if (section := whole_section(points, cell, cell * self._border, gaps, start)).last > 1]
+        return bins_of(sections, self.dt, self.interpolation) if sections else None
 
     @cached_property
     def _border(self) -> float:
@@ -121,6 +121,6 @@ def _shapes(length: int, step: int, dt: float, interpolation: Interpolation
             ) -> tuple[Array, Array, Array]:
     """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
     place = layout(length, step)
-    nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
+    nothing = SpectrumSection(step, length, 1, place.first, place.last, np.zeros((1, length)))
     bins = bins_of([nothing], dt, interpolation)
     return place.means(bins.frequency), place.means(bins.design), place.means(bins.ramp)

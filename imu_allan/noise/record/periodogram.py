@@ -59,19 +59,19 @@ _COARSEST = 1 << 36
 
 
 @dataclass(frozen=True)
-class SpectrumPiece:
+class SpectrumSection:
     """Part of the spectrum."""
 
     step: int    # samples averaged into one point
     length: int    # points of a block
     blocks: int    # how many blocks were averaged
-    # The DCT indices, `first` up to and without `last`, that this piece is good for
+    # The DCT indices, `first` up to and without `last`, that this section is good for
     first: int
     last: int
     # (axes, length): mean squared orthonormal DCT-II coefficients by index, in squared
     # sample units
     power: Array
-    # (axes, length): the coefficients themselves where the piece is one block
+    # (axes, length): the coefficients themselves where the section is one block
     coefficients: Array | None = None
     gaps: Gaps = NO_GAPS    # what missing samples do to noise
     # Of one block: samples from the beginning of the record to its first point; runs are laid end
@@ -83,23 +83,23 @@ class SpectrumPiece:
         return 1 / (2 * self.length * self.step * dt)
 
 
-def longest_blocks(pieces: Sequence[SpectrumPiece]) -> dict[int, int]:
+def longest_blocks(sections: Sequence[SpectrumSection]) -> dict[int, int]:
     """Return the points of the longest blocks, by the samples averaged into one point."""
-    return {piece.step: max(one.length for one in pieces if one.step == piece.step)
-            for piece in pieces}
+    return {section.step: max(one.length for one in sections if one.step == section.step)
+            for section in sections}
 
 
-def whole_piece(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
-                start: int = 0) -> SpectrumPiece:
+def whole_section(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
+                start: int = 0) -> SpectrumSection:
     """
     Transform a part of a record as one block.
 
     `points`, shape (axes, n): means over `step` samples. `top`: cycles per point up to which the
-    piece is good. `gaps`, `start`: as in `SpectrumPiece`.
+    section is good. `gaps`, `start`: as in `SpectrumSection`.
     """
     length, coefficients = points.shape[1], dct(points, norm='ortho')
     last = min(length, int(np.ceil(2 * length * top)))
-    return SpectrumPiece(step, length, 1, 1, last, coefficients**2, coefficients, gaps, start)
+    return SpectrumSection(step, length, 1, 1, last, coefficients**2, coefficients, gaps, start)
 
 
 @dataclass(eq=False)
@@ -264,10 +264,10 @@ class Periodogram(SideBySide):
         for number, stage in enumerate(self.stages):
             stage.finish(2**(STAGE_OCTAVES * number))
 
-    def pieces(self) -> list[SpectrumPiece]:
+    def sections(self) -> list[SpectrumSection]:
         """Return the spectrum from the slowest to the fastest part, without overlap."""
         top = 0.5 if self.cell == 1 else HIGHEST_OF_MEANS
-        found = [whole_piece(points, self.cell, top, gaps, start)
+        found = [whole_section(points, self.cell, top, gaps, start)
                  for points, gaps, start in unbroken(self.series, self.cell)]
         if self.cell == 1:
             return found
@@ -282,7 +282,7 @@ class Periodogram(SideBySide):
                 # Never empty: `low` is at most an eighth, a block has at least 16 points.
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
-                found.append(SpectrumPiece(step, length, own.blocks, first, last,
+                found.append(SpectrumSection(step, length, own.blocks, first, last,
                                            own.power / own.blocks, gaps=own.gaps))
             border = max(border, _LOWEST / step)
         return found

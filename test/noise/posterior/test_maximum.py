@@ -71,7 +71,7 @@ def test_quantization_column_is_the_exact_mean_power_of_a_block():
     exact = np.diag(transform @ covariance @ transform.T)[1:]
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1.0}, n, 1 / dt))
-    bins = bins_of(estimator.finished().periodogram.pieces(), dt)
+    bins = bins_of(estimator.finished().periodogram.sections(), dt)
     np.testing.assert_allclose(bins.design[:, QUANTIZATION], exact, rtol=1e-12)
 
 
@@ -79,12 +79,12 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
     dt = 0.5
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1.0}, 100_000, 1 / dt))
-    pieces = estimator.finished().periodogram.pieces()
-    bins = bins_of(pieces, dt)
-    assert {piece.step for piece in pieces} == {1, 16}
-    for number, piece in enumerate(pieces):
-        here = bins.piece == number
-        step, nu = piece.step * dt, bins.index[here] / (2 * piece.length)
+    sections = estimator.finished().periodogram.sections()
+    bins = bins_of(sections, dt)
+    assert {section.step for section in sections} == {1, 16}
+    for number, section in enumerate(sections):
+        here = bins.section == number
+        step, nu = section.step * dt, bins.index[here] / (2 * section.length)
         np.testing.assert_allclose(bins.frequency[here], nu / step)
         for column, expected in (
                 (WHITE, spectrum.white(nu, step)), (WALK, spectrum.random_walk(nu, step)),
@@ -92,10 +92,10 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
                  * spectrum.flicker_dct_factor(bins.index[here]))):
             np.testing.assert_allclose(bins.design[here, column], expected, rtol=1e-12)
         # A ramp has a mean in the whole-record part, whose signs are known; in blocks a square.
-        ramp = spectrum.ramp_dct(piece.length, step)[bins.index[here] - 1]
-        whole = piece.coefficients is not None
+        ramp = spectrum.ramp_dct(section.length, step)[bins.index[here] - 1]
+        whole = section.coefficients is not None
         np.testing.assert_allclose(bins.ramp[here], ramp**2 if whole else -ramp**2)
-        np.testing.assert_array_equal(bins.dof[here], piece.blocks)
+        np.testing.assert_array_equal(bins.dof[here], section.blocks)
         assert (bins.whole[here] == whole).all()
 
 
@@ -105,8 +105,8 @@ def test_groups_hold_every_bin_once_and_the_slowest_alone(runs):
     for seed in range(runs):
         estimator.start_run()
         estimator.update(np.random.default_rng(seed).standard_normal((40_000, 2)))
-    pieces = estimator.finished().periodogram.pieces()
-    bins = bins_of(pieces, 0.01)
+    sections = estimator.finished().periodogram.sections()
+    bins = bins_of(sections, 0.01)
     groups = grouped(bins, 1)
     assert (np.diff(groups.frequency) >= 0).all()
     assert groups.dof.sum() == bins.dof.sum()
@@ -127,7 +127,7 @@ def test_groups_hold_every_bin_once_and_the_slowest_alone(runs):
 def test_bins_left_out_are_in_no_group():
     estimator = Estimator()
     estimator.update(np.random.default_rng(1).standard_normal(5000))
-    bins = bins_of(estimator.finished().periodogram.pieces(), 0.01)
+    bins = bins_of(estimator.finished().periodogram.sections(), 0.01)
     keep = np.random.default_rng(2).random(len(bins.dof)) > 0.3
     keep[:20] = False
     groups = grouped(bins, 0, keep)
@@ -139,7 +139,7 @@ def test_bins_left_out_are_in_no_group():
 def test_maximum_is_found_and_no_coefficient_is_negative():
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 50_000, 100, 7))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0)
+    groups = grouped(bins_of(estimator.finished().periodogram.sections(), 0.01), 0)
     best = maximise(groups)
     assert np.all(best.theta >= 0)
 
@@ -158,7 +158,7 @@ def test_maximum_is_found_and_no_coefficient_is_negative():
 def test_going_on_behind_the_maximum_changes_nothing():
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 50_000, 100, 7))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0)
+    groups = grouped(bins_of(estimator.finished().periodogram.sections(), 0.01), 0)
     best, behind = maximise(groups), maximise(groups, tolerance=-np.inf)
     # A loss of 1e-6 is a thousandth of a standard error.
     np.testing.assert_allclose(behind.theta, best.theta, rtol=1e-3, atol=1e-15)
@@ -173,7 +173,7 @@ def test_records_side_by_side_are_fitted_as_with_a_column_for_each(trend):
         estimator = Estimator()
         estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, 4000, 10.0,
                                   seed) + 1e-3 * seed * np.arange(4000))
-        bins = bins_of(estimator.finished().periodogram.pieces(), 0.1)
+        bins = bins_of(estimator.finished().periodogram.sections(), 0.1)
         bend = np.where(bins.whole, np.exp(-bins.index / 10), 0.0)[:, None]
         parts.append(grouped(bins, 0, regressors=bend))
     joint = joined_groups(parts)
@@ -207,9 +207,9 @@ def test_white_noise_of_interpolated_samples_is_given_back():
     estimator = Estimator()
     estimator.update(samples, np.sort(missing))
     finished = estimator.finished()
-    pieces = finished.periodogram.pieces()
+    sections = finished.periodogram.sections()
     plain, mended = (maximise(grouped(bins, 0), fixed={QUANTIZATION: 0.0}) for bins in (
-        bins_of(pieces, 1.0), bins_of(pieces, 1.0, finished.interpolation)))
+        bins_of(sections, 1.0), bins_of(sections, 1.0, finished.interpolation)))
     assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
     assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
 

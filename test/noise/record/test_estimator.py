@@ -161,7 +161,7 @@ def test_merged_records_and_what_follows_stay_apart():
     assert len(a.periodogram.series) == len(b.periodogram.series) == 3000
     np.testing.assert_allclose(a.periodogram.series.sums + a.reference[:, None],
                                b.periodogram.series.sums + b.reference[:, None])
-    for one, other in zip(a.periodogram.pieces(), b.periodogram.pieces(), strict=True):
+    for one, other in zip(a.periodogram.sections(), b.periodogram.sections(), strict=True):
         np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
     np.testing.assert_array_equal(octaves(a).count, octaves(b).count)
     np.testing.assert_allclose(octaves(a).avar, octaves(b).avar, rtol=1e-9)
@@ -195,8 +195,8 @@ def test_more_runs_than_a_key_holds_are_numbered_anew():
     few.update(RECORD[3000:4000, 0])
     many.merge(few)
     few.merge(few.copy())
-    for one, other in zip(many.finished().periodogram.pieces(),
-                          few.finished().periodogram.pieces(), strict=True):
+    for one, other in zip(many.finished().periodogram.sections(),
+                          few.finished().periodogram.sections(), strict=True):
         np.testing.assert_array_equal(one.power, other.power)
 
 
@@ -294,8 +294,8 @@ def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
     followed.update(noise)
     followed.start_run()
     followed.update(noise[:5])
-    [one] = alone.finished().periodogram.pieces()
-    [other] = followed.finished().periodogram.pieces()
+    [one] = alone.finished().periodogram.sections()
+    [other] = followed.finished().periodogram.sections()
     np.testing.assert_array_equal(one.power, other.power)
 
 

@@ -29,48 +29,48 @@ def power_of_blocks(rows, length):
 @pytest.mark.parametrize('samples', [16, 64, 1000, SERIES, SERIES + 1, 9000, 33_000, 300_001,
                                      524_289, 2_500_000])
 def test_all_degrees_of_freedom_are_used_once_and_the_band_has_no_hole(samples):
-    pieces = periodogram_of((0, np.random.default_rng(0).normal(size=(1, samples)))).pieces()
-    used = sum(piece.blocks * (piece.last - piece.first) for piece in pieces)
+    sections = periodogram_of((0, np.random.default_rng(0).normal(size=(1, samples)))).sections()
+    used = sum(section.blocks * (section.last - section.first) for section in sections)
     # What the rest of less than a shortest block leaves out, and every block's own mean.
     assert samples - SHORTEST - samples / 500 < used < samples
     fastest = 1 / (2 * samples)
-    for step in sorted({piece.step for piece in pieces}, reverse=True):
-        piece = max((p for p in pieces if p.step == step), key=lambda p: p.length)
-        assert piece.first / (2 * piece.length * step) == pytest.approx(
-            fastest, abs=0.51 / (piece.length * step))
-        fastest = piece.last / (2 * piece.length * step)
+    for step in sorted({section.step for section in sections}, reverse=True):
+        section = max((p for p in sections if p.step == step), key=lambda p: p.length)
+        assert section.first / (2 * section.length * step) == pytest.approx(
+            fastest, abs=0.51 / (section.length * step))
+        fastest = section.last / (2 * section.length * step)
     assert fastest == pytest.approx(0.5, abs=1 / BLOCK if samples > SERIES else 1 / samples)
 
 
 @pytest.mark.parametrize('samples', [64, 1000, SERIES])
 def test_a_short_record_is_transformed_whole(samples):
     rows = np.random.default_rng(1).normal(size=(2, samples))
-    [piece] = periodogram_of((0, rows)).pieces()
-    np.testing.assert_allclose(piece.coefficients[:, 1:], dct(rows, norm='ortho')[:, 1:],
+    [section] = periodogram_of((0, rows)).sections()
+    np.testing.assert_allclose(section.coefficients[:, 1:], dct(rows, norm='ortho')[:, 1:],
                                atol=1e-12)
-    np.testing.assert_array_equal(piece.power, piece.coefficients**2)
-    assert (piece.first, piece.last, piece.blocks, piece.gaps.filled) == (1, samples, 1, 0)
+    np.testing.assert_array_equal(section.power, section.coefficients**2)
+    assert (section.first, section.last, section.blocks, section.gaps.filled) == (1, samples, 1, 0)
 
 
 def test_every_stage_holds_the_transforms_of_its_means():
     rows = np.random.default_rng(2).normal(size=(2, 600_000)) + np.array([[0.0], [3.0]])
-    pieces = periodogram_of((0, rows)).pieces()
-    assert {(piece.step, piece.length) for piece in pieces} >= {
+    sections = periodogram_of((0, rows)).sections()
+    assert {(section.step, section.length) for section in sections} >= {
         (128, 4688), (64, BLOCK), (1, BLOCK), (1, BLOCK // 8)}
-    for piece in pieces:
-        means = rows[:, :600_000 // piece.step * piece.step].reshape(
-            2, -1, piece.step).mean(axis=2)
-        part = slice(piece.first, piece.last)
-        if piece.coefficients is not None:
+    for section in sections:
+        means = rows[:, :600_000 // section.step * section.step].reshape(
+            2, -1, section.step).mean(axis=2)
+        part = slice(section.first, section.last)
+        if section.coefficients is not None:
             # The last mean is of the half of a cell that there is.
-            last = rows[:, means.shape[1] * piece.step:].mean(axis=1, keepdims=True)
+            last = rows[:, means.shape[1] * section.step:].mean(axis=1, keepdims=True)
             expected = dct(np.concatenate((means, last), axis=1), norm='ortho')
-            np.testing.assert_allclose(piece.coefficients[:, part], expected[:, part],
+            np.testing.assert_allclose(section.coefficients[:, part], expected[:, part],
                                        atol=1e-10)
-        elif piece.length == BLOCK:
+        elif section.length == BLOCK:
             expected = power_of_blocks(means, BLOCK)
-            np.testing.assert_allclose(piece.power[:, part], expected[:, part], rtol=1e-9)
-            assert piece.blocks == means.shape[1] // BLOCK
+            np.testing.assert_allclose(section.power[:, part], expected[:, part], rtol=1e-9)
+            assert section.blocks == means.shape[1] // BLOCK
 
 
 def test_the_rest_of_a_segment_is_cut_into_ever_shorter_blocks():
@@ -88,13 +88,13 @@ def test_the_rest_of_a_segment_is_cut_into_ever_shorter_blocks():
 
 def test_runs_are_neither_mixed_nor_lost():
     first, second = np.random.default_rng(4).normal(size=(2, 1, 40_000))
-    both = periodogram_of((0, first), (1, second)).pieces()
-    alone = [periodogram_of((0, rows)).pieces() for rows in (first, second)]
-    fine = [next(p for p in pieces if p.step == 1 and p.length == BLOCK)
-            for pieces in (both, *alone)]
+    both = periodogram_of((0, first), (1, second)).sections()
+    alone = [periodogram_of((0, rows)).sections() for rows in (first, second)]
+    fine = [next(p for p in sections if p.step == 1 and p.length == BLOCK)
+            for sections in (both, *alone)]
     assert fine[0].blocks == 2 * fine[1].blocks == 18
     part = slice(max(p.first for p in fine), None)
     np.testing.assert_allclose(fine[0].power[:, part],
                                (fine[1].power + fine[2].power)[:, part] / 2)
     # The slowest part of each run is one of its own.
-    assert sum(piece.coefficients is not None for piece in both) == 2
+    assert sum(section.coefficients is not None for section in both) == 2
