@@ -26,7 +26,7 @@ import numpy as np
 
 RATE_HZ, PERIOD_S, DURATION_S = 100.0, 10, 600
 MISSES = 1.5
-"""An interval that misses by so much has told a user something else."""
+"""An interval that misses by so much has misled a user."""
 WHITE = {'noise_density': 1.4e-4}
 FLICKER = {**WHITE, 'bias_instability': 4.8e-5}
 MODELS = {'N': WHITE, 'N, B': FLICKER, 'N, B, K': {**FLICKER, 'rate_random_walk': 4.8e-6}}

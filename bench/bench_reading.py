@@ -3,7 +3,7 @@
 """
 Time of reading recordings, over a plain pass through the same file in the same run.
 
-Wall time tells what a user waits for, processor time what it costs where the second core is busy.
+Wall time is what a user waits for, processor time what it costs where the second core is busy.
 
 The plain pass of an MCAP file reads and decompresses every chunk with the library that imu_allan
 uses and looks at nothing; that of a sqlite3 bag fetches every row. Passes alternate, so that what

@@ -31,7 +31,7 @@ BOTH = 'Options of analyze and check'
 
 
 def page() -> str:
-    """Return the text of the page; options that several verbs have alike are described once."""
+    """Return the text of the page; options that several verbs share are described once."""
     parser = command_parser()
     [verbs] = [action for action in parser._actions
                if isinstance(action, argparse._SubParsersAction)]

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording in, a result out, in one module because every way of reading one begins alike.
+A recording in, a result out, in one module as every way of reading one begins the same.
 
 Several recordings of one IMU give one result.
 """
@@ -388,7 +388,7 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
-    """Begin to read a stream; what turns g into m/s^2 tells when it did."""
+    """Begin to read a stream; what turns g into m/s^2 says when it did."""
     blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
     unit = AccelerationUnit()
     if recording.options.accel_unit is None and recording.options.accel is None:

@@ -6,7 +6,7 @@ Serialized sensor_msgs/Imu to arrays and back, in one module because the layout 
 One message or many: messages of equal size are decoded together as rows of one array, without a
 Python object per message. The same decoder serves the topic and every container.
 
-Two serializations occur. ROS 2 writes CDR: four bytes of encapsulation whose second byte tells the
+Two serializations occur. ROS 2 writes CDR: four bytes of encapsulation whose second byte names the
 byte order, then the fields, aligned to their own size counted from byte 4. ROS 1 writes the fields
 packed, little endian. In both, header.stamp stands at byte 4, the length of header.frame_id at
 byte 12 and its text at byte 16; then come 37 doubles: orientation (4), its covariance (9),
@@ -376,7 +376,7 @@ def rows_like_first(
     rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]],
 ) -> NDArray[np.bool_] | None:
     """
-    Tell which messages have the same bytes as the first one.
+    Return which messages have the same bytes as the first one.
 
     Parameters
     ----------
@@ -419,7 +419,7 @@ def _as_numbers(start: int, stop: int) -> list[tuple[slice, str]]:
 
 
 def _runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
-    """Spans between changes; `changes[i]` tells whether item i + 1 differs from item i."""
+    """Spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
     if count == 0:
         return
     yield from pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), count])

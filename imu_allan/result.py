@@ -511,7 +511,7 @@ class Source:
     Of a datasheet there are none: its numbers take the place of a result, for a configuration.
 
     Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``, and
-    `files` tells its files from others of the same name (`files_digest`).
+    `files` distinguishes its files from others of the same name (`files_digest`).
     """
 
     kind: Literal['recording', 'topic', 'datasheet']

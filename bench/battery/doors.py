@@ -72,7 +72,7 @@ def of_samples(samples: Array, rate_hz: float, quantity: str = 'angular_velocity
 
 
 def _words(axis: AxisResult) -> list[str]:
-    """Name what the result itself tells, in the words of the warnings."""
+    """Name what the result itself says, in the words of the warnings."""
     trend = axis.trend
     said = {'power_law': axis.power_law, 'gauss_markov': axis.gauss_markov,
             'high_passed': axis.high_passed_hz, 'band_limited': axis.band_limit_s,

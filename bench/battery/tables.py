@@ -14,7 +14,7 @@ Outcome = dict[str, Any]
 
 SYMBOL = {Q: 'Q', N: 'N', B: 'B', K: 'K'}
 _OUTSTANDING = 2.0
-"""Standard errors from which a difference is told."""
+"""Standard errors from which a difference is reported."""
 _RATIOS = ('width', 'score', 'ms')
 """What is compared by its logarithm: one large score shall not hide all others."""
 _LITTLE = 0.1
@@ -61,11 +61,11 @@ def _rows(name: str, found: Sequence[Outcome]) -> Iterator[str]:
                 if key in one['terms'] and one['terms'][key]['truth']]
         if not true:
             continue
-        told = [one['inside'] for one in true if one['inside'] is not None]
+        inside = [one['inside'] for one in true if one['inside'] is not None]
         widths = [one['width'] for one in true if one['width'] is not None]
         scores = [one['score'] for one in true if one['score'] is not None]
         yield (f'{head}  {SYMBOL[key]:4} {np.mean([one["reported"] for one in true]):8.2f}  '
-               f'{share(told):>15}  {_middle(widths):>6} '
+               f'{share(inside):>15}  {_middle(widths):>6} '
                f'{_mean(scores):>7} {milliseconds}  {rest}').rstrip('; ')
         head, milliseconds, rest = ' ' * len(head), ' ' * 5, ''
 
@@ -151,8 +151,8 @@ def _measures(pairs: Sequence[tuple[Outcome, Outcome]]) -> Iterator[tuple[str, s
                  if key in new['terms'] and key in old['terms']]
         true = [pair for pair in terms if pair[1]['truth']]
         absent = [pair for pair in terms if not pair[1]['truth']]
-        told = [pair for pair in true if None not in (pair[0]['inside'], pair[1]['inside'])]
-        for what, some, field in (('reported', true, 'reported'), ('coverage', told, 'inside'),
+        inside = [pair for pair in true if None not in (pair[0]['inside'], pair[1]['inside'])]
+        for what, some, field in (('reported', true, 'reported'), ('coverage', inside, 'inside'),
                                   ('false', absent, 'reported')):
             yield symbol, what, *_columns(some, partial(_flag, field))
         scored = [pair for pair in true if None not in (pair[0]['score'], pair[1]['score'])]

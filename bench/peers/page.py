@@ -12,7 +12,7 @@ SYMBOLS = {'noise_density': 'N', 'bias_instability': 'B', 'rate_random_walk': 'K
            'quantization_noise': 'Q', 'rate_ramp': 'R'}
 IDEAL = ('a', 'b', 'mems', 'white', 'walk')
 _AS_GOOD = 1.1
-"""An error up to so many times ours is called equal: some dozens of axes tell no better."""
+"""An error up to so many times ours is called equal: some dozens of axes resolve no better."""
 _ENGINEERING = {'noise_density': 60 * 180 / math.pi, 'bias_instability': 3600 * 180 / math.pi,
                 'rate_random_walk': 60 * 3600 * 180 / math.pi}
 """From rad/s/sqrt(Hz), rad/s and rad/s^2/sqrt(Hz) to what datasheets have."""

@@ -8,7 +8,7 @@ Repeat the study of the term paper "Allan variance" (Instituto Balseiro), with i
 simulates the five terms of its Table 2 one by one and together and the two gyroscopes whose
 datasheets it quotes, draws its figures 1 to 11, and prints what theory says beside what the
 estimator finds. Then it compares the measurements of its section 4 with the datasheet again, in
-one unit. Everything takes about half a minute. docs/allan_variance_study.md tells the story.
+one unit. Everything takes about half a minute. docs/allan_variance_study.md is its text.
 """
 
 import argparse
@@ -233,7 +233,7 @@ def run(output: Path, hours: float = HOURS, seed: int = 1) -> str:
         '### Section 4 in one unit\n',
         markdown(['axis', 'coefficient', 'unit', 'measured', 'datasheet', 'ratio', ''],
                  section_4()),
-        '### What a recording of such a sensor could tell\n',
+        '### What a recording of such a sensor could show\n',
         markdown(['coefficient', 'unit', '95 % interval', 'datasheet', 'verdict'],
                  verdict_on_z(hours, seed))))
     write_atomically(output / 'tables.md', tables.encode())

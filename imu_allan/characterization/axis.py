@@ -106,7 +106,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
 
     `estimator`: what has taken in the samples. `quantities`: what each axis measures. `fits`: of
     every axis, where they are there already, or not those of the estimator alone. Returns: what is
-    worth telling the user beside each axis; messages do not name the axis.
+    worth reporting to the user beside each axis; messages do not name the axis.
     """
     finished = estimator.finished()
     dt = 1.0 / sample_rate_hz
@@ -144,7 +144,7 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
 
 def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, points: Octaves,
             dt: float) -> tuple[AxisResult, list[Finding]]:
-    """Enter into an axis what was fitted, and say what is worth telling."""
+    """Enter into an axis what was fitted, and say what is worth reporting."""
     quantity, fitted = Quantity(base.quantity), found.fit
     step, noise = float(finished.census.step[axis]), float(sample_noise(finished)[axis])
     coarse = 0 < noise < step < np.inf
@@ -253,7 +253,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
 
 def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
                   model: DriftModel | None) -> list[tuple[float, Interval]]:
-    """Tell the level of the drift in every segment; most of them have parts of one length."""
+    """Return the level of the drift in every segment; most of them have parts of one length."""
     found: dict[int, tuple[float, Interval]] = {}
     for length in np.unique(powers.drift_samples):
         here = np.flatnonzero(powers.drift_samples == length)

@@ -106,7 +106,7 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
     reported = {}
     for name, change in changes.items():
         candidates = [change]
-        # Only what was asked over the same time tells of one another.
+        # Only what was asked over the same time can be compared.
         sensor = [other for beside, other in changes.items()
                   if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
         ratio, steps, interval = np.mean(sensor, axis=0)
@@ -158,7 +158,7 @@ def steady_of(axis: AxisResult) -> float:
 
 
 def is_worth_cutting(start_s: float, length_s: float) -> bool:
-    """Tell whether a record is long enough to do without its beginning."""
+    """Return whether a record is long enough to do without its beginning."""
     return start_s <= length_s / 2
 
 

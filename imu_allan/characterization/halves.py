@@ -28,7 +28,7 @@ def united(parts: Sequence[HalfResult]) -> Result:
     """
     Join the results of gyroscope and accelerometer into that of the IMU.
 
-    `parts`: the gyroscope first. Returns: each axis tells its own rate. Rate, gaps and faults of
+    `parts`: the gyroscope first. Returns: each axis has its own rate. Rate, gaps and faults of
     the whole are those of the first part that has axes, as its remark `two_rates` says.
     """
     axes = {name: replace(axis, sample_rate_hz=part.result.timeline.sample_rate_hz)

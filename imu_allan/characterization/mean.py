@@ -10,7 +10,7 @@ import numpy as np
 
 
 def mean_is_known(axis: AxisResult) -> bool:
-    """Tell whether anybody can say what the mean is worth: nobody can where N has no value."""
+    """Return whether anybody can say what the mean is worth: nobody can where N has no value."""
     return axis.high_passed_hz is None and axis.coefficients['noise_density'].value is not None
 
 
@@ -21,7 +21,7 @@ def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False)
     `axis`: as fitted, one whose `mean_is_known`; terms that do not show count nothing. `at_most`:
     count lasting terms that do not show by their upper bounds: what the mean may wander. Returns:
     the Allan deviation of the fitted terms at the length of the record: how far the mean of one
-    such record tells that of the next. Zero without a record.
+    such record predicts that of the next. Zero without a record.
     """
     values = {key: found.value for key, found in axis.coefficients.items()
               if found.value is not None}

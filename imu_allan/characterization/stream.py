@@ -155,7 +155,7 @@ class Characterization:
             try:
                 self.update(block)
             except NoAxes:
-                # A driver may take a while to come to life; `result` tells if it never did.
+                # A driver may take a while to come to life; `result` says if it never did.
                 continue
             except ImuAllanError as error:
                 raise ImuAllanError(f'{self.place}: {error}') from error
@@ -362,7 +362,7 @@ class Characterization:
 
 def _fitted_axes(record: FinishedRecord, tested: Backtests | None
                  ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
-    """Fit every axis; return the results, what is worth telling, and the fits."""
+    """Fit every axis; return the results, what is worth reporting, and the fits."""
     fitted: dict[str, AxisResult] = {}
     found: list[Finding] = []
     fits: Fits = {}

@@ -96,8 +96,8 @@ def run(args: argparse.Namespace) -> int:
     if complaints and not failed:
         raise complaints[-1]
     unclear = not args.allow_undecided and 'cannot tell' in outcomes
-    # Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command; a
-    # longer recording may turn 4 into 0 or 3.
+    # Beside 0, 1 and 2 of every verb, so that a script distinguishes a bad sensor from a bad
+    # command; a longer recording may turn 4 into 0 or 3.
     return 3 if failed else 4 if unclear else 0
 
 

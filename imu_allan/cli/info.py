@@ -162,7 +162,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
                 try:
                     stage.push(block)
                 except NoAxes:
-                    # What comes later may have values; else the end tells.
+                    # What comes later may have values; else the end decides.
                     continue
                 except ImuAllanError as error:
                     failure = str(error)

@@ -53,7 +53,7 @@ def command_parser() -> argparse.ArgumentParser:
 
 class _Parser(argparse.ArgumentParser):
     """
-    Shows first what most need, and tells what is wrong in two lines.
+    Shows first what most need, and says what is wrong in two lines.
 
     A word that is none of the choices is reported with what it was perhaps meant to be, by names
     that argparse does not publish: what it has for that begins with Python 3.14.

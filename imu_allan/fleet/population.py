@@ -248,8 +248,8 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
     Find units that lie apart on the axes of a sensor together, each axis too little by itself.
 
     A unit is held against the others by the mean of its axes. How much such a mean scatters is the
-    variance between units, pooled over the axes, and how alike the axes of one unit are in all
-    quantities (their intraclass correlation).
+    variance between units, pooled over the axes, and how correlated the axes of one unit are in
+    all quantities (their intraclass correlation).
     """
     from scipy.stats import t
 
@@ -277,21 +277,21 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
                   for rest, variance in zip(rests, spread, strict=True)]
         pairs = sum(float(np.sum(np.sum(z, 1)**2 - np.sum(z**2, 1))) / (
             z.shape[1] * (z.shape[1] - 1)) for z in scaled)
-        alike = min(max(pairs / sum(len(z) - 1 for z in scaled), 0.0), 1.0)
+        correlation = min(max(pairs / sum(len(z) - 1 for z in scaled), 0.0), 1.0)
         for (axes, key, _, values, errors, place), rest, variance in zip(
                 held, rests, spread, strict=True):
             count = len(axes)
             of_error = float(np.mean(errors[place]**2) - np.mean(np.delete(errors, place, 0)**2))
             scatter = sqrt((variance * (1 + 1 / len(rest)) + max(of_error, 0.0))
-                           * count * (1 + (count - 1) * alike))
+                           * count * (1 + (count - 1) * correlation))
             apart = values[place] - rest.mean(0)
             if abs(np.sum(np.sign(apart) * (np.abs(apart) > sqrt(variance)))) < count:
                 # One axis alone is judged by itself.
                 continue
             away = float(np.sum(apart)) / scatter
-            freedom = count * (len(rest) - 1) / (1 + (count - 1) * alike**2)
-            # The same by all axes of a sensor together; .00 to .02, the more alike axes of a unit
-            # are.
+            freedom = count * (len(rest) - 1) / (1 + (count - 1) * correlation**2)
+            # The same by all axes of a sensor together; .00 to .02, the more correlated axes of a
+            # unit are.
             if 2 * t.sf(abs(away), freedom) < 0.005 / tests:
                 for axis, value, others in zip(axes, values[place], rest.T, strict=True):
                     yield Oddity(unit, axis, key, None, exp(value), exp(median(others)), away)

@@ -37,7 +37,7 @@ LATER_S = 3600.0
 """A night makes ten lines."""
 _REPORTED_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
                                  'clock_jumps'})
-"""Codes of remarks that progress lines or transitions of their own tell."""
+"""Codes of remarks that progress lines or transitions of their own report."""
 
 
 class Announcements:
@@ -67,7 +67,7 @@ class Announcements:
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts) -> None:
-        """Tell of publishers that come and go, of losses, and of data that return."""
+        """Report publishers that come and go, losses, and data that return."""
         self._overrun = facts.recent['overrun'] > 0
         self._see(reception_conditions(facts))
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
@@ -78,7 +78,7 @@ class Announcements:
         self._restarts = facts.restarts
 
     def _see(self, conditions: Sequence[Condition]) -> None:
-        """Tell what begins, and that it is over if its beginning was told."""
+        """Report what begins, and that it is over if its beginning was reported."""
         for name, present, _, message, over in conditions:
             if over is None:
                 continue
@@ -90,7 +90,7 @@ class Announcements:
                     message, f'{name} {self._topic}', REPEAT_S)
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
-        """Tell of the first sample, of faults of clock and samples, and of motion."""
+        """Report the first sample, faults of clock and samples, and motion."""
         timeline = summary.timeline
         if timeline.samples and self._began is None:
             self._began, self._progress_at = now, now + PROGRESS_S
@@ -103,7 +103,7 @@ class Announcements:
         self._see(timeline_conditions(facts, summary))
 
     def see_result(self, result: Result) -> None:
-        """Tell of coefficients that become observable, or no longer are, and what was found."""
+        """Report coefficients that become observable, or no longer are, and findings."""
         fresh: dict[str, list[str]] = {}
         gone: dict[str, list[str]] = {}
         for name, axis in result.axes.items():
@@ -131,7 +131,7 @@ class Announcements:
             self._say_once(remark.code, message_of(remark, live=True))
 
     def see_standing(self, facts: Facts) -> None:
-        """Tell where the verdict of a standard has changed."""
+        """Report where the verdict of a standard has changed."""
         for finding in facts.findings:
             if self._levels.get(finding.standard) == finding.level:
                 continue
@@ -145,7 +145,7 @@ class Announcements:
                 self._log.info(text)
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
-        """Tell how far the run has come, a line a minute at first, an hour later."""
+        """Report how far the run has come, a line a minute at first, an hour later."""
         if self._began is None or now < self._progress_at or result is None or not result.axes:
             return
         early = now - self._began < EARLY_S

@@ -60,7 +60,7 @@ fewer messages decoded together pay the fixed price of numpy more often."""
 HURRY_S = 0.05
 """Between two ticks where the queue would not hold what comes within `TICK_S`."""
 TICK_MESSAGES = QUEUE_MESSAGES // 4
-"""Taken together at most, as far as one can tell from how fast the last ones came."""
+"""Taken together at most, as far as can be predicted from how fast the last ones came."""
 
 
 class CharacterizationNode(AnyExecutorNode):

@@ -3,7 +3,7 @@
 """
 What is not as it should be with the samples, the fit and the files, as ``/diagnostics`` says it.
 
-The log tells the same conditions when they begin and when they are over.
+The log reports the same conditions when they begin and when they are over.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from imu_allan.writers.words import message_of, presented
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
                      'rest_within_motion', 'several_frames', 'spikes'})
-"""Codes of remarks that tell of what may be over: counts say whether it goes on."""
+"""Codes of findings about what may be over: counts say whether it goes on."""
 _REJECTING = frozenset({'several_frames', 'several_publishers', 'rate_changed'})
 """Codes of remarks that say by themselves which messages are rejected."""
 
@@ -41,7 +41,7 @@ _LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
 
 
 class Condition(NamedTuple):
-    """What may not be as it should be; nothing is told of it unless it is present."""
+    """What may not be as it should be; nothing is reported of it unless it is present."""
 
     name: str
     present: bool

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What both nodes offer, as `--help` tells it: without ROS, which may be what is missing."""
+"""What both nodes offer, as `--help` shows it: without ROS, which may be what is missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

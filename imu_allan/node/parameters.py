@@ -80,7 +80,7 @@ def _leads_out(name: str, folder: str, start: str) -> str:
 
 
 def warn_of_unknown(node: Node) -> None:
-    """Tell of parameters that were given to the node but that it does not have."""
+    """Report parameters that were given to the node but that it does not have."""
     given = given_parameters(node)
     names = list(node.list_parameters([], 0).names)
     for name in given:

@@ -67,7 +67,7 @@ def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)
-        with _told_to_stop(stop), _ros(args):
+        with _stopped_by(stop), _ros(args):
             module, _, name = interface.node.rpartition('.')
             node = getattr(import_module(module), name)()
             try:
@@ -106,7 +106,7 @@ def _do_without_shared_memory(program: str) -> None:
 
 
 @contextlib.contextmanager
-def _told_to_stop(stop: StopRequest) -> Iterator[None]:
+def _stopped_by(stop: StopRequest) -> Iterator[None]:
     # rclpy's own handlers raise KeyboardInterrupt wherever the program is, half-way through an
     # update too, and shut the context down before a last result can be published.
     # What is ignored from the start, as nohup has it for SIGHUP, is meant to be.
@@ -144,7 +144,7 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
 
 
 def _find_parameter_files(args: Sequence[str]) -> None:
-    """Miss a file before rcl does, which tells it in two lines and by its own sources."""
+    """Report a missing file before rcl does, which takes two lines and names its own sources."""
     for word, path in pairwise(args):
         if word == '--params-file' and not Path(path).is_file():
             raise ImuAllanError(f'--params-file {path}: no such file')

@@ -61,7 +61,7 @@ class Publishers:
                    if one.last_ns >= newest)
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
-        """Tell whose messages are, `MIXED` where two cannot be separated, and how many lost."""
+        """Return whose messages these are, `MIXED` where that is not known, and how many are lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:
@@ -112,7 +112,7 @@ class Publishers:
         return found, 0 if found.fell_ns is not None else missed
 
     def _unnumbered(self, now_ns: int) -> _Publisher:
-        """Find who sent a message without a number: only who is there tells it."""
+        """Find who sent a message without a number: only who is there decides it."""
         there, known = self._offers(), [one for one in self._known if one.number < 0]
         gone = bool(there and self._own and not there & self._own)
         # The identity of a driver that was killed stays for a while.

@@ -42,7 +42,7 @@ class Reports:
 
     def report(self, now: float, run: Run, result: Result | None,
                checkpoint_age_s: float | None) -> None:
-        """Bring the facts up to date, tell the log, and whoever listens."""
+        """Bring the facts up to date, write the log, and publish."""
         cpu = time.process_time()
         received = sum(reception.facts.received - reception.reported
                        for reception in self._receptions)
@@ -93,7 +93,7 @@ class Reports:
                 reception.complaint = cause
 
     def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
-        """Look at the timeline, and tell the log of it."""
+        """Look at the timeline, and log what changed."""
         facts = reception.facts
         snapshot = lane.snapshot().characterization
         try:

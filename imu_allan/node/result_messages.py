@@ -190,7 +190,7 @@ def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
 
 
 def _forecast_values(axis: AxisResult) -> dict[str, object]:
-    """Tell what the axis does on its own, after a minute at rest; nothing before it is known."""
+    """Predict the unaided drift after a minute at rest; nothing before it is known."""
     if axis.drift_model is None:
         return {}
     found = predicted_drift(axis, FORECAST_S)

@@ -295,7 +295,7 @@ def new_run(setup: Setup) -> Run:
 
 
 def boot_id() -> str:
-    """Return what tells one boot of this computer from another; empty where nothing does."""
+    """Return an identifier of this boot of the computer; empty where there is none."""
     try:
         return BOOT_ID.read_text().strip()
     except OSError:

@@ -52,11 +52,11 @@ class _Topic:
 
     @property
     def by_level(self) -> bool:
-        """Whether the level of the noise, too, tells whose messages are held."""
+        """Whether the level of the noise, too, decides whose messages are held."""
         return self.holding != self.publisher or self.elsewhere
 
     def pass_over(self, blocks: Sequence[ImuBlock]) -> None:
-        """Leave out messages that nobody can tell whose they are, or that are of a stranger."""
+        """Leave out messages of an unknown or another publisher."""
         self.facts.mixed_samples += messages(blocks)
 
 
@@ -128,8 +128,8 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        # Who takes the place of another is told by its level; the first after a restart, too, if
-        # so much may be lost in a crash.
+        # A publisher that replaces another is recognized by its level; the first after a restart,
+        # too, if so much may be lost in a crash.
         first = topic.publisher is None and self._look_s() < LOOK_S
         fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
         if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 _OTHER_RATE = 0.3
 """Relative difference that jitter cannot make: one between the two wants a longer look."""
 LOOK_S = 2.0
-"""At 100 Hz 200 messages, which tell another IMU in most cases; all of them wait so long."""
+"""At 100 Hz 200 messages, which show another IMU in most cases; all of them wait so long."""
 LONGEST_LOOK_S = 10.0
 """Jitter has averaged out by then: the rate counts as it is."""
 FEWEST_MESSAGES = 16
@@ -40,9 +40,9 @@ _SURE, _SUSPECT = 5.0, 2.0
 _GROUP, _CHANCE = 64, 0.1
 """Samples whose level is one number, and by how much of it chance moves that."""
 _FEWEST_GROUPS = 4
-"""Fewer do not tell how much they scatter. A judgment."""
+"""Fewer do not show how much they scatter. A judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
-"""Fewer tell no level."""
+"""Fewer show no level."""
 _GROUPS = 64
 """Groups that are remembered: 20 s at 200 Hz."""
 _AT_REST = 1.5
@@ -94,7 +94,7 @@ class Known(Record):
                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
-        """Tell what is known of another IMU by its first messages."""
+        """Learn another IMU by its first messages."""
         other = Known()
         other.clock = self.clock
         other.frame_id = blocks[-1].frame_id
@@ -102,7 +102,7 @@ class Known(Record):
         return other
 
     def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
-        """Tell, cheaply where nothing is wrong, whether the next messages want a look."""
+        """Return, cheaply where nothing is wrong, whether the next messages want a look."""
         if self.frame_id is None or not blocks:
             return False
         if all(block.frame_id != self.frame_id for block in blocks):
@@ -124,7 +124,7 @@ class Known(Record):
         return False
 
     def departure(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
-        """Tell why messages are not of this IMU; None if they may be."""
+        """Return why messages are not of this IMU; None if they may be."""
         frame_id = blocks[-1].frame_id
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
@@ -140,7 +140,7 @@ class Known(Record):
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
                  fewest: int = FEWEST_MESSAGES) -> bool:
-        """Whether so many messages tell if they are of this IMU."""
+        """Whether so many messages decide if they are of this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
         if count >= _MOST_MESSAGES:
             return True

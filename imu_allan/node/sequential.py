@@ -5,7 +5,7 @@ What may be published of the fits of a growing record, in one place because each
 
 A test that is made sixty times is passed by chance more often than one that is made once. So a
 term is observable once every fit has shown it since the record was `GROWTH` times shorter: however
-many fits there are, a record has few such segments. Where the fit tells how probable a term is,
+many fits there are, a record has few such segments. Where the fit says how probable a term is,
 it has to be probable, too.
 """
 

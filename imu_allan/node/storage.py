@@ -142,7 +142,7 @@ class Storage:
         self._worker.start('aside', keep, note)
 
     def forget_resumed(self) -> None:
-        """Tell no longer of what the run was resumed from: the user has begun another."""
+        """Report no longer what the run was resumed from: the user has begun another."""
         self._facts.resumed, self.has_resumed = '', False
 
     def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
@@ -264,7 +264,7 @@ class Storage:
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """
-        Write the files, to another folder if the one asked for takes none; tell if all is well.
+        Write the files, to another folder if the one asked for takes none; return if all is well.
 
         What fails is reported by the worker, as of any save.
         """

@@ -20,7 +20,7 @@ _MOST_WAITING = 100_000
 _MATCHING_S = 5.0
 """Publishers are found within three seconds of the start."""
 _SILENCE_S = 30.0
-"""Most thermometers tell their reading within it; of a slower one thrice its longest pause."""
+"""Most thermometers publish within it; of a slower one thrice its longest pause."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 

@@ -39,7 +39,7 @@ class Worker:
             done(future)
 
     def failure(self, kind: str, future: Future[Any]) -> str:
-        """Tell of what went wrong in a job of a kind, if anything did; return it as a line."""
+        """Report what went wrong in a job of a kind, if anything did; return it as a line."""
         error = future.exception()
         if error is None:
             return ''

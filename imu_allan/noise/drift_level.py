@@ -68,7 +68,7 @@ def degrees_of_freedom(trace: Array | float, trace_of_square: Array | float) -> 
 
 def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, Interval]]:
     """
-    Tell the level of the drift from the spread of the means of the parts of a segment.
+    Estimate the level of the drift from the spread of the means of the parts of a segment.
 
     `seen`, shape (segments,): mean square of the means about the mean of the segment. `white`:
     variance that white noise gives each mean. `shape`, shape (parts, parts): covariance of the

@@ -46,7 +46,7 @@ _CLOSE = 1 / 3          # of a decade: neighbours that are one process
 _ROUGH = 1e-2
 """Loss to which a choice of processes is tried first; the best are then fitted to the end."""
 _FEWEST_GROUPS = 8
-"""An octave, at eight to one: of less no process is told from white noise. A judgment."""
+"""An octave, at eight to one: of less no process is distinguished from white noise. A judgment."""
 
 
 def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None = None

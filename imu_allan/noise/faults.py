@@ -44,7 +44,7 @@ _LEAST_CUT_OFF = 0.005
 _COARSEST_STEP = 0.5
 """
 In noise of a sample: beyond it the last cell holds a good part of the record by nature. A knock
-makes noise seem up to four times as large: steps of two sigma are still told from it.
+makes noise seem up to four times as large: steps of two sigma are still distinguished from it.
 """
 _SURE = 3.0
 """Standard errors that a count of samples is off by at most."""
@@ -83,7 +83,7 @@ AxisFault = Constant | Deadband | StoodStill | CutOff
 
 def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     """
-    Tell why an axis does not measure; without a fault it has coefficients.
+    Return why an axis does not measure; without a fault it has coefficients.
 
     Returns the first that holds of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
     """
@@ -100,7 +100,7 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:
     """
-    Tell whether an axis gives small values as zero.
+    Return whether an axis gives small values as zero.
 
     None where there is none, where values lie on one side of zero alone, where the output steps so
     coarsely that the next value is twice the first, or where fewer samples are zero than a hole of
@@ -129,7 +129,7 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
 
 def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     """
-    Tell where the output of an axis is cut off.
+    Find where the output of an axis is cut off.
 
     Returns: the end at which more samples stand; None where neither end cuts anything off, or
     where the output is constant or steps more coarsely than its noise.
@@ -145,7 +145,7 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
 
 def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool:
     """
-    Tell whether `count` of `samples`, of a record or a part of it, stand at an end by a limit.
+    Return whether `count` of `samples`, of a record or a part of it, stand at an end by a limit.
 
     Noise and steps are those of the whole record.
     """
@@ -178,7 +178,7 @@ def _noise_over_times(finished: Estimator, axis: int) -> Array:
 
 
 def steps_hide_noise(finished: Estimator) -> NDArray[np.bool_]:
-    """Tell of every axis whether its output steps by more than its noise shows."""
+    """Return of every axis whether its output steps by more than its noise shows."""
     return np.asarray(finished.census.step > _COARSE_STEP * sample_noise(finished))
 
 

@@ -37,7 +37,7 @@ def mean_variance(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
 
 
 def rest_of_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
-    """Variance of the mean over an interval about what the state at the beginning tells."""
+    """Variance of the mean over an interval about what the state at the beginning predicts."""
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
     full = mean_variance(1.0, x) - on_mean(1.0, x) ** 2
     return np.where(x < _SMALL, 2 * x / 3 * (1 - 3 * x / 4 + 7 * x * x / 20), full)

@@ -8,7 +8,7 @@ Unit i has the true value x_i, normal about the mean of the population with the 
 between^2 + e_i^2. The spread is that of the restricted likelihood, which pays for the mean that is
 fitted as well (without that, the spread of 20 units comes out 4 to 12 % too small); a unit of
 which only an upper bound u is known contributes the probability that it lies below. So the spread
-between units is told apart from the spread that measuring adds.
+between units is separated from the spread that measuring adds.
 
 References
 ----------
@@ -66,7 +66,8 @@ class Effects:
 
         `share`: of the units that lie below the limit. `confidence`: probability with which at
         least that share does. Returns: exact where the measurement is much finer than the spread;
-        where the spread cannot be told from measurement error, its upper bound takes its place.
+        where the spread cannot be distinguished from measurement error, its upper bound takes its
+        place.
         """
         from scipy.stats import nct
 

@@ -33,7 +33,7 @@ from numpy import logaddexp
 Decision = Literal['below', 'above', 'near', 'open']
 
 SMALLEST_RECORD = 1024
-"""Samples before the first look: of fewer the slow terms are not told from the white noise."""
+"""Samples before the first look: fewer do not distinguish slow terms from white noise."""
 
 
 def decide(estimate: Estimate, limit: float, *, margin: float, pass_error: float,
@@ -79,7 +79,7 @@ def decide(estimate: Estimate, limit: float, *, margin: float, pass_error: float
     if below >= -log(pass_error):
         return 'below'
     # The mean of two likelihoods is as good an alternative: near the margin the first speaks,
-    # further off the second, which the data tells from the limit much sooner.
+    # further off the second, which the data distinguishes from the limit much sooner.
     if estimate.observable and logaddexp(above, beyond) - log(2) >= -log(fail_error):
         return 'above'
     return 'near' if below <= log(pass_error) and above <= log(fail_error) else 'open'

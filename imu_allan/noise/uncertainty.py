@@ -122,9 +122,9 @@ def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
     """
     Whether the slow noise of an axis does not show one exponent in all recordings.
 
-    `joint`: of all recordings at once. `singles`: of each that has a fit. Returns: where some tell
-    another exponent than flicker's: whether the joint fit tells none, one of theirs is not that of
-    the joint fit, or a recording that tells none shows flicker or has a curve too low for it.
+    `joint`: of all recordings at once. `singles`: of each that has a fit. Returns: where some show
+    another exponent than flicker's: whether the joint fit shows none, one of theirs is not that of
+    the joint fit, or a recording without one shows flicker or has a curve too low for it.
     Another one is too short to contradict.
     """
     laws = [axis.power_law for axis in singles if axis.power_law is not None]

@@ -68,7 +68,7 @@ def _what_there_is(recording: Recording) -> str:
 
 
 def _reason(recording: Recording, topics: list[str]) -> str:
-    """Tell why the first of `topics` with a reason is not read."""
+    """Return why the first of `topics` with a reason is not read."""
     for topic in topics:
         if topic in recording.reasons:
             named = '' if len(topics) == 1 else f'{_shown(topic)}: '

@@ -47,11 +47,11 @@ _BEAT = (0.17, 0.43)
 """Amplitude of the beat of two rates, relative to the mean square: 2 (1 - f + f^2) - 1 of a phase
 f that takes all values has 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4."""
 _SHARED = 0.2
-"""Correlation of two axes from which on what beats alike on both is one vibration: of its power
+"""Correlation of the beats of two axes from which on both are one vibration: of its power
 the part that beats. That of a sensor interpolated from 63 to 400 Hz is 0 +- 0.06."""
 _TWICE = (0.1, 0.8)
 """Twice the amplitude at twice the rate, of the variance or of the covariance of neighbours: where
-f stands tells which of them goes up and down, one at least by 0.15; 0.09 where f wanders."""
+f is decides which of them goes up and down, one at least by 0.15; 0.09 where f wanders."""
 _CLEAR = 16.0
 """Power of that beat over its level in white noise, of which 4096 samples reach 7 by chance."""
 _CLEAR_TWICE = 10.0
@@ -182,7 +182,7 @@ def _report_choice(recording: Recording) -> None:
 
 
 def half_of(recording: Recording, topic: str) -> Half | None:
-    """Tell which half a topic holds where the other is exactly zero; None where it holds both."""
+    """Return which half a topic holds where the other is exactly zero; None for both."""
     known = recording.imu(topic).messages.half
     if known is not None:
         return known
@@ -243,7 +243,7 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
 def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
                ) -> Literal['repeated', 'interpolated'] | None:
     """
-    Tell how a half was made of fewer samples: many then follow from those beside them.
+    Find how a half was made of fewer samples: many then follow from those beside them.
 
     A sample that is held is held for k or k + 1 messages; a coarse sensor at rest repeats itself,
     too, but as chance will have it. One that is interpolated lies on the line between two others,
@@ -322,7 +322,7 @@ def _spectrum_of_products(noise: NDArray[np.float64], lag: int) -> NDArray[np.co
 
 def _stands_out(beat: NDArray[np.complex128], at: int, bounds: tuple[float, float],
                 clear: float) -> bool:
-    """Whether one frequency, of all axes alike, is clear of all others."""
+    """Whether one frequency, of all axes together, is clear of all others."""
     total = (np.abs(beat) ** 2).sum(axis=1)
     amplitude = np.abs(beat[at])
     # A vibration whose frequency wanders beats broadly.

@@ -21,7 +21,7 @@ that 1.3 s in common are seen."""
 _LEAST_BITS = 10
 """One message of 2^10 is kept at least: 5 MB of 100 million."""
 _LIMIT = 1 << 18
-"""Beyond, nothing more is kept, 15 MB: stamps that are all alike are chosen all or none."""
+"""Beyond, nothing more is kept, 15 MB: stamps that are all equal are chosen all or none."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
 _SAME_SHARE = 0.9
@@ -114,9 +114,9 @@ class Fingerprint:
         other_times, others = other._rows()
         both = np.intersect1d(times, other_times)
         mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
-        alike = int(np.count_nonzero(np.isin(mine, others)))
-        return (alike >= min(_FEWEST, self.kept, other.kept)
-                and alike >= _SAME_SHARE * min(len(mine), len(others)))
+        common = int(np.count_nonzero(np.isin(mine, others)))
+        return (common >= min(_FEWEST, self.kept, other.kept)
+                and common >= _SAME_SHARE * min(len(mine), len(others)))
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
         """Give times, without those that too many messages share, and times and values."""

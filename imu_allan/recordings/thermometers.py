@@ -60,9 +60,9 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     if len(near) == 1:
         return near[0]
     frame_id = _frame_id(recording, topic)
-    alike = [heat for heat in near or apart
+    same_frame = [heat for heat in near or apart
              if frame_id and _frame_id(recording, heat.name) == frame_id]
-    return alike[0] if len(alike) == 1 else None
+    return same_frame[0] if len(same_frame) == 1 else None
 
 
 def beside(topic: str, thermometer: str) -> bool:
@@ -133,8 +133,8 @@ def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     readings : ndarray, shape (n,)
-        In degrees Celsius or kelvin. Each tells by itself in which, as no IMU is at 180 degrees of
-        either; so it does not matter how many come at once, nor which of them are missing.
+        In degrees Celsius or kelvin. Each decides by itself in which, as no IMU is at 180 degrees
+        of either; so it does not matter how many come at once, nor which of them are missing.
 
     Examples
     --------

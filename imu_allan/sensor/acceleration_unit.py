@@ -95,11 +95,11 @@ class AccelerationUnit:
         if self._waiting:
             return self._after(block)
         # What has no acceleration, or zeros, is the same in any unit.
-        telling = np.flatnonzero(
+        informative = np.flatnonzero(
             (np.nan_to_num(block.samples[:, 3:]) != 0).any(axis=1) & ~block.absent[:, 1])
-        if not len(telling):
+        if not len(informative):
             return [block]
-        first = int(telling[0])
+        first = int(informative[0])
         return [*([block.part(slice(first))] if first else []),
                 *self._after(block.part(slice(first, None)))]
 

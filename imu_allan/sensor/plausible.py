@@ -28,7 +28,7 @@ LIMITS = {
 
 def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
     """
-    Tell axes whose mean or noise density is beyond `LIMITS`; code `implausible`.
+    Find axes whose mean or noise density is beyond `LIMITS`; code `implausible`.
 
     Examples
     --------

@@ -37,7 +37,7 @@ _LIVELY_AXES = 3
 _HELD_SHARE = 0.2
 """Share of repeats from which on messages are polled, not now and then delivered twice."""
 _FEWEST_FOR_SPIKES = 8
-"""Messages whose steps tell the noise that a wild value is held against."""
+"""Messages whose steps measure the noise that a wild value is held against."""
 _FEWEST = 64
 """Changes from which it is known how lively the axes are."""
 SPARSE = 16
@@ -45,7 +45,7 @@ SPARSE = 16
 LASTING = 32
 """Messages in a row: more than a slip of the driver, and within the look-ahead."""
 _FOLLOWING = 64
-"""Messages after the first change that tell: as many as are always seen ahead."""
+"""Messages after the first change that decide: as many as are always seen ahead."""
 _FEWEST_FOLLOWING = 8
 """Of these at least, at the end of a recording."""
 _ALIVE_SHARE = 0.25
@@ -131,7 +131,7 @@ class Content(Record):
             raise ValueError('values are not those of six axes')
 
     def is_fresh(self, samples: Floats) -> bool:
-        """Tell at a glance whether there cannot be more repeats than by chance."""
+        """Return by a quick look whether there cannot be more repeats than by chance."""
         if self.held or self.run or not self.settled:
             return False
         # The liveliest axis says it for most sensors, two for outputs of 16 bits: looking at all
@@ -140,7 +140,7 @@ class Content(Record):
         begins_anew = False
         for axis in sorted(range(6), key=lambda axis: -self.changed[axis]):
             values = samples[:, axis]
-            # What never changed, and NaN, which is unlike itself, tell nothing.
+            # What never changed, and NaN, which is unlike itself, decide nothing.
             if not self.changed[axis] or np.isnan(values).any():
                 continue
             same &= values[1:] == values[:-1]
@@ -150,7 +150,7 @@ class Content(Record):
         return False
 
     def is_tame(self, samples: Floats) -> bool:
-        """Tell at a glance whether there cannot be a single wild value; none may be NaN."""
+        """Return by a quick look whether there cannot be a single wild value; none may be NaN."""
         return len(self.noise) == 6 and not may_be_wild(self._steps(samples), np.array(self.noise))
 
     def _spikes(self, samples: Floats) -> Bools:
@@ -249,7 +249,7 @@ class Presence(Record):
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """
-        Tell axes that are gone from values that are spoilt, both ndarrays of bool, shape (n, 6).
+        Find axes that are gone from values that are spoilt, both ndarrays of bool, shape (n, 6).
 
         The first `consumed` messages are decided on now.
         """
@@ -262,7 +262,7 @@ class Presence(Record):
         return gone
 
     def _gone(self, axis: int, bad: Bools, consumed: int) -> Bools:
-        """Tell whether one axis is gone, and remember how it ends."""
+        """Return whether one axis is gone, and remember how it ends."""
         starts = np.flatnonzero(np.append(True, bad[1:] != bad[:-1]))
         lengths = np.diff(np.append(starts, len(bad)))
         before = self.run[axis] if self.bad[axis] == bad[0] else 0
@@ -282,7 +282,7 @@ class Presence(Record):
 
     def waking(self, samples: Floats, consumed: int) -> Bools:
         """
-        Tell messages before an axis comes to life, in which it is not to count, shape (n, 6).
+        Find messages before an axis comes to life, in which it is not to count, shape (n, 6).
 
         The first `consumed` of samples, shape (n, 6), NaN where unknown, are decided on now.
         """

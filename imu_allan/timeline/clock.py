@@ -174,7 +174,7 @@ def runs(same: NDArray[np.bool_], before: int) -> tuple[NDArray[np.int64], NDArr
 
 def overlaps(stamps: Stamps) -> bool:
     """
-    Tell whether batches of samples reach back into the batch before.
+    Return whether batches of samples reach back into the batch before.
 
     A driver that dates the samples of a FIFO back by too long an interval makes such stamps. The
     messages then go on one interval apart, while one that was overtaken is followed by a leap.

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 BLOCK = 8
 """Windows of half a second whose means are averaged: a slow turn lasts longer."""
 LISTED = 10
-"""Turns that are told: more, and the recording is one of motion."""
+"""Turns that are reported: more, and the recording is one of motion."""
 
 _REMEMBERED = 32
 """Blocks: what takes longer than two minutes to come back is drift."""
@@ -83,7 +83,7 @@ class Excursions(Record):
                 self._look(BLOCK * window_s)
 
     def _look(self, block_s: float) -> None:
-        """Tell whether the newest block is back from an excursion."""
+        """Return whether the newest block is back from an excursion."""
         table = np.array(self.blocks)
         level = table[:, 1:]
         if len(level) < _FEWEST or (np.ptp(level, axis=0) <= _LEAST).all():

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What was seen of the messages, as findings, in one module as they are told together.
+What was seen of the messages, as findings, in one module as they are reported together.
 
 Stamps, losses, gaps, motion: every finding stands here. That of what was counted is given from a
 threshold on, beside which it stands; that of a decision, such as the choice of a clock, where
@@ -84,7 +84,7 @@ def remarks_of(memory: Memory) -> tuple[Finding, ...]:
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
     """
-    Bound what faults of the stamps, as the remarks tell, may have done to noise densities.
+    Bound what faults of the stamps, as the findings have them, may have done to noise densities.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def _uneven_error(counts: Counts) -> float:
 
 
 def mostly_motion(motion: MotionSummary) -> bool:
-    """Tell whether a recording moves, without a stop to rest that is worth the name."""
+    """Return whether a recording moves, without a stop to rest that is worth the name."""
     return _moves(motion) and (motion.kept.longest_s < _SHORTEST_REST_S
                                or motion.contrast < _LEAST_CONTRAST)
 
@@ -156,7 +156,7 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
                                  'density_error_share': _interpolation_error(counts) or None}
     if counts.at_other_rate:
         used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
-        # Time is told from the first sample used: what was cut out before has none.
+        # Time counts from the first sample used: what was cut out before has none.
         known = counts.rate_changed_s > 0
         facts['rate_changed'] = {
             'from_hz': used if known else other, 'to_hz': other if known else used,
@@ -196,7 +196,7 @@ def _presence_findings(counts: Counts, decision: Decision, presence: Presence) -
 
 
 def _late_axes(counts: Counts, content: Content, presence: Presence) -> list[Finding]:
-    # Where the whole sensor was dead, that is told in one.
+    # Where the whole sensor was dead, that is reported as one.
     return [finding('axis_late_start', (name,), late=messages, messages=counts.messages)
             for name, messages in zip(AXES, presence.late, strict=True)
             if messages > content.head]
@@ -236,7 +236,7 @@ def _clock_facts(counts: Counts, decision: Decision) -> Facts:
 
 
 def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
-    """Tell of means that went away and came back: of each axis the largest, and their number."""
+    """Report means that went away and came back: of each axis the largest, and their number."""
     of_axis: dict[int, list[Sequence[float]]] = {}
     for excursion in excursions:
         of_axis.setdefault(int(excursion[2]), []).append(excursion)

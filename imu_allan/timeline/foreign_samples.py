@@ -22,7 +22,7 @@ _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
 _SURE, _LOUDER = 5.0, 0.05
 """Standard errors of what alternates in all blocks, and the share of a magnitude: means .16 of a
-standard deviation apart are told among 4,096 messages."""
+standard deviation apart are found among 4,096 messages."""
 _COHERENT = 0.5
 """Correlation of what alternates in a block with the next one's: a line has 1, less where a gap in
 every few blocks changes whose turn it is, and a spectrum that rises up to there none."""
@@ -35,11 +35,11 @@ _NEARLY_ALL, _ROUNDING = 0.9, 1e-3
 _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, and a vibration goes on."""
 _FEWEST_IN_TURN, _MOST_IN_TURN = 512, 2048
-"""Messages that tell whose turn it is: in time it takes no more."""
+"""Messages that show whose turn it is: in time it takes no more."""
 _PERIODS = np.linspace(-0.014, 0.014, 5)
 """Shares by which a sensor's interval may be off: jitter of a fifth of it leaves as much."""
-_FEWEST_ALIKE = 32
-"""Steps between messages of one side whose shortest tell an interval. A judgment."""
+_FEWEST_OF_ONE_SIDE = 32
+"""Steps between messages of one side whose shortest give an interval. A judgment."""
 _IN_TIME = 0.2
 """Correlation of side and turn: two sensors have .2 to 1, of 289 random scenarios with one none
 had .03, and anti-correlated noise with losses has up to .12."""
@@ -62,7 +62,7 @@ always in a knock, which rings."""
 
 def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     """
-    Tell whether every second sample differs, and in what.
+    Return whether every second sample differs, and in what.
 
     Two sensors have different means, or one is noisier: either alternates from message to
     message, which is a line at exactly half the message rate. A vibration of that frequency
@@ -97,7 +97,7 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
 
 
 def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
-    """Tell axes with a line at half the rate; and those without one at a quarter of it."""
+    """Find axes with a line at half the rate; and those without one at a quarter of it."""
     transform = np.fft.rfft(values, axis=1)
     power = np.mean(np.abs(transform) ** 2, axis=0)
     turns = transform[:, -1].real
@@ -105,7 +105,7 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     level = np.median(power[_BLOCK // 4:-2], axis=0)
     line = ((np.mean(turns[1:] * turns[:-1], axis=0) > _COHERENT * scatter)
             & (power[-1] > _ALTERNATING * level))
-    # Where no gap changes whose turn it is, all blocks together tell a weak one.
+    # Where no gap changes whose turn it is, all blocks together show a weak one.
     line |= len(turns) * turns.mean(axis=0) ** 2 > _SURE ** 2 * np.maximum(
         turns.var(axis=0), level)
     # The magnitude of a vibration at a quarter of the rate alternates.
@@ -114,7 +114,7 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
 
 def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> Literal['', 'half', 'apart']:
     """
-    Tell whether two sensors publish in turn, whatever is lost: what a message holds tells when.
+    Return whether two sensors publish in turn, whatever is lost: its values say when it was sent.
 
     Messages fall on two sides by their values. Those of one sensor are whole intervals apart,
     those of two are not, and that goes on; of one sensor the side says nothing about the time.
@@ -153,7 +153,7 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> Literal['', 'half
 
 
 def _side_in_time(time: Floats, known: Floats, least: float) -> tuple[Floats, float] | None:
-    """Give the sides on which messages fall by their values, and the period they tell."""
+    """Give the sides on which messages fall by their values, and the period of the sides."""
     if not known.shape[1]:
         return None
     steps = np.diff(time)
@@ -161,15 +161,15 @@ def _side_in_time(time: Floats, known: Floats, least: float) -> tuple[Floats, fl
         side = np.where(along > np.quantile(along, (0.1, 0.9)).mean(), 1.0, -1.0)
         one = steps[side[1:] == side[:-1]]
         periods = [float(np.median(time[2:] - time[:-2]))]
-        if len(one) >= _FEWEST_ALIKE:
+        if len(one) >= _FEWEST_OF_ONE_SIDE:
             # One of them, or none may be about as long.
             short = float(np.quantile(one, 0.2, method='lower'))
             shortest = float(one[np.abs(one - short) <= 0.3 * abs(short)].mean())
             periods += [shortest, 2 * shortest]
         side -= side.mean()
-        alike = np.concatenate([side[lag:] * side[:-lag] for lag in _LASTING_LAGS])
+        products = np.concatenate([side[lag:] * side[:-lag] for lag in _LASTING_LAGS])
         for period in periods:
-            if period > 0 and any(_tells_turn(time, period * (1 + off), alike, least)
+            if period > 0 and any(_in_turn(time, period * (1 + off), products, least)
                                   for off in _PERIODS.tolist()):
                 return side, period
     return None
@@ -182,13 +182,13 @@ def _offset(time: Floats, side: Floats, period: float) -> float:
     return abs(float(np.angle(turn.sum()))) / (2 * pi)
 
 
-def _tells_turn(time: Floats, period: float, alike: Floats, least: float) -> bool:
+def _in_turn(time: Floats, period: float, products: Floats, least: float) -> bool:
     """Whether messages of one side are whole periods apart, and the others are not."""
     phase = np.exp(2j * pi / period * time)
     whole = np.concatenate([(phase[lag:] * phase[:-lag].conj()).real for lag in _LASTING_LAGS])
     whole -= whole.mean()
-    spread = float(np.mean(whole**2) * np.mean(alike**2))
-    return spread > 1e-6 and float(np.mean(whole * alike)) > least * spread**0.5
+    spread = float(np.mean(whole**2) * np.mean(products**2))
+    return spread > 1e-6 and float(np.mean(whole * products)) > least * spread**0.5
 
 
 def _apart(known: Floats) -> Iterator[Floats]:
@@ -203,7 +203,7 @@ def _apart(known: Floats) -> Iterator[Floats]:
 
 
 def _interpolated(known: Floats) -> Bools:
-    """Tell axes of which every second sample is the mean of its neighbours."""
+    """Find axes of which every second sample is the mean of its neighbours."""
     bends = np.abs(np.diff(known, 2, axis=0))
     one, other = (np.quantile(bends[start::2], _NEARLY_ALL, axis=0) for start in (0, 1))
     return np.asarray(np.minimum(one, other) < _ROUNDING * np.maximum(one, other))
@@ -233,7 +233,7 @@ def noise_of_steps(steps: Floats) -> Floats:
 
 
 def may_be_wild(steps: Floats, sigma: Floats) -> bool:
-    """Tell at a glance whether there is a step as large as that of a wild value."""
+    """Return by a quick look whether there is a step as large as that of a wild value."""
     largest = _LEAST_STEP * _SPIKE_SIGMAS * sigma
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 

@@ -3,10 +3,10 @@
 """
 The even grid of the sensor's own rate: which of its places are empty, and what is interpolated.
 
-Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What tells them apart
-is the phase of the stamps against the grid: a lost sample moves it for good by one whole place,
-jitter moves it for a moment, drift moves it slowly, and only the first leaves the phase modulo
-one place unchanged.
+Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What distinguishes
+them is the phase of the stamps against the grid: a lost sample moves it for good by one whole
+place, jitter moves it for a moment, drift moves it slowly, and only the first leaves the phase
+modulo one place unchanged.
 """
 
 from itertools import pairwise
@@ -36,11 +36,11 @@ _LONG_STEP = 10.0
 _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
 RATE_BLOCK = 64
-"""Messages of which a rate is told."""
+"""Messages from which a rate is measured."""
 _RATE_NEAR = 256
 """Messages on each side within which a change of rate is placed."""
 _BATCHES = 16
-"""Of which a rate is told: one more or less is 6 %."""
+"""From which a rate is measured: one more or less is 6 %."""
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:

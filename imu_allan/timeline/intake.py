@@ -46,7 +46,7 @@ _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 _EVEN_SPREAD = 0.2
 """Spread up to which a clock shows single losses with some distance to its limit."""
 _SAME_RATE = 0.12
-"""Clocks that disagree by more do not tell of the same samples."""
+"""Clocks that disagree by more do not stamp the same samples."""
 _CLOSE, _HARDLY = 0.05, 0.01
 """Spread and share of empty places up to which the other clock need not be asked."""
 _OTHER_GRID, _OTHER_RATE = 0.01, 0.9
@@ -98,7 +98,7 @@ class Intake(Record):
         return window.receive_ns, window.header_ns
 
     def is_clean(self, window: Window) -> bool:
-        """Tell whether every value of every axis is there and usable, as is usual."""
+        """Return whether every value of every axis is there and usable, as is usual."""
         return bool(not window.absent.any()
                     and self.presence.goes_on(window.samples[:window.consumed])
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
@@ -224,7 +224,7 @@ class Intake(Record):
             decision.remarks['alternating'] = {}
 
     def _is_alone(self, stamps: Stamps) -> bool:
-        """Tell whether stamps are so even that those of two sensors would be one's in turn."""
+        """Return whether stamps are so even that those of two sensors would be one's in turn."""
         return self.decision.first_interval_ns is not None and _is_nearly_full(
             self.decision.pace, stamps)
 
@@ -260,7 +260,7 @@ class Intake(Record):
             decision.overlaps = overlaps(window.header_ns)
 
     def _different_messages_share(self, window: Window) -> bool:
-        """Tell whether messages with different values have the same header stamp."""
+        """Return whether messages with different values have the same header stamp."""
         tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~_repeats(window.samples)
         return int(np.count_nonzero(tied)) > max(_FEWEST_TIES, _TIED_SHARE * len(tied))
 
@@ -300,7 +300,7 @@ class Intake(Record):
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
         if pace.counting:
-            # Where as much time passes on both, they tell of the same samples, and the even one
+            # Where as much time passes on both, they stamp the same samples, and the even one
             # shows which of them are missing.
             speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
             if abs(ratio - 1) > _SAME_RATE < abs(speed - 1):
@@ -399,23 +399,24 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
             place = None if place is None else place[run]
     if place is not None:
         # Known losses are no change of rate.
-        pace, told = measure_pace(stamps, other), pace_by_numbers(stamps, place)
-        if (pace is not None and told is not None and place[-1] - place[0] >= len(place)
-                and (pace.counting or abs(told.interval_ns / pace.interval_ns - 1) > _OTHER_GRID)):
-            return told, len(stamps)
+        pace, numbered = measure_pace(stamps, other), pace_by_numbers(stamps, place)
+        if (pace is not None and numbered is not None and place[-1] - place[0] >= len(place)
+                and (pace.counting
+                     or abs(numbered.interval_ns / pace.interval_ns - 1) > _OTHER_GRID)):
+            return numbered, len(stamps)
     part = longest_at_one_rate(stamps)
     return measure_pace(stamps[part], other[part]), len(stamps[part])
 
 
 def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
-    """Tell whether stamps lie close to a grid of which hardly a place is empty."""
+    """Return whether stamps lie close to a grid of which hardly a place is empty."""
     places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
     return (not pace.counting and pace.spread < _CLOSE
             and abs(len(stamps) / places - 1) < _HARDLY)
 
 
 def _repeats(samples: Floats) -> Bools:
-    """Whether each sample but the first equals the one before, axes without a value alike."""
+    """Whether each sample but the first equals the one before, axes without a value too."""
     same: Bools = np.all((samples[1:] == samples[:-1])
                          | (np.isnan(samples[1:]) & np.isnan(samples[:-1])), axis=1)
     return same

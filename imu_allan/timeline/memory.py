@@ -50,7 +50,7 @@ class StampCounts(Record):
     backward: int = 0
 
     def add(self, stamps: Stamps) -> bool:
-        """Count repeated and backward stamps; tell whether there are any."""
+        """Count repeated and backward stamps; return whether there are any."""
         last = self.last_ns
         if not len(stamps) or ((last is None or stamps[0] > last)
                                and (stamps[1:] > stamps[:-1]).all()):
@@ -183,7 +183,7 @@ class Decision(Record):
     overlaps : bool
         Batches of header stamps reach back into those before.
     numbered : bool
-        Publication numbers tell which messages were lost on the way.
+        Publication numbers show which messages were lost on the way.
     repeated : int
         Of the numbers so far those of messages that came twice: they are no samples.
     restart : bool
@@ -218,7 +218,7 @@ class Decision(Record):
 
     @property
     def unties(self) -> bool:
-        """Whether messages with equal stamps are told apart by their values."""
+        """Whether messages with equal stamps are distinguished by their values."""
         return not self.counted_only and (self.clock == 'receive' or self.ticks
                                           or self.overlaps)
 
@@ -271,7 +271,7 @@ class Cursor(Record):
     other_rate : bool
         The messages come at another rate than the first ones.
     number : int or None
-        Publication number of the last message, where it tells how many were lost behind it.
+        Publication number of the last message, where it shows how many were lost behind it.
 
     """
 

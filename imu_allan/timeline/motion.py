@@ -33,7 +33,7 @@ _CONTEXT = _MARGIN + FARTHEST_LAG + 1
 _LATELY_S = 5.0
 """The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
 _LISTED_CHANGES = 9
-"""Changes of the noise that are told: a sensor with more has no level at all."""
+"""Changes of the noise that are reported: a sensor with more has no level at all."""
 
 
 @dataclass
@@ -161,7 +161,7 @@ class MotionDetector(Record):
         return bool(self._held)
 
     def of_axes(self, axes: tuple[bool, ...]) -> 'MotionDetector':
-        """Give a detector of other axes that goes on with what this one, flushed, has told."""
+        """Give a detector of other axes that goes on from the state of this one, flushed."""
         other = MotionDetector(self.interval_s, axes)
         other.summary = self.summary
         other._excursions.found = self._excursions.found

@@ -27,7 +27,7 @@ Bools = NDArray[np.bool_]
 PHASE_GROUP = 64
 """Messages whose phases are averaged: long against a burst, short against drift."""
 COUNTING_SPREAD = 0.27
-"""Spread of the phase beyond which a lost sample, a phase of one, cannot be told from jitter."""
+"""Spread of the phase beyond which a lost sample, a phase of one, looks like jitter."""
 FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 """The mean resultant length that goes with it."""
 
@@ -36,7 +36,7 @@ _MOSTLY_IN_BURSTS = 0.55
 _SLOWEST, _FASTEST = 0.9, 2.9
 """Rates, over that of the messages, among which the sensor's is sought."""
 _GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
-"""Segments of 64 messages that tell it, and the share of the best fit that is as good."""
+"""Segments of 64 messages that decide, and the share of the best fit that is as good."""
 _EARLY, _CROWDED = 0.9, 0.06
 """Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
 are lost from pairs in .08, and no message on a grid does."""
@@ -59,7 +59,7 @@ _LEAST_OUTAGE = 4.0
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
 _MOST_PERCENT = 95
-"""Of lags, the share that is told by: all but strays. A judgment."""
+"""Of lags, the share that is used: all but strays. A judgment."""
 _STRAIGHT = 0.75
 """Intervals from a line within which a tick or a dropping counter keeps every message."""
 _WIDER_THAN_TICK = 0.99
@@ -88,9 +88,9 @@ _LONGEST_OF_BATCHES = 20
 _MOST_HIDDEN = 0.9
 """Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
 _LEAST_SPEED = 0.5
-"""Of two clocks that tell of the same messages. A judgment."""
+"""Of two clocks that stamp the same messages. A judgment."""
 _SOME_HIDDEN = 0.005
-"""Share of the samples from which on it is told."""
+"""Share of the samples from which on it is reported."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
@@ -225,7 +225,7 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
 
 def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
     """
-    Tell whether the places of a grid are whole milliseconds, or tens or tenths of them.
+    Return whether the places of a grid are whole milliseconds, or tens or tenths of them.
 
     Of a sensor with such stamps, whatever is dropped in turn, two would follow each other.
     """
@@ -252,7 +252,7 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
                 - np.arange(len(time)) + np.repeat(first, sizes))
     leaps = lasts / interval - size
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
-    # Beginnings have no sawtooth, so that shorter distances tell, and those more surely.
+    # Beginnings have no sawtooth, so that shorter distances decide, and more surely.
     hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, _ERRORS)
     if hidden > _SOME_HIDDEN:
         # Something is lost. Of equal batches the sizes are binomial then, and say it more surely.
@@ -298,7 +298,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if np.max(np.abs(passed - own)) < 0.02 * interval:
         # One clock written down twice is no witness.
         return None
-    # Where no single one is missed, two at a time may be: the commonest numbers tell.
+    # Where no single one is missed, two at a time may be: the commonest numbers decide.
     counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
     few, many = np.sort(np.argsort(counts)[-2:]).tolist()
     one, more = (np.sort(passed[steps == count]) for count in (few, many))
@@ -307,7 +307,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
     if (float(one.std()) > _STRAIGHT * interval
             or abs(float(one.mean()) / interval - few) > 0.5 * few):
-        # Nor is one that is read in batches, or in whole seconds: what a batch hands over tells
+        # Nor is one that is read in batches, or in whole seconds: what a batch hands over shows
         # little of the moment.
         return None
     error = sqrt(float(one.var()) / len(one) + float(more.var()) / len(more)) / interval
@@ -337,14 +337,14 @@ def _even_with_outages(steps: Floats) -> float | None:
 
 def _overfull(time: Floats, interval: float) -> bool:
     """
-    Tell whether messages are more than the places of a grid, as those of its batches are.
+    Return whether messages are more than the places of a grid, as those of its batches are.
 
     Those that wait for a late one come together, too, but none comes before its time.
     """
     groups = len(time) // _GROUP
     phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
     falls = np.diff(phase.min(axis=1)) < -_EARLY
-    # Where they all wait there is no place to tell.
+    # Where they all wait there is no place to find.
     goes_on = phase[:, -1] - phase[:, 0] > -_GROUP / 2
     return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > _CROWDED)
 

@@ -46,7 +46,7 @@ _CLOCK_STEP_S = 1.0
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: such a leap is a fault of the stamps whatever the other says."""
 _LATELY = 128
-"""Messages by which lateness and jitter are told: some seconds at common rates."""
+"""Messages from which lateness and jitter are measured: some seconds at common rates."""
 _FOLLOW = 0.2
 """Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
 _FOLLOWED = 0.01
@@ -76,7 +76,7 @@ class Placing(Record):
         self._decision, self.cursor = memory.decision, memory.cursor
 
     def is_even(self, stamps: Stamps, consumed: int) -> bool:
-        """Tell whether the stamps are one interval apart, as is usual."""
+        """Return whether the stamps are one interval apart, as is usual."""
         cursor, decision = self.cursor, self._decision
         interval = decision.pace.interval_ns
         if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate
@@ -204,7 +204,7 @@ class Placing(Record):
         yield from self._put(messages, steps)
 
     def _as_before(self, messages: Messages) -> bool:
-        """Tell whether messages have the rate so far: batches with outages hide it in parts."""
+        """Return whether messages have the rate so far: batches with outages hide it in parts."""
         pace = measure_pace(messages.stamps[:messages.consumed])
         return pace is not None and abs(
             pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
@@ -254,7 +254,7 @@ class Placing(Record):
         return lost + count_steps(self._places(messages, lost), pace, late, cursor.begins)
 
     def _lost(self, messages: Messages) -> Ints:
-        """Messages lost before each one, by their numbers; 0 where stamps alone tell."""
+        """Messages lost before each one, by their numbers; 0 where stamps alone decide."""
         numbers, cursor, decision = messages.numbers, self.cursor, self._decision
         if numbers is None or not (decision.numbered and decision.pace.counting):
             return np.zeros(len(messages.stamps), dtype=np.int64)
@@ -282,7 +282,7 @@ class Placing(Record):
                 int(np.count_nonzero(short)))
 
     def _disagree(self, passed: float, counted: int, messages: int) -> bool:
-        """Tell whether stamps pass by other intervals than were counted; jitter makes a few."""
+        """Return whether stamps pass by other intervals than were counted; jitter makes a few."""
         pace = self._decision.pace
         width = sqrt(12) * pace.spread if pace.counting else 0.0
         return abs(passed - counted) > 4 + width + 0.003 * messages
@@ -415,7 +415,7 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """Give nanoseconds and places by which the rate is not told: gaps, and what is beside them."""
+    """Give nanoseconds and places that the rate leaves out: gaps, and what is beside them."""
     gaps = _gaps(passed, steps, tolerated, pace)
     if not pace.counting and np.count_nonzero(gaps) * SPARSE < len(gaps):
         # With jitter one place of a gap may be taken for one beside it.

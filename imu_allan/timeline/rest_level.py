@@ -3,7 +3,7 @@
 """
 The level of rest, in one class because what is found first is what then follows the sensor.
 
-A window is told by three statistics of each axis: the power within parts of 20 ms, that of the
+A window is judged by three statistics of each axis: the power within parts of 20 ms, that of the
 differences of their means, and the second difference of window means. These keep noise of every
 term stationary and nearly Gaussian however far it drifts, so thresholds follow from the median and
 the spread of the past and need no tuning to rate, noise level, quantization or steady vibration.
@@ -31,19 +31,19 @@ _PERSISTENT = 128
 _PERSISTENT_SHARE = 0.25
 """Of those so many must have been called motion: below, what was seen is knocks, unless..."""
 _LEAST_SHARE = 0.05
-"""... so many were and all windows are alike, as where a single axis has become louder."""
+"""... so many were and all windows are similar, as where a single axis has become louder."""
 _ADOPTED_RATIO = 3.0
 """What is so much louder than rest may be is an engine, not the sensor. A judgment."""
 _ADOPTED_SHARE = 0.9
-"""Of the windows of a new level that have to be alike: motion is not."""
+"""Of the windows of a new level that have to be similar: those of motion are not."""
 _FEWEST_WINDOWS = 8
 """Below, the spread of loudness is not measured: `_FEW_SPREAD` stands in."""
 _FEW_WINDOWS = 32
 """Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
 _FEW_SPREAD = 0.1
 """Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
-_TOLD_RATIO = 3.0
-"""Noise that has become so many times louder or quieter is told. A judgment."""
+_REPORTED_RATIO = 3.0
+"""Noise that has become so many times louder or quieter is reported. A judgment."""
 _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
 _QUIET_PERCENT = 12.5
@@ -57,7 +57,7 @@ QUIETER = 3.0 ** (2 / 3)
 _FINE = 0.7
 """Noise over a step from which on the step hides nothing: below, an output may rest for long."""
 _FEWEST_INNER = 4
-"""Windows with neighbours on both sides, of which the wander of their means is told."""
+"""Windows with neighbours on both sides, from which the wander of their means is measured."""
 _DITHER = 0.75
 """Of a squared step: an output of whole steps that flips between two has about a quarter."""
 
@@ -117,7 +117,7 @@ class RestLevel(Record):
     baseline : Baseline or None
         None before the first windows were looked at.
     first : ndarray, shape (12,), or None
-        Loudness by which the noise was last told.
+        Loudness when the noise was last reported.
     past, news : ndarray, shape (windows, 18), and list of such
         Loudness and wander of the windows at rest of the baseline, and of those since.
     lately : ndarray, shape (windows, 19)
@@ -147,7 +147,7 @@ class RestLevel(Record):
         full = [segment for segment in held if segment.held >= windows.size]
         if not full:
             # Between frequent gaps no segment may last a window: then each is one, but for the
-            # shorter ones. One sample has no noise, and two may be alike by chance.
+            # shorter ones. One sample has no noise, and two may be equal by chance.
             full = [segment for segment in held if len(segment.loudness) == 1]
             usual = np.median([segment.held for segment in full]) if full else 0
             full = [segment for segment in full if segment.held >= usual]
@@ -166,7 +166,7 @@ class RestLevel(Record):
             self.baseline, rest = settle(loudness, wander, resolution)
         else:
             # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
-            # of the quieter half, as surely as their samples tell it.
+            # of the quieter half, as surely as their samples measure it.
             quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
             centre = np.median(loudness[quieter], axis=0)
             few = Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)
@@ -182,7 +182,7 @@ class RestLevel(Record):
         self.past = self.past[~np.isnan(self.past).any(axis=1)]
 
     def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
-        """Tell windows too loud for rest; `shorter`: a window over the rows at hand."""
+        """Find windows too loud for rest; `shorter`: a window over the rows at hand."""
         assert self.baseline is not None
         loudest, widest = self.baseline.limits
         if shorter > 1:
@@ -193,7 +193,7 @@ class RestLevel(Record):
 
     def refine_resolution(self, segment: Segment, windows: Ints, size: int) -> bool:
         """
-        Look for smaller steps in the rows of `windows`; tell whether there are any.
+        Look for smaller steps in the rows of `windows`; return whether there are any.
 
         A change by one step of a coarse output is no motion, and some outputs rest for minutes
         before they show how small their step is.
@@ -211,13 +211,13 @@ class RestLevel(Record):
         return True
 
     def awake(self, loudness: Floats) -> Bools:
-        """Tell windows in which an axis changes that was constant until then."""
+        """Find windows in which an axis changes that was constant until then."""
         assert self.baseline is not None
         changes = (loudness[:, :6] > 0) & np.isinf(self.baseline.resolution)
         return np.asarray(changes.any(axis=1))
 
     def contrast(self, loudness: Floats) -> Floats:
-        """Give the logarithm by which each window is louder, none where no axis tells it."""
+        """Give the logarithm by which each window is louder, none where no axis shows it."""
         assert self.baseline is not None
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
@@ -240,8 +240,8 @@ class RestLevel(Record):
         known = (loud > 0) & np.isfinite(loud)
         quiet, alive = windows < self.baseline.far_quieter, (windows > 0) & known
         # A coarse or constant axis may be as it was, and one that stands still has died.
-        told: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
-        quieter = (np.sum(quiet & told, axis=1) > 0.5 * told.sum(axis=1)) & ~np.any(
+        judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
+        quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest(), axis=1)
         for at in range(first, last):
             self.quieter = self.quieter + 1 if quieter[at - first] else 0
@@ -254,7 +254,7 @@ class RestLevel(Record):
         assert self.baseline is not None
         found = baseline_of(segment.loudness[first:last], segment.wander()[first:last],
                             self.baseline.resolution)
-        # A few windows tell a spread to a factor of two.
+        # A few windows measure a spread to a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
                                 wander=2 * found.wander)
         self.first = found.loudness
@@ -312,7 +312,7 @@ class RestLevel(Record):
         known = (self.first > 0) & (baseline.loudness > 0)
         ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
         most = max(ratio.tolist(), key=lambda ratio: abs(log(ratio)), default=1.0)
-        if abs(log(most)) <= log(_TOLD_RATIO):
+        if abs(log(most)) <= log(_REPORTED_RATIO):
             return []
         self.first = baseline.loudness
         return [most]
@@ -364,7 +364,7 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
 
 def _dead(loudness: Floats, resolution: Floats) -> Bools:
     """
-    Tell windows in which an axis stood still, shape (n, 6).
+    Find windows in which an axis stood still, shape (n, 6).
 
     A fine one never does while others live. One that never lived, and coarse steps, are left.
     """

@@ -148,7 +148,7 @@ class TimelineStage(Record):
         return stage
 
     def summary(self) -> TimelineSummary:
-        """Tell what was seen of every message so far, those still held back included."""
+        """Summarize every message so far, those still held back included."""
         stage = self
         if self._pending or (self._memory.motion is not None and self._memory.motion.holds_back):
             stage = self.copy()

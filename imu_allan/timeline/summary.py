@@ -3,7 +3,7 @@
 """
 What was seen of the messages, as numbers.
 
-The result, `imu_allan info` and the node's /diagnostics all tell the story of one
+The result, `imu_allan info` and the node's /diagnostics all describe one
 `TimelineSummary`.
 """
 
@@ -107,7 +107,7 @@ class TimelineSummary:
 
 def summarize(memory: Memory, held_back: int) -> TimelineSummary:
     """
-    Tell what was seen.
+    Summarize what was seen.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
     if cursor.first_ns is not None and not decision.counted_only:
         boot_clock = cursor.first_ns < _EPOCH_CLOCK_NS
         first = max(cursor.first_ns, counts.receive.first_ns) if boot_clock else cursor.first_ns
-        # A table that counts from zero tells no date at all.
+        # A table that counts from zero has no date.
         start = iso_time(first) if first >= _EPOCH_CLOCK_NS else None
     jitter = None
     if cursor.jitter is not None and not decision.counted_only:
@@ -172,7 +172,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
 
 
 def _measured_rate(counts: Counts, decision: Decision) -> float | None:
-    """Tell samples per second of all unbroken segments."""
+    """Return samples per second of all unbroken segments."""
     if counts.paced_ns <= 0 or not counts.paced_steps:
         return None
     rate = counts.paced_steps / counts.paced_ns * SECOND

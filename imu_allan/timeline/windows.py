@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 PART_S = 0.02
-"""Loudness is told within such parts of a window, fast noise, and between them, slow noise."""
+"""Loudness is measured within such parts of a window, fast noise, and between them, slow noise."""
 
 _ROUNDING = 1e-13
 """Of the mean: a sum of some hundred equal values is off by less, any noise is larger."""
@@ -136,7 +136,7 @@ class Windows(Record):
             segment.describe(segment.joined()[None, -size:], self.part)
 
     def implausible(self, segment: Segment, first: int) -> Bools:
-        """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
+        """Find windows from number `first` of the arrays on whose mean moved beyond belief."""
         means = segment.means
         beyond = np.zeros(len(means), dtype=bool)
         for lag in self.lags:
@@ -150,7 +150,7 @@ class Windows(Record):
         return beyond[first:]
 
     def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
-        """Tell windows whose mean is beyond belief beside those of segments just before."""
+        """Find windows whose mean is beyond belief beside those of segments just before."""
         beyond = np.zeros(last - first, dtype=bool)
         reach, size = self.farthest * self.size, self.size
         begins = segment.first_index + (segment.base + first) * size
@@ -180,8 +180,8 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     Give means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6).
 
     Loudness is the cube root of the variance within parts, and of that of their means as the
-    differences of neighbouring ones tell it: a cube root makes a chi-square nearly normal whatever
-    its degrees of freedom. Axes without values count as zero.
+    differences of neighbouring ones measure it: a cube root makes a chi-square nearly normal
+    whatever its degrees of freedom. Axes without values count as zero.
     """
     windows, size, _ = rows.shape
     axes, parts = rows.transpose(2, 0, 1), size // part

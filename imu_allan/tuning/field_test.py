@@ -171,7 +171,7 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
 
 def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_s: float,
              coast_s: float, bias: Bias) -> tuple[float, float, Interval, Interval]:
-    """Tell what scaled noise and drift make of the numbers: best, and at both ends of each."""
+    """Return what scaled noise and drift make of the numbers: best, and at both ends of each."""
     (noise, noises), (drift, drifts) = scales
     time = tune(axis, aiding_s, coast_s, bias).correlation_time_s
 

@@ -189,7 +189,7 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
            aiding_interval_s: float = 0.1, coast_s: float = 60.0,
            correlation_time_s: float | None = None) -> FilterTuning:
     """
-    Tell what given numbers would reach in a filter, by the terms of (10) in docs/statistics.md.
+    Return what given numbers would reach in a filter, by the terms of (10) in docs/statistics.md.
 
     Parameters
     ----------

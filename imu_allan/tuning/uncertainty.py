@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
 """
 Spread of the logarithm of the drift (a standard deviation) between two halves of real recordings,
-where a result does not tell its own: half of that of the variance of the mean over 60 s.
+where a result does not have its own: half of that of the variance of the mean over 60 s.
 """
 _FEWEST = 3
 """Segments: of two the spread is off by any factor, and the usual one is nearer."""
@@ -117,7 +117,7 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     Add to the interval of a scaled drift what the shape of the model leaves open.
 
     The first recording knows that no better than it knows the drift over the longest time without
-    correction: the deviation of means over that, of which the noise tells nothing. The interval
+    correction: the deviation of means over that, about which the noise says nothing. The interval
     may be open on either side.
     """
     model = drift_model_of(axis)

@@ -54,7 +54,7 @@ class Answer:
         where each is largest; empty where none can be tuned.
     forecast : str
         How far off it is after `COAST_S` unaided, its bias averaged over
-        `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
+        `CALIBRATION_S` before; a standard deviation, empty where the data cannot show it.
     forecast_interval : str
         Of an accelerometer that of the position; empty where `UNCERTAIN` is all that is known.
     extrapolated : bool

@@ -318,7 +318,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
 
 def _marks(panel: Panel, letter: str, time_s: Array, mean: Array, at: NDArray[np.intp],
            scale: float) -> str:
-    """Draw the mark of an axis here and there on its curve: in grey colours are alike."""
+    """Draw the mark of an axis here and there on its curve: in grey, colours look the same."""
     return panel.points(time_s[at] / scale, mean[at], shape_of(letter),
                         [f'{letter} axis, after {duration(time_s[i])}: {number(mean[i], 3)}'
                          for i in at], [False] * len(at))

@@ -282,7 +282,7 @@ def wander(axis: AxisResult) -> tuple[Array, Array]:
 
 def marked(mean: Array, place: int) -> NDArray[np.intp]:
     """
-    Choose where the curve of a mean has the mark of its axis, for what colour does not tell.
+    Choose where the curve of a mean has the mark of its axis, where colour is not enough.
 
     Indices, `_MARKED` at most; `place` is that of the axis among those in the same picture: the
     marks of one lie between those of others.

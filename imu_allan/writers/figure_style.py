@@ -46,7 +46,7 @@ DARK = {'#d55e00': '#ff8c42', '#009e73': '#4fe3b4', '#2340a0': '#5a8cf0', '#1a1a
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
     'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
-"""Of the model's lines where several axes share a panel: in grey x and y are alike."""
+"""Of the model's lines where several axes share a panel: in grey, x and y look the same."""
 
 
 def empty_figure(width: float, height: float) -> Figure:

@@ -73,7 +73,7 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
 
 
 def is_result(path: str | os.PathLike[str]) -> bool:
-    """Tell a result file, or a folder with one, from a recording."""
+    """Return whether this is a result file, or a folder with one."""
     given = Path(path)
     return given.suffix == '.json' or (
         (given / 'result.json').is_file() and not holds_recording(given))

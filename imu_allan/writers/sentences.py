@@ -583,7 +583,7 @@ WORDS: Mapping[str, Words] = {
     'trend_or_walk': Words(
         'trend or random walk',
         'The slowest part may be a random walk or deterministic drift: K is an upper bound.',
-        'Models with and without a random walk explain the data alike.',
+        'Models with and without a random walk explain the data equally well.',
         says='the slowest part of the signal may be a random walk or a deterministic drift: K '
              'is given as an upper bound',
         do='record for longer, the sensor warm and at one temperature'),
@@ -754,7 +754,7 @@ WORDS: Mapping[str, Words] = {
         'Receive time and stamp are equal.',
         says=lambda f: f'merged {counted(f.count, "message")} with another of the same receive '
                        'time and stamp, of which the last counts: nothing else in such a file '
-                       'tells them apart'),
+                       'distinguishes them'),
     'many_topics': Words(
         'many topics', 'The recording holds more topics than are listed.',
         'They are counted.',

@@ -191,7 +191,7 @@ class Panel:
 
     def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
                hollow: Sequence[bool]) -> str:
-        """Return marks with what they tell under the pointer; an arrow for those outside."""
+        """Return marks with what is shown under the pointer; an arrow for those outside."""
         _, top, _, bottom = self.box
         marks = []
         for px, py, title, empty in zip(self.x(x), self.y(y), titles, hollow, strict=True):

@@ -60,8 +60,8 @@ def test_a_recording_that_knows_next_to_nothing_leaves_the_interval_of_another_a
 
 
 def test_error_averages_out_and_doubt_on_one_side_does_not(plain):
-    alike = [shown(plain, 'noise_density', 1.0e-3, (0.94e-3, 1.01e-3))] * 4
-    low, high = density_of(plain, *alike).ci95
+    same = [shown(plain, 'noise_density', 1.0e-3, (0.94e-3, 1.01e-3))] * 4
+    low, high = density_of(plain, *same).ci95
     assert high == pytest.approx(1.005e-3, rel=1e-3)
     assert 0.94e-3 < low < 0.95e-3
 

@@ -88,8 +88,8 @@ def test_which_half_and_how_much(first: float, second: float, higher: str) -> No
 def test_axes_that_say_the_same_together_are_believed_where_each_alone_is_not() -> None:
     uncertain = axis_of(1.5, 0.7, steps=300)
     assert halves_remarks({'gyro_x': uncertain}) == {}
-    alike = halves_remarks({f'gyro_{letter}': uncertain for letter in 'xyz'})
-    assert set(alike) == {'gyro_x', 'gyro_y', 'gyro_z'}
+    remarks = halves_remarks({f'gyro_{letter}': uncertain for letter in 'xyz'})
+    assert set(remarks) == {'gyro_x', 'gyro_y', 'gyro_z'}
     assert halves_remarks({'gyro_x': uncertain, 'gyro_y': axis_of(0.7, 1.5, steps=300),
                            'accel_z': uncertain}) == {}
 

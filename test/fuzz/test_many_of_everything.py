@@ -107,7 +107,7 @@ def test_a_recording_of_many_parts_costs_the_process_time_in_proportion(
     print(f'{written.__name__} {count}: {seconds:.1f} s of CPU, {kilobytes / 1000:.0f} MB')
     assert seconds < START_S + each_s * count
     assert kilobytes < LARGEST_KB
-    # Of thousands the first are listed, in the file and on the page alike; a topic has its line.
+    # Of thousands the first are listed, in the file and on the page; a topic has its line.
     assert len(out + error) < (150 * count if written is with_topics else 20_000)
 
 

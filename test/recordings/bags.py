@@ -243,4 +243,4 @@ def no_axes(header: str) -> str:
         'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
         f'({header[:80]}); a CSV recording begins with a line such as '
         'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, and --columns '
-        'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
+        'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')

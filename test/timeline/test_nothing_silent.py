@@ -600,9 +600,9 @@ def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
     messages.absent[1000:3500, 1] = True
     messages.samples[4500:4650, 0] = np.nan
     messages.samples[rng.random(len(messages.place)) < 0.01, 4] = np.nan
-    alike = characterized(messages).to_dict()
+    whole = characterized(messages).to_dict()
     for seed in range(2):
-        assert characterized(messages, np.random.default_rng(seed)).to_dict() == alike
+        assert characterized(messages, np.random.default_rng(seed)).to_dict() == whole
 
 
 @pytest.mark.parametrize('first_s', [15.0, 41.0])

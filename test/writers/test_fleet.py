@@ -131,11 +131,11 @@ def test_a_page_of_forty_units_can_be_read(make_result, tmp_path, browser, dark)
 
 
 def test_a_unit_is_named_where_it_sticks_out_and_not_among_the_dots_of_others(fleet):
-    alike = dict(fleet.results)
-    usual, odd = alike['unit1'], alike['unit5']
+    results = dict(fleet.results)
+    usual, odd = results['unit1'], results['unit5']
     # Of gyro x alone.
-    alike['unit5'] = replace(usual, axes={**usual.axes, 'gyro_x': odd.axes['gyro_x']})
-    figure = units_figure(Fleet(alike))
+    results['unit5'] = replace(usual, axes={**usual.axes, 'gyro_x': odd.axes['gyro_x']})
+    figure = units_figure(Fleet(results))
     named = [panel.get_title(loc='left') for panel in figure.axes
              if 'unit5' in {text.get_text() for text in panel.texts}]
     assert 'N gyro x' in named

@@ -25,9 +25,9 @@ def answer(recording: Recorded) -> Answer:
             capture_output=True, text=True, check=False)
         if done.returncode:
             raise RefusedError(done.stderr.strip().splitlines()[-1].removeprefix('error: '))
-        told = yaml.safe_load(output.read_text())
-    told = told.get('imu0', told)
+        written = yaml.safe_load(output.read_text())
+    written = written.get('imu0', written)
     sensors = {'gyro': 'gyroscope', 'accel': 'accelerometer'}
-    return {axis: {N: Estimate(float(told[f'{sensor}_noise_density'])),
-                   K: Estimate(float(told[f'{sensor}_random_walk']))}
+    return {axis: {N: Estimate(float(written[f'{sensor}_noise_density'])),
+                   K: Estimate(float(written[f'{sensor}_random_walk']))}
             for axis in AXES for sensor in [sensors[axis.partition('_')[0]]]}

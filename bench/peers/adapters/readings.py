@@ -21,8 +21,8 @@ def answer(recording: Recorded) -> Answer:
     for axis, samples in zip(AXES, recording.samples.T, strict=True):
         tau, deviation, _, _ = allantools.oadev(
             samples, rate=recording.rate_hz, data_type='freq', taus='octave')
-        told = tau <= len(samples) / recording.rate_hz / 9
-        tau, deviation = tau[told], deviation[told]
+        known = tau <= len(samples) / recording.rate_hz / 9
+        tau, deviation = tau[known], deviation[known]
         density = np.exp(np.interp(0.0, np.log(tau), np.log(deviation)))
         flat = deviation.min() / np.sqrt(2 * np.log(2) / np.pi)
         found[axis] = {N: Estimate(float(density)), B: Estimate(float(flat)),

@@ -59,7 +59,7 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
 
 
 def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
-    """Tell which bins hold noise enough beside a leak."""
+    """Return which bins hold noise enough beside a leak."""
     # Where a leak can be bounded only, it stays in.
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 

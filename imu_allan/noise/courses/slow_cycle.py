@@ -45,7 +45,7 @@ _NO_VIBRATION_S = 30.0
 _MOST_CYCLES = 32.0
 """In the record: of more, each has little to do with a random walk."""
 _FEWEST_CYCLES = 2.0
-"""Below, a strong one is not told from a mean that bends."""
+"""Below, a strong one cannot be distinguished from a mean that bends."""
 _FEW = (1, 4)
 """Harmonics by which the frequency is fitted first."""
 _FEWEST_GROUPS = 24

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SINGLE = 48
-"""Coefficients of a whole record that stay single: where the slow terms are told apart."""
+"""Coefficients of a whole record that stay single: where the slow terms are distinguished."""
 _PER_OCTAVE = 8
 """Bands to an octave: over one of them the spectrum of the terms changes by a few percent."""
 

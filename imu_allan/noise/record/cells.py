@@ -119,7 +119,7 @@ def renumbered(cells: Cells) -> tuple[Cells, int]:
 
 def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
     """
-    Tell where cells lie.
+    Return where cells lie.
 
     `cells`: in order of time. `size`: samples in a full cell. Returns shape (n,): the run of each
     cell, and its middle in samples: on the grid of the run, and with the runs one directly behind

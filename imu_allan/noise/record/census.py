@@ -23,7 +23,7 @@ _KINDS = {SAME: 1, OPPOSITE: 2}
 _ROUNDING = 1e-12
 """Of a value, or of 1: the same value twice, or about two references, may differ by so much."""
 BINS_PER_OCTAVE = 8
-"""Steps of 9 %: they tell 2 from 3 units of a step, and both from 4."""
+"""Steps of 9 %: they distinguish 2 from 3 units of a step, and both from 4."""
 _LOWEST_OCTAVE, _OCTAVES = -40, 64
 """From 1e-12 to 1e7, in any unit that a sample has."""
 _BINS = BINS_PER_OCTAVE * _OCTAVES
@@ -60,8 +60,8 @@ class Census(SideBySide):
     # (axes, bins): how many are of each magnitude, see `lower_edge`, up to an octave beyond
     # the end of the hole about zero
     sizes: Counts = field(init=False, metadata=AXES_FIRST)
-    # (axes, axes): flags of pairs that nothing has told apart
-    alike: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
+    # (axes, axes): flags of pairs whose samples were all equal so far
+    equal_pairs: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
 
     def begin(self) -> None:
         """Begin with nothing."""
@@ -70,7 +70,7 @@ class Census(SideBySide):
         self.at_ends = np.zeros((2, axes), np.int64)
         self.step = np.full(axes, np.inf)
         self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, _BINS), np.int64)
-        self.alike = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
+        self.equal_pairs = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
 
     def count(self, rows: Array, reference: Array) -> None:
         """
@@ -82,12 +82,12 @@ class Census(SideBySide):
         self._count_ends(rows)
         self._count_near_zero(rows, -reference)
         # Of all sensors but broken ones no pair is left after a few samples.
-        for one, other in np.argwhere(self.alike):
+        for one, other in np.argwhere(self.equal_pairs):
             for sign, bit in _KINDS.items():
-                if self.alike[one, other] & bit and not (
+                if self.equal_pairs[one, other] & bit and not (
                         reference[one] == sign * reference[other]
                         and np.array_equal(rows[one], sign * rows[other])):
-                    self.alike[one, other] &= ~bit
+                    self.equal_pairs[one, other] &= ~bit
         # The least step of a coarse output shows in so many; to look on takes a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
@@ -129,8 +129,8 @@ class Census(SideBySide):
 
     def copies(self) -> list[tuple[int, int, int]]:
         """Return the pairs of axes that give the same samples, by number, with their sign."""
-        return [(int(one), int(other), sign) for one, other in np.argwhere(self.alike)
-                for sign, bit in _KINDS.items() if self.alike[one, other] & bit]
+        return [(int(one), int(other), sign) for one, other in np.argwhere(self.equal_pairs)
+                for sign, bit in _KINDS.items() if self.equal_pairs[one, other] & bit]
 
     def merge(self, other: 'Census', shift: Array) -> None:
         """Add the samples of another record, moved by `shift` as its reference is another."""
@@ -144,7 +144,7 @@ class Census(SideBySide):
         self.step = np.minimum(self.step, other.step)
         self.zeros += other.zeros
         self.sizes += other.sizes
-        self.alike &= other.alike
+        self.equal_pairs &= other.equal_pairs
         self.samples += other.samples
 
     def check(self) -> None:

@@ -27,7 +27,7 @@ _FEWEST = 4
 _MOST = 256
 """... and at most: beyond, the level has changed."""
 _SHORT_ISLAND = 8
-"""Fewer cells in a row, beyond a gap longer than they are, tell chance from level too badly."""
+"""Fewer cells in a row beyond a longer gap do not distinguish a level from chance."""
 _EXACT = 64
 """Coefficients that are worked out one by one; above, a few to an octave, over all phases."""
 _PER_OCTAVE = 12

@@ -133,9 +133,9 @@ def shared_noise(interpolated: NDArray[np.int64], samples: int) -> Array:
         enter(np.abs(interpolated - received[np.where(there, row, 0)]), share * there)
     enter(np.zeros_like(interpolated), share - 1)
     for later in range(1, min(len(interpolated), LAGS)):
-        alike = last[:-later] - first[later:]
-        if alike.max() <= 0:
+        overlap = last[:-later] - first[later:]
+        if overlap.max() <= 0:
             break
         enter(interpolated[later:] - interpolated[:-later],
-              np.maximum(alike, 0) * share[later:] * share[:-later])
+              np.maximum(overlap, 0) * share[later:] * share[:-later])
     return total

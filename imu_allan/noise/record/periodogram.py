@@ -114,7 +114,7 @@ class BlockSum(Record):
 
     @property
     def gaps(self) -> Gaps:
-        """Tell what half-full points do to the white noise."""
+        """Return what half-full points do to the white noise."""
         return Gaps(0.0, np.full(self.power.shape[1], 1 + self.excess / self.blocks)
                     ) if self.excess else NO_GAPS
 

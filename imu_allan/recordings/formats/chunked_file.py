@@ -44,7 +44,7 @@ class Part:
     is_chunk : bool
         Which of the two.
     counts : dict of int to int
-        Messages by channel, as the index behind a chunk tells; empty without an index.
+        Messages by channel, as the index behind a chunk lists; empty without an index.
     indexes : list of (int, int)
         Place and length of the entries of each index behind a chunk.
 
@@ -231,7 +231,7 @@ class Damage:
             self.end = f'{left} bytes from byte {at} on are not whole records and are lost'
 
     def summary(self) -> str:
-        """Tell what is wrong, in short; nothing where nothing is."""
+        """Describe what is wrong in short, if anything is."""
         if self.broken_chunks:
             return (f'{counted(self.broken_chunks, "damaged chunk")} of {self.chunks} '
                     f'(the first {self.first_broken})')

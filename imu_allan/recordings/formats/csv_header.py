@@ -46,7 +46,7 @@ _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
 _LETTER = re.compile(r'([xyz])(?:[._-]?axis)?')
 _LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
                  'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
-"""Which tell the sensor of a bare x, y or z; a large G is a magnetometer's, too."""
+"""Which show the sensor of a bare x, y or z; a large G is a magnetometer's, too."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -86,7 +86,7 @@ class Columns:
     delimiter : str or None
         What stands between them; None for blanks.
     time, time_unit : int, str, or None
-        Number of the time column, and its unit; None where the numbers themselves must tell.
+        Number of the time column, and its unit; None where the numbers themselves decide.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
     ignored, lookalikes : tuple of str
@@ -167,7 +167,7 @@ def read_header(header: str, options: RecordingOptions, split: bool = True, stam
         raise ImuAllanError(
             f'the first line names none of the axes {", ".join(AXES)} ({shown}); a CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
-            'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
+            'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
     time, time_unit = (parts[0], 's') if parts else _clock(meanings, names, units, own_stamp)
     missing = len({axis.partition('_')[0] for axis in axes}) < len(_SENSORS) and not chosen
     return Columns(
@@ -178,7 +178,7 @@ def read_header(header: str, options: RecordingOptions, split: bool = True, stam
 
 def _meanings_by_name(named: Sequence[tuple[str, str | None]], own_stamp: int | None,
                       has_time: bool) -> dict[int, str]:
-    """Tell the axes and times by their names; the stamp of another message is only a last one."""
+    """Recognize axes and times by their names; the stamp of another message is only a last one."""
     counted = _numbered_axes([name for name, _ in named])
     found = {column: meaning for column, (name, unit) in enumerate(named)
              if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
@@ -192,7 +192,7 @@ def _meanings_by_name(named: Sequence[tuple[str, str | None]], own_stamp: int | 
 
 def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[str | None],
            own_stamp: int | None) -> tuple[int | None, str | None]:
-    """Choose the best of the times, and tell its unit."""
+    """Choose the best of the times, and find its unit."""
     times = [column for column, meaning in sorted(meanings.items()) if meaning == 'time']
     if own_stamp in times:
         times = [own_stamp]
@@ -324,7 +324,7 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 def meaning_of(name: str, unit: str | None = None) -> str | None:
     """
-    Tell what a column of this name is: ``'time'``, one of the axes, or None.
+    Return what a column of this name is: ``'time'``, one of the axes, or None.
 
     Examples
     --------
@@ -369,7 +369,7 @@ def is_rest_of_imu(cell: str) -> bool:
 
 def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
     """
-    Tell which axis each column is of three that are counted, from 0 or from 1.
+    Return which axis each column is of three that are counted, from 0 or from 1.
 
     Examples
     --------
@@ -475,7 +475,7 @@ def _converted(name: str, unit: str, si_unit: str) -> float:
 # ------------------------------------------------------------------------------------------- cells
 
 def cells_of(header: str) -> tuple[str | None, list[str]]:
-    """Tell what stands between the cells of a line, and take them apart."""
+    """Find the delimiter of a line, and split it into cells."""
     plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
     marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
     if len(marks) > 1 and all(map(is_number, filter(str.strip, plain.split(marks[1])))):

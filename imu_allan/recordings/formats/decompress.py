@@ -21,7 +21,7 @@ __all__ = [
 
 
 class DamagedData(ValueError):
-    """Data that cannot be what it is declared to be; the message tells why."""
+    """Data that cannot be what it is declared to be; the message says why."""
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:

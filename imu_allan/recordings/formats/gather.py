@@ -5,7 +5,7 @@ Messages of one topic out of a buffer of MCAP records, as arrays.
 
 An Imu topic's records nearly always have equal size and, in the buffer, equal distance. So runs of
 equal records are looked for, verified record by record in one comparison, and handed on as a view
-of the buffer. Where topics alternate, the message index tells where records begin; it is believed
+of the buffer. Where topics alternate, the message index says where records begin; it is believed
 only if the records it names fill the buffer without a gap. Without one, records are stepped
 through one by one. No message is assumed to be anywhere: each record's own opcode, length and
 channel are what counts.

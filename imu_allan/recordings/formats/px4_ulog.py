@@ -106,7 +106,7 @@ class UlogRecording(TableLog):
 
 
 class _Seen:
-    """What the messages of a topic tell about all of them."""
+    """What is known of all messages of a topic."""
 
     def __init__(self, fields: ImuFields) -> None:
         self.fields = fields

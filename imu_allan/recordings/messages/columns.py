@@ -46,7 +46,7 @@ def taken(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps.
     on_malformed : callable, optional
-        Told of bursts that are none; without it they raise MalformedImu.
+        Called for bursts that are none; without it they raise MalformedImu.
 
     """
     count = len(messages)

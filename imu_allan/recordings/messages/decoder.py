@@ -188,7 +188,7 @@ class FieldsDecoder:
 
     def _spread_increments(self, samples: NDArray[np.float64], header_ns: NDArray[np.int64],
                            receive_ns: NDArray[np.int64]) -> None:
-        """Divide increments whose duration no field tells by the step of the stamps."""
+        """Divide increments whose duration no field holds by the step of the stamps."""
         for first, vector in self._fields.vectors():
             if vector.per == '':
                 if not self._step_ns:

@@ -47,11 +47,11 @@ _DURATIONS_NS = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
 
 
 class NotRead(ImuAllanError):
-    """Messages that are not read; the message tells why."""
+    """Messages that are not read; the message says why."""
 
 
 def may_hold_imu(type_name: str) -> bool:
-    """Whether messages of a type might hold samples of an IMU, as far as its name tells."""
+    """Whether messages of a type might hold samples of an IMU, by its name."""
     return type_name.partition('/')[0] not in _OF_ROS
 
 

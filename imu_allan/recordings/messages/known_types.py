@@ -64,7 +64,7 @@ KNOWN: Mapping[str, ImuFields] = {
     # unitreerobotics/unitree_ros2: no stamp; the receive time is the clock.
     'unitree_go/msg/LowState': _UNITREE,
     'unitree_hg/msg/LowState': _UNITREE,
-    # analogdevicesinc/imu_ros2: increments over one sample, whose length no field tells.
+    # analogdevicesinc/imu_ros2: increments over one sample, whose length no field holds.
     'adi_imu/msg/VelAngTempData': ImuFields(
         _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
         temperature='temperature'),
@@ -86,6 +86,6 @@ _WITHOUT_RAW_DATA = (
 
 
 def reason_against(topic: str) -> str | None:
-    """Tell why a topic of another type holds no raw data; None where that is not known."""
+    """Return why a topic of another type holds no raw data; None where that is not known."""
     return next((reason for pattern, reason in _WITHOUT_RAW_DATA if pattern.fullmatch(topic)),
                 None)

@@ -9,7 +9,7 @@ process costs a tenth of a second at its start and then nothing. It is a fresh i
 fork of this one, whose threads and locks are therefore of no concern.
 
 The process gets the open recording on its standard input, and memory that both share. It fills one
-slot of that memory after the other and tells on its standard output which; a slot comes back on
+slot of that memory after the other and says on its standard output which; a slot comes back on
 its standard input once its messages are copied. Whoever ends first, the other one finds the pipe
 closed and ends too; the memory has no name and is gone with them.
 """

@@ -63,7 +63,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     specification : NoiseModel
         The limits.
     margin : float, optional
-        How near to a limit a unit may lie for the test to tell on which side: a tenth.
+        How near to a limit a unit may lie for the test to decide on which side: a tenth.
     error : float, optional
         Probability that a unit that keeps every limit fails, and that one that does not passes,
         each at most.

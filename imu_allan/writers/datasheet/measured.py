@@ -20,7 +20,7 @@ DEAD = 1e-3
 """
 Share of the limit of its noise density below which an axis is dead: no sensor is a thousand times
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little. The
-same share of the noise of the other segments tells an axis that died during the record.
+same share of the noise of the other segments shows an axis that died during the record.
 """
 _FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
 
@@ -189,7 +189,7 @@ def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], lis
     Give means and standard errors of some axes, of each recording that has them all.
 
     Where there are none, the result is of one recording, or of a node that may have been through
-    several starts: the mean of all of them tells that of one no better than they differ.
+    several starts: the mean of all of them is that of one no better than they differ.
     """
     starts = [(part.means, part.duration_s) for part in result.recordings
               if all(name in part.means for name in names)]

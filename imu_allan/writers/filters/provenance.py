@@ -114,7 +114,7 @@ def _consistency(numbers: Numbers) -> list[str]:
 
 
 def _met(numbers: Numbers, sensor: Sensor, name: str, axis: AxisResult) -> FilterTuning | None:
-    """Tell what a filter with the numbers that an axis gets reaches on it."""
+    """Return what a filter with the numbers that an axis gets reaches on it."""
     own = numbers.of_axis[name] and numbers.given(sensor, name)
     if not own or K not in own or numbers.aiding_s is None:
         return None

@@ -53,15 +53,15 @@ class Fleet:
 
     def grouped_reasons(self, unit: str) -> list[str]:
         """Return the same, the oddities of one quantity on several axes as one sentence."""
-        alike: dict[tuple[object, ...], list[Oddity]] = {}
+        groups: dict[tuple[object, ...], list[Oddity]] = {}
         for oddity in self.population.oddities:
             if oddity.unit == unit:
                 signed = oddity.key in (MEAN, 'rate_ramp') or oddity.median == 0
-                alike.setdefault((
+                groups.setdefault((
                     oddity.key and quantity_name(oddity.axis, oddity.key), oddity.fault,
                     oddity.key and _unit_of(oddity), signed, oddity.spreads is None),
                     []).append(oddity)
-        return [sentence(*same) for same in alike.values()]
+        return [sentence(*same) for same in groups.values()]
 
     @property
     def unseen(self) -> str:
