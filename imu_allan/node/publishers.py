@@ -61,7 +61,7 @@ class Publishers:
                    if one.last_ns >= newest)
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
-        """Return whose messages these are, `MIXED` where that is not known, and how many are lost."""
+        """Return whose messages these are, `MIXED` where unknown, and how many got lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:
