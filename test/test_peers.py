@@ -28,8 +28,8 @@ def peers() -> Any:
 
 @pytest.fixture
 def small(peers: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Make the sensor with white noise and a walk one of ten minutes."""
-    case = peers.simulated.Case('white noise and a walk', {
+    """Make the sensor with white noise and a random walk one of ten minutes."""
+    case = peers.simulated.Case('white noise and a random walk', {
         peers.recorded.N: 1e-4, peers.recorded.K: 3e-5}, rate_hz=50.0, hours=1 / 6)
     monkeypatch.setitem(peers.simulated.CASES, 'walk', case)
     monkeypatch.syspath_prepend(str(ROOT / 'bench' / 'peers'))

@@ -3,8 +3,8 @@
 """
 The sensors of the battery by family: full records, and spectra drawn from the model.
 
-N, B and K are those of a consumer gyroscope; WALKING has a walk that an hour shows. An hour at
-100 Hz is the rule, and 50 Hz where the filter runs at a multiple of that.
+N, B and K are those of a consumer gyroscope; WALKING has a random walk that an hour shows. An hour
+at 100 Hz is the rule, and 50 Hz where the filter runs at a multiple of that.
 """
 
 from dataclasses import dataclass, replace

@@ -92,7 +92,7 @@ def innovations(samples: Array, density: float, walk: float, rate_hz: float) -> 
     """
     Return the mean normalised innovation squared of a filter that tracks a bias.
 
-    State: a bias that walks with `walk`; measurement: the mean over CORRECTED_S with noise
+    State: a random walk of density `walk`; measurement: the mean over CORRECTED_S with noise
     `density`. 1 is right, above 1 the filter trusts itself too much. The first tenth is left out.
     """
     size = max(1, round(CORRECTED_S * rate_hz))

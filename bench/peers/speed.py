@@ -74,7 +74,7 @@ def measured(command: list[str]) -> dict[str, float]:
 
 
 def walking(messages: int) -> ImuBlock:
-    """Return a sensor at 1 kHz that walks so fast that no tool refuses it for showing no walk."""
+    """Return a sensor at 1 kHz whose random walk shows so clearly that no tool refuses it."""
     rng = np.random.default_rng(1)
     noise = rng.standard_normal((messages, 6))
     noise += np.cumsum(2e-3 * rng.standard_normal((messages, 6)), axis=0)

@@ -115,8 +115,8 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
              for name, axis in axes.items()}
     for name, one in tested.items():
         found[name] = replace(found[name], noise_factor=one.noise_factor,
-                              noise_ci95=one.noise_ci95, walk_factor=one.walk_factor,
-                              walk_ci95=one.walk_ci95)
+                              noise_ci95=one.noise_ci95, random_walk_factor=one.random_walk_factor,
+                              random_walk_ci95=one.random_walk_ci95)
     name = printable(args.verify)
     tables: list[Any] = [tuning_table.verification_table(found, name, args.bias, run=bool(tested))]
     if tested:

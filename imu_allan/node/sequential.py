@@ -21,7 +21,7 @@ term is. It is not there, or its interval misses by a half (`bench_looks.py --fi
 PROBABLE = 0.99
 """One in a hundred of those that are so probable is wrong, if the fit is right about it. Of 450
 terms of 75 IMUs 29 came, 1 of them wrong (`bench/bench_looks.py --seeds 100:125`). With 0.9 it is
-1 of 14 on the axes above, a flicker taken for a walk."""
+1 of 14 on the axes above, a flicker taken for a random walk."""
 ONE_LOOK_S = 600.0
 """The first look at a record of so long is one; a shorter one is followed by others at once."""
 RECEDES = 1.25

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_WALK_TIMES = 100.0
+_RANDOM_WALK_TIME = 100.0
 """Lengths of the record: a process of this correlation time is a random walk within it."""
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
 """Levels in units of the variance seen: 6 % apart, so that an end is known to 3 %."""
@@ -35,10 +35,10 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     Return the covariance of the means of neighbouring parts, without white noise.
 
     `part_s`: length of a part in seconds. Returns shape (parts, parts): right for what is left
-    after the mean of all is taken off: a walk has no other covariance.
+    after the mean of all is taken off: a random walk has no other covariance.
     """
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
-    slowest = _WALK_TIMES * parts * part_s
+    slowest = _RANDOM_WALK_TIME * parts * part_s
     walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
     covariance = np.zeros(lag.shape)
     for process in (*model.processes, walk):
@@ -72,9 +72,9 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
 
     `seen`, shape (segments,): mean square of the means about the mean of the segment. `white`:
     variance that white noise gives each mean. `shape`, shape (parts, parts): covariance of the
-    drift, to any scale; a walk's where it is zero. Returns: standard deviation of the drift, and
-    its 95 % interval: all levels that make neither so small nor so large a spread less likely than
-    1 in 40.
+    drift, to any scale; a random walk's where it is zero. Returns: standard deviation of the
+    drift, and its 95 % interval: all levels that make neither so small nor so large a spread less
+    likely than 1 in 40.
     """
     parts = len(shape)
     drift = about_mean(shape)

@@ -9,8 +9,8 @@ power law describes. The drift model is white noise, a random walk and at most f
 Gauss-Markov processes, all at least zero, fitted to the same spectrum below the frequency where it
 still is well-behaved. Two things keep it safe where the record says little: no half-octave counts
 for more than a misfit of 10 % allows, and every half-octave is drawn towards a fit of white noise,
-flicker and walk, whose walk is the upper end of what the record allows as often as the likeliest.
-No trend is fitted: it does not help prediction reliably, and ruins it on short records.
+flicker and random walk, whose walk is the upper end of what the record allows as often as the
+likeliest. No trend is fitted: it does not help prediction reliably, and ruins it on short records.
 
 References
 ----------
@@ -22,7 +22,7 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 from dataclasses import replace
 
 from imu_allan.noise.posterior.maximum import maximise, Solution
-from imu_allan.noise.record.groups import Groups, QUANTIZATION, WALK, WHITE
+from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
@@ -41,7 +41,7 @@ _EDGE_CHANCE = 2.6      # ... at 1 % for each
 _MISFIT = 0.1           # a relative misfit that may not decide what happens at the slow end
 _PRIOR_DOF = 4.0        # pseudo-observations a half-octave: fewer lets a short record invent
 _PER_DECADE = 2         # correlation times to choose from
-_LONGEST_SHARE = 3.0    # of the record: what is slower is a walk to it
+_LONGEST_SHARE = 3.0    # of the record: what is slower is a random walk to it
 _CLOSE = 1 / 3          # of a decade: neighbours that are one process
 _ROUGH = 1e-2
 """Loss to which a choice of processes is tried first; the best are then fitted to the end."""
@@ -146,7 +146,7 @@ def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
 
 
 def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
-    """Highest frequency up to which noise, flicker and walk describe the spectrum; the rest."""
+    """Highest frequency up to which N, B and K describe the spectrum; the rest."""
     scale = min(1.0, 1 / (dt * _EDGES_FROM_HZ))
     edge, band, terms = 0.0, groups, None
     for hz in _EDGES_HZ:
@@ -178,8 +178,8 @@ def _with(groups: Groups, dof: Array, power: Array) -> Groups:
 
 
 def _shrunk(band: Groups, terms: Solution) -> Groups:
-    """Draw the power of every half-octave towards that of white noise, flicker and walk."""
-    most = _most_walk(band, terms)
+    """Draw the power of every half-octave towards that of white noise, flicker and random walk."""
+    most = _most_random_walk(band, terms)
     prior = band.design @ (terms.theta + most.theta) / 2
     octave, dof = _half_octaves(band)
     pseudo = _PRIOR_DOF * band.dof / dof[octave]
@@ -187,17 +187,18 @@ def _shrunk(band: Groups, terms: Solution) -> Groups:
     return _with(band, counted, (band.dof * band.power + pseudo * prior) / counted)
 
 
-def _most_walk(band: Groups, best: Solution) -> Solution:
-    """Terms with the walk at the upper end of its one-sigma interval: likelihood ratio 1."""
+def _most_random_walk(band: Groups, best: Solution) -> Solution:
+    """Terms with the random walk at its upper one-sigma end: likelihood ratio 1."""
     def held(walk: float) -> Solution:
-        return maximise(band, best, fixed={QUANTIZATION: 0.0, WALK: walk**2}, tolerance=1e-3)
+        fixed = {QUANTIZATION: 0.0, RANDOM_WALK: walk**2}
+        return maximise(band, best, fixed=fixed, tolerance=1e-3)
 
     def excess(solution: Solution) -> float:
         return 2 * (solution.loss - best.loss) - 1
 
-    low = float(np.sqrt(best.theta[WALK]))
-    # The walk that the slowest coefficient alone would allow sets the scale of the search.
-    slowest = float(band.power[0] / band.design[0, WALK])
+    low = float(np.sqrt(best.theta[RANDOM_WALK]))
+    # The random walk that the slowest coefficient alone would allow sets the scale of the search.
+    slowest = float(band.power[0] / band.design[0, RANDOM_WALK])
     high = max(2 * low, 1e-3 * np.sqrt(slowest), 1e-150)
     while excess(upper := held(high)) < 0:
         low, high = high, 2 * high
@@ -219,7 +220,8 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
         for time in of.tolist():
             if time not in rows:
                 rows[time] = _process(band, dt, time)
-        columns = (band.design[:, WHITE], band.design[:, WALK], *(rows[t] for t in of.tolist()))
+        columns = (band.design[:, WHITE], band.design[:, RANDOM_WALK],
+                   *(rows[t] for t in of.tolist()))
         return maximise(band.with_design(np.stack(columns, axis=1)), tolerance=tolerance,
                         start=None if start is None else Solution(start, 0.0, np.inf))
 

@@ -20,7 +20,7 @@ from imu_allan.noise.drift_model import capped
 from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.record.bins import Bins, bins_of
-from imu_allan.noise.record.groups import grouped, Groups, WALK, WHITE
+from imu_allan.noise.record.groups import grouped, Groups, RANDOM_WALK, WHITE
 from imu_allan.noise.record.periodogram import SHORTEST, SpectrumSection
 from imu_allan.noise.terms import AXES, line_power
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
@@ -63,9 +63,9 @@ class FieldTest:
     # By which to multiply the tuned N and K, to be right there; for a filter with a Gauss-Markov
     # process N and its sigma, the correlation time as it is
     noise_factor: float
-    walk_factor: float
+    random_walk_factor: float
     noise_ci95: Interval
-    walk_ci95: Interval
+    random_walk_ci95: Interval
 
 
 def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
@@ -128,7 +128,7 @@ def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisRes
     """Return the spectrum with two columns: what a model predicts of noise, and of drift."""
     model = drift_model_of(axis)
     lines = step_s * float(line_power(axis.all_tones, step_s))
-    drift = bins.design[:, WALK] * model.rate_random_walk**2
+    drift = bins.design[:, RANDOM_WALK] * model.rate_random_walk**2
     for process in model.processes:
         # A stop is short beside a slow process: the spectrum of an endless record is not its.
         power = {length: dct_power(process.correlation_time_s, step_s, length)

@@ -48,7 +48,7 @@ class DriftForecast:
     position_ci95 : tuple of (float, float) or None
     known_to_s : float
         The longest time, of an outage or of a calibration, that the recording speaks of; beyond it
-        the values are widened by a walk that it could not have shown.
+        the values are widened by a random walk that it could not have shown.
 
     """
 

@@ -118,8 +118,8 @@ def steady_covariance(space: StateSpace) -> Array:
     ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space: by doubling, which takes 2^k
     steps in k (E. K.-W. Chu et al., Int. J. Control 77, 2004).
     """
-    # Not scipy's solve_discrete_are: beside a walk of K = 0 it may give, without an error, what
-    # solves nothing, and it takes twenty times as long.
+    # Not scipy's solve_discrete_are: beside a random walk of K = 0 it may give, without an error,
+    # what solves nothing, and it takes twenty times as long.
     gain = space.cross / space.measurement
     a = (space.transition - gain @ space.observation).T
     g = space.observation.T @ space.observation / space.measurement

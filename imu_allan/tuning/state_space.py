@@ -93,9 +93,9 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     -------
     StateSpace
         Exact for a step t: a process of (8) of docs/statistics.md decays by ``exp(-t/T)``, enters
-        the mean with w(t/T) of (9) and is driven by ``sigma^2 (1 - exp(-2 t/T))``; the walk is
-        driven by ``K^2 t``; the mean has ``N^2/t + K^2 t/3`` of its own besides what the processes
-        add.
+        the mean with w(t/T) of (9) and is driven by ``sigma^2 (1 - exp(-2 t/T))``; the random walk
+        is driven by ``K^2 t``; the mean has ``N^2/t + K^2 t/3`` of its own besides what the
+        processes add.
 
     Raises
     ------

@@ -41,9 +41,9 @@ _EXCESS = 10 ** np.linspace(0, 1, 41)
 """Factors of squared noise density for a filter that is to predict enough: 3 % of N apart."""
 _CLEARLY = 8.0
 """
-Times as long as a walk takes to reach the white noise: over so long a process is known by what it
-does. Less makes a conservative filter overconfident on more real halves, more makes it wider:
-chosen on the 24 halves of two ADIS16405, which therefore do not validate it.
+Times as long as a random walk takes to reach the white noise: over so long a process is known by
+what it does. Less makes a conservative filter overconfident on more real halves, more makes it
+wider: chosen on the 24 halves of two ADIS16405, which therefore do not validate it.
 """
 _KEPT = 256
 """Tunings: a report writes configurations of some thirty consumers, most of the same wishes."""
@@ -68,7 +68,7 @@ class FilterTuning:
     known_from_s, known_to_s : float
         Horizons that the recording speaks of. Below them the noise density is that of the band it
         knows, or more where the curve stands above; beyond them what is expected was widened by
-        a walk that the recording could not have shown.
+        a random walk that the recording could not have shown.
 
     """
 
@@ -171,8 +171,9 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
     if s2 <= 0:
         raise ImuAllanError('this axis has no noise: there is nothing to tune a filter with')
     excess = _EXCESS if conservative else _EXCESS[:1]
-    filters = (_walks(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
-               else _markovs(s2, aiding_interval_s, coast_s, excess[::3], correlation_time_s))
+    filters = (_with_random_walk(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
+               else _with_gauss_markov(s2, aiding_interval_s, coast_s, excess[::3],
+                                       correlation_time_s))
     predicted = filters.predicted(horizons)
     expected = truth.expected(filters, horizons)
     wanted = truth.upper(filters, horizons) if conservative else expected
@@ -214,7 +215,7 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
 
     Examples
     --------
-    Ten times the walk makes an outage bound several times too wide:
+    Ten times the random walk makes an outage bound several times too wide:
 
     >>> import imu_allan
     >>> rates = imu_allan.simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4},
@@ -239,7 +240,7 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_i
     truth = Truth(axis)
     horizons = _horizons(aiding_interval_s, coast_s)
     white, walk = np.array([noise_density**2]), np.array([random_walk**2])
-    filters = Filters.walking(white, walk, aiding_interval_s)
+    filters = Filters.with_random_walk(white, walk, aiding_interval_s)
     if correlation_time_s is not None:
         filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
                                  np.array([correlation_time_s]), aiding_interval_s)
@@ -275,7 +276,7 @@ class Filters:
     covariance: Array    # of the state after a correction
 
     @classmethod
-    def walking(cls, white: Array, walk: Array, aiding_s: float) -> 'Filters':
+    def with_random_walk(cls, white: Array, walk: Array, aiding_s: float) -> 'Filters':
         """Return filters with a random walk."""
         r, q = white / aiding_s + walk * aiding_s / 3, walk * aiding_s
         p = np.sqrt(q * r - q**2 / 4)
@@ -332,7 +333,7 @@ class Truth:
         return max(float(measured) - model, 0.0)
 
     def _shows_s(self, walk: float) -> float:
-        """Averaging time from which on a walk is above the white noise, as far as is known."""
+        """Averaging time from which on a random walk exceeds the white noise, if known."""
         white = float(np.sqrt(3)) * self.model.noise_density
         return min(white / walk, self.model.to_s) if walk > 0 else self.model.to_s
 
@@ -367,7 +368,7 @@ class Truth:
                     + line_power(self.axis.all_tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
-        # Over short times a process is a walk, too. Its Allan variance is highest at 1.89
+        # Over short times a process is a random walk, too. Its Allan variance is highest at 1.89
         # correlation times.
         processes = [(min(1.89 * p.correlation_time_s,
                           _CLEARLY * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
@@ -375,8 +376,8 @@ class Truth:
         if walk > 0:
             shows_s = self._shows_s(walk)
             if np.isfinite(filters.time).any():
-                # A walk leaves a filter that forgets behind in the end. It is followed for as long
-                # as the recording has seen it.
+                # A random walk leaves a filter that forgets behind in the end. It is followed for
+                # as long as the recording has seen it.
                 time = 10 * self.model.to_s
                 processes.append((shows_s, GaussMarkov(walk * float(np.sqrt(time / 2)), time)))
             else:
@@ -403,14 +404,15 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
     return replace(base, random_walk=float(np.sqrt(filters.walk[at])))
 
 
-def _walks(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
-    """Pairs (N, K) to choose from: what the walk does not explain at the aiding interval is N."""
+def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
+    """Pairs (N, K) to choose from: what K does not explain at the aiding interval is N."""
     more, walk = (part.ravel() for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
-    return Filters.walking(more * _white(s2, walk * aiding_s / 3, aiding_s), walk, aiding_s)
+    white = more * _white(s2, walk * aiding_s / 3, aiding_s)
+    return Filters.with_random_walk(white, walk, aiding_s)
 
 
-def _markovs(s2: float, aiding_s: float, coast_s: float, excess: Array, time_s: float | None
-             ) -> Filters:
+def _with_gauss_markov(s2: float, aiding_s: float, coast_s: float, excess: Array,
+                       time_s: float | None) -> Filters:
     """Triples (N, sigma, Tc) to choose from."""
     # Correlation times, from one correction to ten times the longest time without.
     times = (np.geomspace(aiding_s, 10 * coast_s, 25) if time_s is None
@@ -426,7 +428,7 @@ def _markovs(s2: float, aiding_s: float, coast_s: float, excess: Array, time_s: 
 
 def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
     """Squared densities: from what nobody would see to three times everything there is."""
-    # A walk of 1 % of N over the longest time without makes 1 % of the variance then.
+    # A random walk of 1 % of N over the longest time without makes 1 % of the variance then.
     decades = 1 - 2 * np.log10(1e-2 * aiding_s / coast_s)
     return np.asarray(s2 / aiding_s * 10 ** (1 - _STEP * np.arange(decades / _STEP + 1)))
 

@@ -74,10 +74,10 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
     """
-    Return what a walk may add to the mean over each horizon beyond those the recording knows.
+    Return what a random walk may add to the mean over horizons beyond the recording.
 
-    It is a walk that just reaches the level of the model at the longest horizon known, and so
-    could have stayed hidden.
+    It is a random walk that just reaches the level of the model at the longest horizon known, and
+    so could have stayed hidden.
     """
     model = drift_model_of(axis)
     level = float(drift_avar(model, axis.all_tones, model.to_s))
@@ -180,8 +180,8 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     Return the upper bound of a noise term that the data does not show; None where there is none.
 
     A course that bends as a random walk does, and is taken out of the fit, can take with it all
-    that the data says of the walk; its bound then is any number. But the measured curve holds the
-    term, and the courses besides.
+    that the data says of the random walk; its bound then is any number. But the measured curve
+    holds the term, and the courses besides.
     """
     bound = axis.coefficients[key].upper95
     # A result file that was tampered with may hold a curve of which a part is missing.

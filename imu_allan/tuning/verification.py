@@ -40,11 +40,11 @@ class Verification:
     met: FilterTuning    # the numbers, with what they meet in the other recording
     # By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process
     noise_factor: float
-    walk_factor: float
+    random_walk_factor: float
     # Intervals of the factors, from that of the other's curve at the two ends; that of the drift
     # as far as the first recording knows its own
     noise_ci95: Interval
-    walk_ci95: Interval
+    random_walk_ci95: Interval
     excess: tuple[Excess, ...]
 
 

@@ -98,7 +98,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         axis = next(iter(axes.values()))
         noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
                                                                'rate_random_walk'))
-        # The rows of the coefficients have a walk whatever the filter takes its bias for.
+        # The rows of the coefficients have a random walk whatever the filter takes its bias for.
         second = ('K', f'K {walk}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {walk}')
         parts.append(Text(f'\n{title}: N {noise}, {second[1]}, predicted {axis.unit}'))
@@ -281,7 +281,7 @@ def verification_table(found: Mapping[str, Verification], other: str,
         bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
         expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
         table.add_row(spoken(name), *expected, _factor(one.noise_factor, one.noise_ci95),
-                      _factor(one.walk_factor, one.walk_ci95),
+                      _factor(one.random_walk_factor, one.random_walk_ci95),
                       *(bands.get(span, '') for span in spans))
     return Group(
         Text(f'The tuned numbers held against {other}:'), table,
@@ -336,8 +336,8 @@ def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Ve
     second = 'walk' if bias == 'random_walk' else 'sigma'
     for name, one in against.items():
         axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
-                      f'{second}_factor': one.walk_factor,
-                      f'{second}_ci95': _finite(one.walk_ci95),
+                      f'{second}_factor': one.random_walk_factor,
+                      f'{second}_ci95': _finite(one.random_walk_ci95),
                       'excess': [asdict(excess) for excess in one.excess]}
         if name in found:
             test = found[name]

@@ -36,7 +36,7 @@ def axis_of(first: float, second: float, steps: int = 118) -> AxisResult:
 
 
 def gyro(louder: float, axes: int = 1, seed: int = 0) -> Result:
-    """Characterize a gyroscope that walks so many times as much in the second half."""
+    """Characterize a gyroscope with so many times the random walk in its second half."""
     half = round(HALF_S * RATE)
     columns = []
     for axis in range(axes):

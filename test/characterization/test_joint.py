@@ -213,7 +213,7 @@ def test_a_walk_too_small_to_show_is_no_turn_on_bias():
     walk = {'noise_density': 1e-3, 'rate_random_walk': 3e-5}
     axis = characterize(simulate(walk, 60_000, 100.0, seed=31), 100.0)
     assert not axis.coefficients['rate_random_walk'].observable
-    # As far apart as the walk brings two means of ten minutes: 2 standard deviations.
+    # As far apart as the random walk brings two means of ten minutes: 2 standard deviations.
     apart = 2 * 3e-5 * np.sqrt(2 * 600 / 3)
     assert turn_on_bias([0.0, apart], axis, [600.0, 600.0]).ci95[0] == 0.0
     assert turn_on_bias([0.0, 100 * apart], axis, [600.0, 600.0]).ci95[0] > 0.0

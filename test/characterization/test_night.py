@@ -169,7 +169,7 @@ def test_whole_nights_with_everything_on_every_axis_and_with_one_cause_on_each(t
     right = []
     for seed in range(6):
         for number, causes in enumerate((ALONE, dict.fromkeys(AXES, EVERYTHING))):
-            # Of a noise of its own: what passes for a walk by chance would count twice.
+            # Of a noise of its own: what passes for a random walk by chance would count twice.
             night = Night(8, 8, causes, 100 + 2 * seed + number)
             live = night.live(np.random.default_rng(seed))
             assert slammed(night, live)

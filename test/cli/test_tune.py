@@ -171,7 +171,7 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
     assert out.index('One unaided minute') < out.index('Filters with these numbers')
     for axis in json.loads(path.read_text())['verification']['axes'].values():
         assert axis['sigma_factor'] > 0
-        assert 'walk_factor' not in axis
+        assert 'random_walk_factor' not in axis
     drawn = picture.read_text()
     for word in ('Drift observed in', 'Gyroscope', 'Accelerometer', 'x axis', '60 s'):
         assert word in drawn, word

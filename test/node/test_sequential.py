@@ -19,7 +19,7 @@ import pytest
 from ros_harness import Driver, Ros
 from std_msgs.msg import String
 
-WALK = 'rate_random_walk'
+RANDOM_WALK = 'rate_random_walk'
 
 
 @pytest.fixture(scope='module')
@@ -33,7 +33,7 @@ def fitted() -> Result:
 
 def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
        moved_s: float = 0.0) -> Result:
-    """Give the result as that of another time, in which the walk of one axis shows or not."""
+    """Give the result as that of another time, in which K of one axis shows or not."""
     axis = result.axes['gyro_x']
     walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None) if observable else
             Coefficient('K', 'u', False, None, None, 4.0, observable_in_s=wait_s))
@@ -41,11 +41,11 @@ def at(result: Result, seconds: float, observable: bool, wait_s: float | None = 
         result, timeline=replace(
             result.timeline, samples=round(100 * seconds), sample_rate_hz=100.0,
             duration_s=seconds, motion=(Span(1.0, moved_s),) if moved_s else ()),
-        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, WALK: walk})})
+        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, RANDOM_WALK: walk})})
 
 
 def seen(looks: SequentialLooks, fits: Sequence[Result]) -> list[Coefficient]:
-    return [looks.judged(fit).axes['gyro_x'].coefficients[WALK] for fit in fits]
+    return [looks.judged(fit).axes['gyro_x'].coefficients[RANDOM_WALK] for fit in fits]
 
 
 def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_record(
@@ -74,9 +74,9 @@ def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
     def probably(seconds: float, presence: float) -> Result:
         result = at(fitted, seconds, True)
         axis = result.axes['gyro_x']
-        walk = axis.coefficients[WALK]
+        walk = axis.coefficients[RANDOM_WALK]
         return replace(result, axes={'gyro_x': replace(axis, coefficients={
-            **axis.coefficients, WALK: replace(walk, presence=presence)})})
+            **axis.coefficients, RANDOM_WALK: replace(walk, presence=presence)})})
 
     found = seen(SequentialLooks(), [probably(10.0 * number, presence) for number, presence
                                      in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
@@ -90,7 +90,7 @@ def test_nothing_is_expected_where_no_more_comes(fitted: Result) -> None:
     looks = SequentialLooks()
     seen(looks, [at(fitted, time, False, 500 - time) for time in (10.0, 20.0, 30.0)])
     last = looks.judged(at(fitted, 31.0, False, 469.0), more_comes=False)
-    assert last.axes['gyro_x'].coefficients[WALK].observable_in_s is None
+    assert last.axes['gyro_x'].coefficients[RANDOM_WALK].observable_in_s is None
     assert seen(looks, [at(fitted, 40.0, False, 460.0)])[0].observable_in_s == 460.0
 
 

@@ -12,7 +12,7 @@ CENTRE = np.eye(PARTS) - 1 / PARTS
 RECORDS = 2000
 MODELS = {
     'white': DriftModel(1e-3, 0.0, (), 0.1, 1e4),
-    'white and walk': DriftModel(1e-3, 1e-5, (), 0.1, 1e4),
+    'white and random walk': DriftModel(1e-3, 1e-5, (), 0.1, 1e4),
     'walk': DriftModel(1e-6, 1e-4, (), 0.1, 1e4),
     'fast process': DriftModel(1e-4, 0.0, (GaussMarkov(1e-3, 20.0),), 0.1, 1e4),
     'several': DriftModel(5e-4, 2e-6, (GaussMarkov(2e-4, 5.0), GaussMarkov(2e-4, 300.0)),

@@ -41,7 +41,7 @@ def test_slow_noise_comes_back_as_processes_of_its_allan_variance(terms, hours, 
 
 
 def test_a_process_that_the_fit_has_found_keeps_the_long_end_down():
-    """Doubt about a walk that the data has already ruled out is worth nothing."""
+    """Doubt about a random walk that the data has already ruled out is worth nothing."""
     terms = {'noise_density': N, 'gauss_markov': {'sigma': N, 'correlation_time_s': 60.0}}
     groups = groups_of(simulate(terms, HOUR, RATE, seed=1))
     truth = gauss_markov_avar(N, 60.0, [600.0])[0]

@@ -117,7 +117,7 @@ def test_behind_a_low_pass_a_rounded_output_adds_no_plateau():
 
 OTHERS = {
     'flicker': ({'bias_instability': 3e-4}, None),
-    'flicker and a walk': ({'bias_instability': 3e-4, 'rate_random_walk': 6e-5}, None),
+    'flicker and a random walk': ({'bias_instability': 3e-4, 'rate_random_walk': 6e-5}, None),
     'low-pass of the first order': ({'bias_instability': 3e-4}, butter(1, 20, fs=100)),
     'low-pass of two samples': ({'bias_instability': 3e-4}, ([0.5, 0.5], [1.0])),
     'low-pass that takes an eighth': ({'bias_instability': 3e-4}, ([0.967, 0.033], [1.0])),

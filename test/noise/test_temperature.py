@@ -15,7 +15,7 @@ RATE = 4.0
 DURATION = 7200.0
 TIME = np.arange(round(DURATION * RATE)) / RATE
 NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
-WALK = {**NOISE, 'rate_random_walk': 3e-5}
+RANDOM_WALK = {**NOISE, 'rate_random_walk': 3e-5}
 RECORDS = 3
 """Each takes a tenth of a second."""
 
@@ -34,7 +34,7 @@ def heated(seed=0):
 
 
 def walking(seed=0):
-    """Give a temperature that walks by 3 K."""
+    """Give a temperature that is a random walk of 3 K."""
     steps = np.random.default_rng(seed).standard_normal(len(TIME))
     return 20 + 3 * np.cumsum(steps) / np.sqrt(len(TIME))
 
@@ -96,7 +96,7 @@ def test_a_mean_that_bends_with_the_temperature_shows_the_square():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('model', [slow(NOISE), WALK])
+@pytest.mark.parametrize('model', [slow(NOISE), RANDOM_WALK])
 def test_an_unrelated_temperature_changes_nothing(model):
     for one, plain in zip(axes_of(model, warm_up_and_cycle), axes_of(model, None), strict=True):
         assert one.trend.temperature is None
@@ -139,7 +139,7 @@ def test_a_thermometer_without_a_lag_has_none():
 
 
 def test_a_thermometer_that_lags_steals_no_random_walk():
-    found = axes_of(WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
+    found = axes_of(RANDOM_WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
                     lambda seed: 1e-3 * warm_up_and_cycle(seed))
     assert share(one.trend.temperature is not None for one in found) > 0.7
     assert share(walk_of(one).observable for one in found) > 0.6
@@ -163,13 +163,13 @@ def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
             warm_up_and_cycle, heated, lambda seed: 20 + np.cumsum(
                 np.random.default_rng(seed).standard_normal(len(TIME))) / 50)]
 
-    named = [one.trend.temperature is not None for model in (NOISE, WALK)
+    named = [one.trend.temperature is not None for model in (NOISE, RANDOM_WALK)
              for celsius in temperatures(1) for one in axes_of(model, celsius, records=60)]
     walks = [walk_of(one).observable for celsius in temperatures(2)
              for one in axes_of(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
                                 lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
     print(f'unrelated, named: {sum(named)} of {len(named)}; '
-          f'a walk beside a lag: {sum(walks)} of {len(walks)}')
+          f'a random walk beside a lag: {sum(walks)} of {len(walks)}')
     assert share(named) <= 0.05
     assert share(walks) <= 0.05
 

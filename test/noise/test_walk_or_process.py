@@ -11,7 +11,7 @@ import pytest
 
 RATE = 10.0
 NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
-WALK, FLICKER = 'rate_random_walk', 'bias_instability'
+RANDOM_WALK, FLICKER = 'rate_random_walk', 'bias_instability'
 SIGMA, TIME_S = 1e-3, 60.0
 
 
@@ -25,7 +25,7 @@ def beside_a_process():
 
 def test_a_process_is_seldom_reported_as_a_walk(beside_a_process):
     # Of .39 +- .04 of such records more than 13 in 20 come once in 200.
-    walks = [axis.coefficients[WALK].observable for axis, _ in beside_a_process]
+    walks = [axis.coefficients[RANDOM_WALK].observable for axis, _ in beside_a_process]
     assert sum(walks) <= 13
 
 
@@ -36,11 +36,11 @@ def test_flicker_beside_such_a_process_is_seldom_too_large(beside_a_process):
 
 
 def test_a_walk_that_goes_on_is_known_nearly_as_well_as_by_the_bound():
-    terms = {**NOISE, WALK: 1e-4}
-    walks = [characterized(simulate(terms, 72_000, RATE, seed), RATE)[0].coefficients[WALK]
+    terms = {**NOISE, RANDOM_WALK: 1e-4}
+    walks = [characterized(simulate(terms, 72_000, RATE, seed), RATE)[0].coefficients[RANDOM_WALK]
              for seed in range(20, 30)]
     assert all(walk.observable for walk in walks)
     # Two of ten outside come once in 12 such tests, three once in 90; these are fixed.
-    assert sum(holds(walk, terms[WALK]) for walk in walks) >= 8
-    bound = reference_widths(Sensor(RATE, 7200, terms))[WALK]
+    assert sum(holds(walk, terms[RANDOM_WALK]) for walk in walks) >= 8
+    bound = reference_widths(Sensor(RATE, 7200, terms))[RANDOM_WALK]
     assert 0.8 < np.median([high - low for low, high in map(ends, walks)]) / bound < 1.5

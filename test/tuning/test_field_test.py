@@ -53,8 +53,8 @@ def test_the_same_sensor_is_met_as_claimed():
             assert low < coast.observed_rms < high
         assert [coast.horizon_s for coast in one.tuned.coasts] == [10, 60, 300]
         assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
-        assert one.walk_ci95[0] < 1 < one.walk_ci95[1]
-        assert one.walk_ci95[1] / one.walk_ci95[0] < 2
+        assert one.random_walk_ci95[0] < 1 < one.random_walk_ci95[1]
+        assert one.random_walk_ci95[1] / one.random_walk_ci95[0] < 2
 
 
 def test_threefold_noise_is_a_factor_of_the_noise_and_fourfold_drift_of_the_walk():
@@ -62,12 +62,12 @@ def test_threefold_noise_is_a_factor_of_the_noise_and_fourfold_drift_of_the_walk
         assert one.tuned.innovations[0].nis == pytest.approx(8, abs=1.5)
         assert one.noise_ci95[0] < 3 < one.noise_ci95[1]
         assert one.noise_factor == pytest.approx(3, rel=0.1)
-        assert one.walk_ci95[0] < 1 < one.walk_ci95[1]
+        assert one.random_walk_ci95[0] < 1 < one.random_walk_ci95[1]
     for one in met_in(rest(7200, drift=4.0)).values():
         assert one.full.innovations[1].nis > 2
         assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
-        assert one.walk_factor == pytest.approx(4, rel=0.3)
-        assert one.walk_ci95[0] < 4 < one.walk_ci95[1]
+        assert one.random_walk_factor == pytest.approx(4, rel=0.3)
+        assert one.random_walk_ci95[0] < 4 < one.random_walk_ci95[1]
 
 
 def test_a_filter_with_a_process_is_run_as_one():
@@ -83,8 +83,8 @@ def test_a_filter_with_a_process_is_run_as_one():
     own = tune(axes['gyro_y'], 1.0, bias='gauss_markov')
     there = tune(axis_of(N, 3 * K, processes=((9e-4, 100.0),)), 1.0, bias='gauss_markov',
                  correlation_time_s=own.correlation_time_s)
-    assert process.walk_ci95[0] < there.sigma / own.sigma < process.walk_ci95[1]
-    assert process.walk_factor > 1.8
+    assert process.random_walk_ci95[0] < there.sigma / own.sigma < process.random_walk_ci95[1]
+    assert process.random_walk_factor > 1.8
     assert process.noise_ci95[0] < 1 < process.noise_ci95[1]
 
 
@@ -97,16 +97,16 @@ def test_another_posture_at_every_stop_is_no_drift():
         assert one.stops == 30
         assert one.tested_s == pytest.approx(1200)
         assert one.full.innovations[0].nis == pytest.approx(1, abs=0.25)
-        assert one.walk_ci95[0] < 1
-        assert one.walk_factor < 2
+        assert one.random_walk_ci95[0] < 1
+        assert one.random_walk_factor < 2
 
 
 def test_a_factor_that_the_recording_cannot_tell_is_said_to_be_open():
     [one] = field_test({'gyro_x': axis_of(N, 1e-12)}, means_of(EvenBlock(rest(60), 0)),
                        1.0).values()
-    assert one.walk_ci95 == (0, np.inf)
+    assert one.random_walk_ci95 == (0, np.inf)
     [one] = field_test({'gyro_x': axis_of(N)}, means_of(EvenBlock(rest(60), 0)), 1.0).values()
-    assert one.walk_ci95 == (0, np.inf)
+    assert one.random_walk_ci95 == (0, np.inf)
     assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
 
 
@@ -127,7 +127,7 @@ def test_factors_lie_in_their_intervals():
     for seed in range(100):
         for one in met_in(rest(1800, noise=2.0, drift=3.0, seed=seed)).values():
             inside += [one.noise_ci95[0] < 2 < one.noise_ci95[1],
-                       one.walk_ci95[0] < 3 < one.walk_ci95[1]]
+                       one.random_walk_ci95[0] < 3 < one.random_walk_ci95[1]]
     assert np.all(inside / 200 > 0.91)
 
 
@@ -144,14 +144,14 @@ def test_the_drift_of_flicker_is_not_too_small_in_short_stops():
         rows[:, 0] = samples
         stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 54_000, 1800)]
         [one] = field_test(axes, means_of(*stops), 1.0).values()
-        factors.append(one.walk_factor)
-        inside += one.walk_ci95[0] < wanted < one.walk_ci95[1]
+        factors.append(one.random_walk_factor)
+        inside += one.random_walk_ci95[0] < wanted < one.random_walk_ci95[1]
     assert np.median(factors) == pytest.approx(wanted, rel=0.05)
     assert inside > 91
 
 
 def known_long_and_short(drift):
-    """Give the test of a walk for numbers of a long and a short record, and that one's doubt."""
+    """Give the test for numbers of a long and a short record, and the uncertainty of the short."""
     means = means_of(EvenBlock(rest(1800, drift=drift), 0))
     # 1.5 * 1200/60 degrees of freedom, and of the variance over 60 s nine tenths are drift.
     doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (N / K)**2 * 3 / 60**2)
@@ -161,19 +161,20 @@ def known_long_and_short(drift):
 
 def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     long, short, doubt = known_long_and_short(1.0)
-    for ours, other in zip(short.walk_ci95, long.walk_ci95, strict=True):
-        assert np.log(ours / short.walk_factor)**2 == pytest.approx(
-            np.log(other / long.walk_factor)**2 + doubt**2, rel=0.05)
-    assert short.walk_factor == long.walk_factor
+    for ours, other in zip(short.random_walk_ci95, long.random_walk_ci95, strict=True):
+        assert np.log(ours / short.random_walk_factor)**2 == pytest.approx(
+            np.log(other / long.random_walk_factor)**2 + doubt**2, rel=0.05)
+    assert short.random_walk_factor == long.random_walk_factor
     assert short.noise_ci95 == long.noise_ci95
 
 
 def test_the_bound_of_a_drift_that_is_nearly_gone_is_as_doubtful_as_its_shape():
     """However far the likeliest factor lies below the bound."""
     long, short, doubt = known_long_and_short(1e-9)
-    assert short.walk_factor < 0.1 * short.walk_ci95[1]
-    assert short.walk_ci95[0] == long.walk_ci95[0] == 0
-    assert short.walk_ci95[1] / long.walk_ci95[1] == pytest.approx(np.exp(doubt), rel=0.05)
+    assert short.random_walk_factor < 0.1 * short.random_walk_ci95[1]
+    assert short.random_walk_ci95[0] == long.random_walk_ci95[0] == 0
+    assert short.random_walk_ci95[1] / long.random_walk_ci95[1] == pytest.approx(
+        np.exp(doubt), rel=0.05)
 
 
 @pytest.mark.slow
@@ -199,7 +200,7 @@ def test_factors_hold_where_the_numbers_come_from_a_recording(fitted_min):
             own = tune(axis, 1.0)
             inside += [low < wanted < high for (low, high), wanted in (
                 (one.noise_ci95, right.noise_density / own.noise_density),
-                (one.walk_ci95, right.random_walk / own.random_walk))]
+                (one.random_walk_ci95, right.random_walk / own.random_walk))]
         print(f'{name}, {fitted_min} min: factor of N in its interval {inside[0] / 2:g} %, of K '
               f'{inside[1] / 2:g} %')
         assert np.all(inside > 178), name

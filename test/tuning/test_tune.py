@@ -31,7 +31,8 @@ def one(value):
 
 
 @pytest.mark.parametrize(('filters', 'drift'), [
-    (Filters.walking(*WALKING, 1.0), {'walk': 3e-5}), (Filters.markov(*MARKOV, 1.0), PROCESS)],
+    (Filters.with_random_walk(*WALKING, 1.0), {'walk': 3e-5}),
+    (Filters.markov(*MARKOV, 1.0), PROCESS)],
     ids=['walking', 'markov'])
 def test_a_filter_claims_what_the_kalman_filter_of_its_model_claims_and_that_happens(
         filters, drift):
@@ -57,11 +58,12 @@ DRIFTING = {'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
 
 
 @pytest.mark.parametrize(('filters', 'terms', 'drift', 'within'), [
-    (Filters.walking(one(2e-6), one(1e-9), 1.0), DRIFTING, {'processes': ((5e-4, 30.0),)}, 0.02),
+    (Filters.with_random_walk(one(2e-6), one(1e-9), 1.0), DRIFTING,
+     {'processes': ((5e-4, 30.0),)}, 0.02),
     (Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0), DRIFTING,
      {'processes': ((5e-4, 30.0),)}, 0.02),
-    (Filters.walking(one(4e-6), one(1e-9), 1.0), {'rate_random_walk': 1e-4}, {'walk': 1e-4},
-     0.02)], ids=['walking', 'markov', 'on a walk'])
+    (Filters.with_random_walk(one(4e-6), one(1e-9), 1.0), {'rate_random_walk': 1e-4},
+     {'walk': 1e-4}, 0.02)], ids=['walking', 'markov', 'on a random walk'])
 def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, terms, drift, within):
     samples = simulate({'noise_density': 1e-3, **terms}, 2_000_000, 1.0, seed=8)
     truth = Truth(axis_of(1e-3, **drift))
@@ -160,7 +162,7 @@ def test_the_conservative_set_covers_the_unsteadiness_of_the_recording():
 
 
 def test_a_conservative_filter_of_short_steps_is_still_worth_something():
-    """What doubt there is in fast noise goes into N: a walk that covers it has no end."""
+    """What doubt there is in fast noise goes into N: a random walk that covers it has no end."""
     axis = axis_of(6.6e-4, 1.7e-5, ((2.5e-4, 0.1), (1.5e-4, 20.0), (1.6e-4, 300.0)),
                    known=(0.1, 3e3), stationarity=unsteady(0.5))
     curve = replace(axis.curve, adev=tuple(
@@ -205,7 +207,8 @@ def test_a_short_time_between_corrections_makes_no_walk():
 
 
 def test_what_short_segments_vary_by_chance_is_no_unsteadiness():
-    # A walk's drift in a segment is hardly more than one number: it varies by a factor of two.
+    # A random walk's drift in a segment is hardly more than one number: it varies by a factor of
+    # two.
     samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 5e-5}, 72_000, 20.0, 3)
     axis = characterize(samples, 20.0)
     seen = np.std(np.log([segment.drift_sigma for segment in axis.stationarity.segments]), ddof=1)
@@ -265,7 +268,7 @@ def test_half_of_what_a_conservative_filter_adds_would_not_do(minutes):
             n, k = (a**(1 - share) * b**share for a, b in (
                 (plain.noise_density, careful.noise_density),
                 (plain.random_walk, careful.random_walk)))
-            filters = Filters.walking(one(n**2), one(k**2), 1.0)
+            filters = Filters.with_random_walk(one(n**2), one(k**2), 1.0)
             ratios[name].append(truth.expected(filters, horizons)[:, 0]
                                 / filters.predicted(horizons)[:, 0])
     print(f'\n{minutes} min, 100 records: overconfident at any horizon from 1 to 60 s, at 60 s; '
@@ -299,7 +302,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes)
         for seed in range(40):
             samples = simulate({'noise_density': 1e-3, **terms}, 3000 * minutes, 50.0, seed)
             tuning = tune(characterize(samples, 50.0), 1.0, 60.0, conservative=True)
-            filters = Filters.walking(one(tuning.noise_density**2),
+            filters = Filters.with_random_walk(one(tuning.noise_density**2),
                                       one(tuning.random_walk**2), 1.0)
             ratio = truth.expected(filters, horizons)[:, 0] / filters.predicted(horizons)[:, 0]
             over.append(ratio > 1)

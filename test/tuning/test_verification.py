@@ -13,7 +13,7 @@ HERE = axis_of(1e-3, 5e-5)
 
 def test_the_same_sensor_needs_no_factor():
     found = verify(HERE, HERE, tune(HERE, 1.0))
-    assert found.noise_factor == found.walk_factor == 1
+    assert found.noise_factor == found.random_walk_factor == 1
     assert found.met.nis == pytest.approx(1, abs=0.02)
     assert [excess.ratio for excess in found.excess] == pytest.approx([1, 1, 1, 1])
 
@@ -21,7 +21,7 @@ def test_the_same_sensor_needs_no_factor():
 def test_more_noise_in_motion_is_a_factor_of_the_noise():
     found = verify(HERE, axis_of(3e-3, 5e-5), tune(HERE, 1.0))
     assert found.noise_factor == pytest.approx(3, rel=0.02)
-    assert found.walk_factor == pytest.approx(1, rel=0.15)
+    assert found.random_walk_factor == pytest.approx(1, rel=0.15)
     assert found.met.nis > 5
     assert found.excess[0].ratio == pytest.approx(3, rel=0.01)
     assert found.excess[-1].ratio < 1.5
@@ -29,7 +29,7 @@ def test_more_noise_in_motion_is_a_factor_of_the_noise():
 
 def test_more_drift_in_motion_is_a_factor_of_the_walk():
     found = verify(HERE, axis_of(1e-3, 2e-4), tune(HERE, 1.0))
-    assert found.walk_factor == pytest.approx(4, rel=0.15)
+    assert found.random_walk_factor == pytest.approx(4, rel=0.15)
     assert found.noise_factor == pytest.approx(1, rel=0.05)
     assert found.met.coast_ratio > 5
     assert found.excess[-1].ratio > 3
@@ -41,10 +41,10 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     # 1.5 * 1200/60 degrees of freedom, and of the variance over 60 s three quarters are drift.
     doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (1e-3 / 5e-5)**2 * 3 / 60**2)
     found = verify(short, there, tune(short, 1.0))
-    low, high = found.walk_ci95
+    low, high = found.random_walk_ci95
     # The other's curve is stated without an interval.
-    assert np.log([found.walk_factor / low, high / found.walk_factor]) == pytest.approx(
-        [doubt, doubt], rel=0.05)
+    factor = found.random_walk_factor
+    assert np.log([factor / low, high / factor]) == pytest.approx([doubt, doubt], rel=0.05)
     assert found.noise_ci95 == (found.noise_factor, found.noise_factor)
 
 
@@ -53,7 +53,7 @@ def test_a_filter_with_a_process_is_held_against_a_recording_as_one():
     here, there = axis_of(1e-3, **drifting), axis_of(1e-3, processes=((3e-3, 100.0),))
     tuning = tune(here, 1.0, bias='gauss_markov')
     same, more = verify(here, here, tuning), verify(here, there, tuning)
-    assert (same.noise_factor, same.walk_factor) == pytest.approx((1, 1))
+    assert (same.noise_factor, same.random_walk_factor) == pytest.approx((1, 1))
     assert same.met.coast_ratio == pytest.approx(tuning.coast_ratio)
-    assert more.walk_factor == pytest.approx(3, rel=0.15)
+    assert more.random_walk_factor == pytest.approx(3, rel=0.15)
     assert more.met.coast_ratio > 5

@@ -526,8 +526,9 @@ def test_rotors_takes_densities_and_correlation_times(easy):
 
 
 def test_matlab_takes_densities_of_each_axis_whose_bandwidth_is_the_sample_rate(easy):
-    # IMUSensorSimulator: a sample is NoiseDensity sqrt(bandwidth), a step of the walk RandomWalk
-    # over it, N sqrt(f) and K/sqrt(f) where the bandwidth is f: 'single-sided'. The other has f/2.
+    # IMUSensorSimulator: a sample is NoiseDensity sqrt(bandwidth), a step of the random walk
+    # RandomWalk over it, N sqrt(f) and K/sqrt(f) where the bandwidth is f: 'single-sided'. The
+    # other has f/2.
     text = export(easy, 'matlab').text
     assert re.findall(r"^(\w+)\.NoiseType = '(.*)';", text, re.MULTILINE) == [
         ('gyro', 'single-sided'), ('accel', 'single-sided')]
@@ -580,7 +581,7 @@ def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
 
 
 def test_airsim_takes_its_own_units(easy):
-    # ImuSimpleParams.hpp: stability/sqrt(tau) is the density of the walk.
+    # ImuSimpleParams.hpp: stability/sqrt(tau) is the density of the random walk.
     found = json.loads(export(easy, 'airsim').text)['Imu']
     assert found['AngularRandomWalk'] == near(6.87549)
     assert found['VelocityRandomWalk'] == near(ACCEL_N / 9.80665e-3)
@@ -849,7 +850,7 @@ def test_what_is_expected_of_measured_numbers_is_widened_only_where_something_is
     text = export_as_wished(drifting, 'kalibr', None, wishes).text
     assert 'expected NIS' in text
     assert widened in text.splitlines()
-    # Without a walk, or a bound of it, nothing is claimed that could be expected.
+    # Without a random walk, or a bound of it, nothing is claimed that could be expected.
     unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
         axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
         upper95=None)}) for name, axis in drifting.axes.items()}

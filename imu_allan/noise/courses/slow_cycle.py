@@ -26,7 +26,7 @@ from imu_allan.noise.courses.waveforms import cycle
 from imu_allan.noise.posterior.courses import Bank, CourseKind
 from imu_allan.noise.posterior.maximum import maximise, residual_power, Solution
 from imu_allan.noise.posterior.prepared import smoothed
-from imu_allan.noise.record.groups import QUANTIZATION, WALK
+from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
 import numpy as np
 from numpy.typing import NDArray
 
@@ -157,7 +157,7 @@ def _likeliest(record: RecordSpectrum, noise: Solution, bank: Bank) -> float:
     keep = None if record.keep is None else record.keep | (
         record.bins.frequency < _fastest(record))
     theta = noise.theta.copy()
-    theta[WALK] = 0.0
+    theta[RANDOM_WALK] = 0.0
     lam = np.maximum(groups.design @ theta, 1e-300)
     axis = bank.of(replace(record, keep=keep))
     gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]

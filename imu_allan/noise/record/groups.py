@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-QUANTIZATION, WHITE, FLICKER, WALK = range(4)
+QUANTIZATION, WHITE, FLICKER, RANDOM_WALK = range(4)
 """Columns of a design: the four terms that have a spectrum."""
 LEAST_OF_BLOCKS = 1e-3
 """Share of the power of blocks that a ramp leaves: by chance they hold less than it gives."""

@@ -11,7 +11,7 @@ from imu_allan.noise.record.groups import (
     grouped,
     joined_groups,
     QUANTIZATION,
-    WALK,
+    RANDOM_WALK,
     WHITE,
 )
 from imu_allan.noise.simulate import simulate
@@ -87,7 +87,7 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
         step, nu = section.step * dt, bins.index[here] / (2 * section.length)
         np.testing.assert_allclose(bins.frequency[here], nu / step)
         for column, expected in (
-                (WHITE, spectrum.white(nu, step)), (WALK, spectrum.random_walk(nu, step)),
+                (WHITE, spectrum.white(nu, step)), (RANDOM_WALK, spectrum.random_walk(nu, step)),
                 (FLICKER, spectrum.flicker(nu, step)
                  * spectrum.flicker_dct_factor(bins.index[here]))):
             np.testing.assert_allclose(bins.design[here, column], expected, rtol=1e-12)
@@ -148,7 +148,7 @@ def test_maximum_is_found_and_no_coefficient_is_negative():
         return 0.5 * groups.dof @ (np.log(expected) + groups.power / expected)
 
     assert loss(best.theta) == pytest.approx(best.loss)
-    for column in (WHITE, WALK):
+    for column in (WHITE, RANDOM_WALK):
         for factor in (0.98, 1.02):
             other = best.theta.copy()
             other[column] *= factor
