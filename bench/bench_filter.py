@@ -5,7 +5,7 @@ What a filter fed with the drift model, or with the tuned pair, is worth on data
 
 Simulated: a record is fitted, the filter runs on over as much again. Loss is that of the mean
 logarithmic score against the true model, in nats per step; NIS the mean normalised innovation
-squared (1 is right, above 1 overconfident); coast the actual over the claimed variance of the
+squared (1 is right, above 1 overconfident); coast the actual over the predicted variance of the
 mean over that time without correction. Real: recordings named by IMU_ALLAN_DATA, fitted on one
 half and filtered over the other, both ways; the interval of a median is that of its rank, as if
 the halves were independent. And ten minutes of each, held against the hour behind it.
@@ -115,7 +115,7 @@ class Score:
 
 def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step_s: float,
                 series: Array, first: int, horizon_s: float, lane: int = 0) -> float:
-    """Mean square of actual minus predicted mean over the horizon, over the claimed variance."""
+    """Mean square of actual minus predicted mean over the horizon, over the predicted variance."""
     m = round(horizon_s / step_s)
     starts = np.arange(first, len(series) - m + 1, m)
     if len(starts) < 2:
@@ -126,9 +126,9 @@ def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step
     weight, rest = over.observation[0], over.measurement[0, 0]
     n = len(weight)
     predicted = found.state[lane, starts, :n] @ weight
-    claimed = np.einsum('i,kij,j->k', weight, found.covariance[lane, starts, :n, :n],
+    variance = np.einsum('i,kij,j->k', weight, found.covariance[lane, starts, :n, :n],
                         weight) + rest
-    return float(np.mean((actual - predicted) ** 2 / claimed))
+    return float(np.mean((actual - predicted) ** 2 / variance))
 
 
 def assessed(cases: Sequence[tuple[Models, Array]], first_s: float, cell_s: float

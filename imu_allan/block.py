@@ -85,7 +85,7 @@ class EvenBlock:
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
         relates its place on the grid to the block before.
     restart : bool
-        All blocks before are void: they held one value, of a sensor that had not come to life.
+        All blocks before are void: they held one value, of a sensor that had not started.
     start_s : float
         Time of the first row since the first sample, by the clock.
 

@@ -14,7 +14,7 @@ times the miss, over the same; a bound alone counts as the interval (0, bound).
     make battery BASE=older.json BATTERY_ARGS='--only standard bends --records 40 --seed 1000'
 
 What a checkout says follows from its commit, so no outcomes are kept in the repository: `--output`
-writes them to a file, which can stand in for the checkout as the base of a later run.
+writes them to a file, which can be the base, in place of the checkout, of a later run.
 """
 
 import argparse

@@ -60,7 +60,7 @@ _CONTRADICTION = 1e-3
 
 @dataclass(frozen=True)
 class _Part:
-    """One recording with its own result, which begins at `start_s` of all laid end to end."""
+    """One recording with its own result, which begins at `start_s` of all joined end to end."""
 
     path: str
     start_s: float

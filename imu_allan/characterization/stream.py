@@ -155,7 +155,7 @@ class Characterization:
             try:
                 self.update(block)
             except NoAxes:
-                # A driver may take a while to come to life; `result` says if it never did.
+                # A driver may take a while to start; `result` says if it never did.
                 continue
             except ImuAllanError as error:
                 raise ImuAllanError(f'{self.place}: {error}') from error

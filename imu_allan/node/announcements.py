@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the log says of its own accord: every transition once, and progress from time to time.
+What the log says unasked: every transition once, and progress from time to time.
 
 Each `see_` method is given what is true now and compares it with what was true before.
 """

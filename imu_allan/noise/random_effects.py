@@ -167,7 +167,7 @@ def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, floa
         return mean, _loss(y, variance, mean)
     from scipy.optimize import minimize_scalar
 
-    # A bound has no error of its own: that of the typical unit stands in.
+    # A bound has no error of its own: that of the typical unit is used.
     deviation = np.sqrt(spread**2 + float(np.median(e))**2) or 1e-300
 
     def loss(at: float) -> float:

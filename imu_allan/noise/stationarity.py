@@ -63,7 +63,7 @@ class SegmentPowers:
     power: Array    # (axes, segments, bands): mean power
     dof: Array    # (segments, bands)
     duration: Array    # (segments,): samples in each segment
-    start: Array    # (segments,): place of the first on the grid; runs are laid end to end
+    start: Array    # (segments,): place of the first on the grid; runs are joined end to end
     # (axes, segments): mean about the reference, and standard deviation of the means of 16
     # parts
     mean: Array

@@ -66,7 +66,7 @@ class Repeats:
     spikes : ndarray of bool
         Single wild values.
     woke : bool
-        The sensor has come to life: whatever came before the window was one frozen value.
+        The sensor has started: whatever came before the window was one frozen value.
 
     """
 

@@ -193,7 +193,7 @@ class Placing(Record):
         c, lost = messages.consumed, self._lost(messages)
         steps = self._steps(messages, lost)
         if not decision.counted_only and (cursor.other_rate
-                                          or self._rate_doubtful(messages, steps)):
+                                          or self._rate_uncertain(messages, steps)):
             changes = rate_changes(self._places(messages, lost)[:c], decision.pace,
                                    cursor.other_rate)
             if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
@@ -297,7 +297,7 @@ class Placing(Record):
                 counts.lowest_rate_hz = min(counts.lowest_rate_hz or rate, rate)
                 counts.highest_rate_hz = max(counts.highest_rate_hz, rate)
 
-    def _rate_doubtful(self, messages: Messages, steps: Ints) -> bool:
+    def _rate_uncertain(self, messages: Messages, steps: Ints) -> bool:
         c = messages.consumed
         if c < 2:
             return False

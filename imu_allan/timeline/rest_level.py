@@ -37,7 +37,7 @@ _ADOPTED_RATIO = 3.0
 _ADOPTED_SHARE = 0.9
 """Of the windows of a new level that have to be similar: those of motion are not."""
 _FEWEST_WINDOWS = 8
-"""Below, the spread of loudness is not measured: `_FEW_SPREAD` stands in."""
+"""Below, the spread of loudness is not measured: `_FEW_SPREAD` is used."""
 _FEW_WINDOWS = 32
 """Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
 _FEW_SPREAD = 0.1

@@ -136,7 +136,7 @@ class Windows(Record):
             segment.describe(segment.joined()[None, -size:], self.part)
 
     def implausible(self, segment: Segment, first: int) -> Bools:
-        """Find windows from number `first` of the arrays on whose mean moved beyond belief."""
+        """Find windows from number `first` of the arrays on whose mean moved implausibly far."""
         means = segment.means
         beyond = np.zeros(len(means), dtype=bool)
         for lag in self.lags:
@@ -150,7 +150,7 @@ class Windows(Record):
         return beyond[first:]
 
     def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
-        """Find windows whose mean is beyond belief beside those of segments just before."""
+        """Find windows whose mean is implausible beside those of segments just before."""
         beyond = np.zeros(last - first, dtype=bool)
         reach, size = self.farthest * self.size, self.size
         begins = segment.first_index + (segment.base + first) * size

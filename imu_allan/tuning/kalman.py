@@ -25,9 +25,9 @@ class Filtered:
 
     # (filters, steps): mean minus prediction; NaN where the mean is missing
     innovation: Array
-    variance: Array    # (filters, steps): claimed for it
+    variance: Array    # (filters, steps): predicted for it
     state: Array    # (filters, steps, states): before each step
-    covariance: Array    # (filters, steps, states, states): claimed for it
+    covariance: Array    # (filters, steps, states, states): predicted for it
 
 
 def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:

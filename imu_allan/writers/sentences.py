@@ -708,12 +708,12 @@ WORDS: Mapping[str, Words] = {
         'late start', 'The first messages hold nothing and are left out.',
         'They repeat one value, or none.',
         says=lambda f: f'the first {f.messages} messages hold one value or none: the sensor had '
-                       'not come to life yet, they are left out'),
+                       'not started yet, they are left out'),
     'axis_late_start': Words(
         'late axis', 'The record of this axis begins later.',
         'It holds one value at first.',
         says=lambda f: f'one value for the first {f.late:d} of {f.messages} messages: the axis '
-                       'had not come to life yet'),
+                       'had not started yet'),
     'unit_g': Words(
         'unit g', 'Acceleration in g was converted to m/s^2.',
         'Its magnitude is near 1.',

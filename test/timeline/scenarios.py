@@ -553,7 +553,7 @@ def characterized(messages: Messages, rng: Generator | None = None, *, numbered:
     if numbered:
         block = replace(block, numbers=messages.place + 1)
     for part in [block] if rng is None else split(block, rng):
-        # As node and recordings do: a driver may take a while to come to life.
+        # As node and recordings do: a driver may take a while to start.
         with suppress(NoAxes):
             run.update(part)
         if rng is not None and rng.random() < 0.05:

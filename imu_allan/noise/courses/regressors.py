@@ -118,8 +118,8 @@ class RecordSpectrum:
         axis.
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
-        leak, doubt = leaks(self.sections, self.dt, self.duration_s, mean)
-        keep = is_little(leak, doubt, noise)
+        leak, bound = leaks(self.sections, self.dt, self.duration_s, mean)
+        keep = is_little(leak, bound, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, coefficient=bins.coefficient[own],
@@ -159,6 +159,6 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, courses: Sequence
 
 
 def duration(sections: Sequence[SpectrumSection], dt: float) -> float:
-    """Seconds from the beginning of the record to its end; runs are laid end to end."""
+    """Seconds from the beginning of the record to its end; runs are joined end to end."""
     return max(((section.start + section.length * section.step) * dt for section in sections
                 if section.coefficients is not None), default=0.0)

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_STICKS_OUT = 1e-5
+_OUTLIER_CHANCE = 1e-5
 """Probability of a slow coefficient so large that a search for a cycle is worth its time."""
 _COMB = 8
 """Harmonics that are asked together, where all of them may have passed for a random walk ..."""
@@ -83,7 +83,7 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     for few in _FEW:
         frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
     if (_chance(record, variance, frequency_hz) > _COMB_CHANCE
-            and not _sticks_out(record, noise)):
+            and not _has_outlier(record, noise)):
         return None
     # Most are chance, which shows already where as few harmonics are out as are asked.
     comb = refined(record, variance, frequency_hz, _COMB)
@@ -134,13 +134,13 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
         np.log(record.bins.frequency), np.log(groups.frequency), np.log(ratio))))
 
 
-def _sticks_out(record: RecordSpectrum, noise: Solution) -> bool:
-    """Whether a slow coefficient is larger than the terms can mean it to be, or is a line."""
+def _has_outlier(record: RecordSpectrum, noise: Solution) -> bool:
+    """Whether a slow coefficient is an outlier beside the fitted terms, or is a line."""
     groups = record.groups()
     ratio = residual_power(groups, noise.theta) / np.maximum(groups.design @ noise.theta, 1e-300)
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
     if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
-              < _STICKS_OUT):
+              < _OUTLIER_CHANCE):
         return True
     slow_bins = record.bins.whole & (record.bins.frequency < _fastest(record))
     return record.keep is not None and not record.keep[slow_bins].all()

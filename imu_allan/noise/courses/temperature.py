@@ -21,7 +21,7 @@ that is so much faster is as good as one without any lag, and readings in steps 
 class TemperatureCourse:
     """The temperature over a record."""
 
-    time: Array    # (n,): seconds from its beginning, runs laid end to end
+    time: Array    # (n,): seconds from its beginning, runs joined end to end
     celsius: Array    # (n,)
 
     @property

@@ -74,7 +74,7 @@ class SpectrumSection:
     # (axes, length): the coefficients themselves where the section is one block
     coefficients: Array | None = None
     gaps: Gaps = NO_GAPS    # what missing samples do to noise
-    # Of one block: samples from the beginning of the record to its first point; runs are laid end
+    # Of one block: samples from the beginning of the record to its first point; runs are joined end
     # to end
     start: int = 0
 
@@ -323,7 +323,7 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
     `cells`: in order of time. `size`: samples in a full cell; those less than half full are left
     out, and so are a few that lie alone beyond a gap. Returns: points, shape (axes, n), of each
     part of at least `SHORTEST` of them, what filling its gaps did to noise, and the samples before
-    the first; runs are laid end to end.
+    the first; runs are joined end to end.
     """
     whole = cells.take(cells.counts >= size / 2)
     place = end_to_end(whole.keys) * size

@@ -32,7 +32,7 @@ _TAIL = 2 * OVERLAP - 1
 _ONE_THREAD = 8192
 """Longest product that no BLAS shares out among threads: sums then do not depend on how many."""
 _MAX_STAGES = 48
-"""2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may claim."""
+"""2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may declare."""
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
 """Of the field of an array: which of its dimensions is that of the axes."""
 _MOST = 1024
-"""Far beyond what a sensor has: bounds what a damaged state may claim."""
+"""Far beyond what a sensor has: bounds what a damaged state may declare."""
 
 
 @dataclass(eq=False)

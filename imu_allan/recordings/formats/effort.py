@@ -4,7 +4,7 @@
 How much work a file may make.
 
 Six kilobytes of zstd can hold two million records without a byte in them, or 64 MiB of zeros, and
-a file can hold thousands of such chunks. Honest records take bytes of the file.
+a file can hold thousands of such chunks. Valid records take bytes of the file.
 """
 
 from pathlib import Path

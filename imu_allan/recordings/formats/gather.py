@@ -62,7 +62,7 @@ def gather(
     describe : callable, optional
         Called with opcode and body of every Schema and Channel record.
     index : callable, optional
-        Gives the places of all message records in the buffer, as the file claims them, in any
+        Gives the places of all message records in the buffer, as the file declares them, in any
         order. Called where topics alternate.
     effort : Effort, optional
         How many records may be stepped through one by one.

@@ -235,7 +235,7 @@ def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
 
 
 def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
-    """Read where the message indexes behind a chunk claim messages, if they are not absurd."""
+    """Read where the message indexes behind a chunk declare messages, if they are not absurd."""
     places = [np.zeros(0, np.int64)]
     if sum(length for _, length in part.indexes) <= LARGEST_CHUNK:
         for start, length in part.indexes:

@@ -4,7 +4,7 @@
 Which numbers go into a configuration.
 
 Tuned from the drift model for what corrects the consumer, unless the coefficients as measured are
-asked for. Where the data cannot show a coefficient the 95 % upper bound stands in and the comment
+asked for. Where the data cannot show a coefficient the 95 % upper bound is used and the comment
 says so: a filter needs some number, and this one is not too small. A dead axis is named.
 """
 
