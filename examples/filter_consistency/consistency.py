@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Run an inertial navigation filter with measured, tenfold and tuned numbers, and see what it predicts.
+Run an inertial navigation filter with measured, tenfold and tuned numbers, and see how it does.
 
     python examples/filter_consistency/consistency.py --output consistency_output
     python examples/filter_consistency/consistency.py --recording my_bag --output my_output

@@ -76,7 +76,7 @@ _LASTING = 0.5
 _MOST_JUMPS = 64
 """In one batch of messages: each costs a pass over the levels, and the largest come first."""
 _LEAP = 16
-"""Missing samples: with 8, jumps that losses add up to are no longer ambiguous; 32 does as well."""
+"""Missing samples: with 8, jumps that losses add up to are unambiguous; 32 does as well."""
 _HIDDEN_LAGS = np.array([32, 64, 96, 128])
 """Messages: longer than a batch, and short enough for many of them in a window."""
 _ERRORS, _ERRORS_OF_LINE = 2.0, 5.0

@@ -74,8 +74,8 @@ class SpectrumSection:
     # (axes, length): the coefficients themselves where the section is one block
     coefficients: Array | None = None
     gaps: Gaps = NO_GAPS    # what missing samples do to noise
-    # Of one block: samples from the beginning of the record to its first point; runs are joined end
-    # to end
+    # Of one block: samples from the beginning of the record to its first point; runs are joined
+    # end to end
     start: int = 0
 
     def spacing_hz(self, dt: float) -> float:
