@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise import spectrum
-from imu_allan.noise.courses.mean_in_blocks import Course, leaks
-from imu_allan.noise.courses.regressors import duration, RecordSpectrum
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import FLICKER, WHITE
 from imu_allan.noise.record.periodogram import SpectrumSection
+from imu_allan.noise.trends.mean_in_blocks import leaks, Trend
+from imu_allan.noise.trends.regressors import duration, RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -35,7 +35,7 @@ def shape_of(samples: int) -> list[SpectrumSection]:
 
 
 def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float, records: int,
-         rng: np.random.Generator, courses: Sequence[Course] = (),
+         rng: np.random.Generator, trends: Sequence[Trend] = (),
          process: tuple[float, float] | None = None,
          power_law: tuple[float, float] | None = None,
          low_pass: tuple[Sequence[float], Sequence[float]] | None = None
@@ -55,7 +55,7 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
         How many.
     rng : Generator
         Source of the random numbers.
-    courses : sequence of Course
+    trends : sequence of Trend
         Their sum is added to the mean of every record.
     process : (float, float), optional
         Standard deviation and correlation time of a Gauss-Markov process besides.
@@ -66,7 +66,7 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
 
     """
     def mean(time: Array) -> Array:
-        return np.asarray(sum(course(time) for course in courses))
+        return np.asarray(sum(trend(time) for trend in trends))
 
     drawn = []
     for section in sections:
@@ -92,15 +92,15 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
         if section.coefficients is None:
             dof = section.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
-            if courses:
+            if trends:
                 power[:, lines] += leaks([section], dt, duration(sections, dt), mean)[0]
             drawn.append(replace(section, power=power))
             continue
         signed = np.zeros((records, section.length))
         signed[:, lines] = np.sqrt(variance) * rng.standard_normal((records, len(lines)))
         time = (section.start + (np.arange(section.length) + 0.5) * section.step) * dt
-        for course in courses:
-            signed[:, lines] += dct(course(time), norm='ortho')[lines]
+        for trend in trends:
+            signed[:, lines] += dct(trend(time), norm='ortho')[lines]
         drawn.append(replace(section, power=signed**2, coefficients=signed))
     bins = bins_of(drawn, dt)
     return [RecordSpectrum(drawn, bins, axis, dt) for axis in range(records)]

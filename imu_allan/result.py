@@ -237,7 +237,7 @@ class Trend:
     warm_up : WarmUp or None
     temperature : TemperatureDependence or None
     second_warm_up : WarmUp or None
-        A smaller exponential beside the first, where one does not describe the course: a die and
+        A smaller exponential beside the first, where one does not describe it: a die and
         its housing, say.
     cycle_s : float or None
         Period of a slow cycle, such as a heater's.

@@ -11,7 +11,7 @@ import numpy as np
 
 
 def characterized(samples, rate_hz, thermometer=None):
-    """Return the result of a record, and its warnings; `thermometer` is a TemperatureCourse."""
+    """Return the result of a record, and its warnings; `thermometer` is a TemperatureSeries."""
     estimator = taken_in(samples)
     fits = None if thermometer is None else fit_axes(estimator.finished(), 1 / rate_hz,
                                                      thermometer)

@@ -5,8 +5,8 @@
 from pathlib import Path
 import re
 
-from imu_allan.noise.posterior.courses import COURSES
 from imu_allan.noise.posterior.shapes import FREE_TERMS, HIGH_PASSES, LOW_PASSES, TERMS
+from imu_allan.noise.posterior.trends import TRENDS
 import pytest
 
 PAGE = (Path(__file__).parents[1] / 'docs' / 'statistics.md').read_text()
@@ -24,7 +24,7 @@ def test_the_page_is_short() -> None:
 
 @pytest.mark.parametrize('shape', [
     *(shape for shape in TERMS if shape.key != 'noise_density'), *FREE_TERMS, *LOW_PASSES,
-    *HIGH_PASSES, *COURSES], ids=lambda shape: shape.key)
+    *HIGH_PASSES, *TRENDS], ids=lambda shape: shape.key)
 def test_a_prior_is_that_of_the_code(shape: object) -> None:
     [prior] = re.findall(rf'^\| {re.escape(NAMES.get(shape.key, OTHERS))} \| ([\d.]+)', PAGE,
                          re.MULTILINE)

@@ -10,8 +10,8 @@ at 100 Hz is the rule, and 50 Hz where the filter runs at a multiple of that.
 from dataclasses import dataclass, replace
 from math import pi, sqrt
 
-from battery import courses
-from battery.sensors import Array, B, Course, Filter, K, N, Q, Sensor
+from battery import trends
+from battery.sensors import Array, B, Filter, K, N, Q, Sensor, Trend
 import numpy as np
 from scipy.signal import bessel, butter, cheby1, firwin
 from scipy.signal.windows import gaussian
@@ -146,28 +146,28 @@ def _high_passes(family: str, records: int) -> list[Case]:
     return [Case(family, name, sensor, records) for name, sensor in sensors.items()]
 
 
-def _courses() -> list[Case]:
-    hour = {'ramp of 10 B': courses.ramp(10), 'settling 10 B': courses.settling(10, 600),
-            'settling 300 B': courses.settling(300, 300), 'step 5 B': courses.step(5, 0.37),
-            'step 30 B': courses.step(30, 0.62), 'cycle 2 B': courses.cycle(2, 1200),
-            'bump 10 B': courses.bump(10), 'two steps 5 B': courses.two_steps(5)}
-    cases = [Case('courses', name, replace(HOUR_OF_STILL, mean=_scaled(course)), 12)
-             for name, course in hour.items()]
-    for name, course in (('ramp of 10 B', courses.ramp(10)),
-                         ('settling 30 B', courses.settling(30, 600))):
-        cases.append(Case('courses', f'{name} beside K', replace(
-            HOUR_OF_WALK, mean=_scaled(course)), 12))
+def _trends() -> list[Case]:
+    hour = {'ramp of 10 B': trends.ramp(10), 'settling 10 B': trends.settling(10, 600),
+            'settling 300 B': trends.settling(300, 300), 'step 5 B': trends.step(5, 0.37),
+            'step 30 B': trends.step(30, 0.62), 'cycle 2 B': trends.cycle(2, 1200),
+            'bump 10 B': trends.bump(10), 'two steps 5 B': trends.two_steps(5)}
+    cases = [Case('trends', name, replace(HOUR_OF_STILL, mean=_scaled(trend)), 12)
+             for name, trend in hour.items()]
+    for name, trend in (('ramp of 10 B', trends.ramp(10)),
+                         ('settling 30 B', trends.settling(30, 600))):
+        cases.append(Case('trends', f'{name} beside K', replace(
+            HOUR_OF_WALK, mean=_scaled(trend)), 12))
     two_hours = Sensor(50, 2 * HOUR, STILL)
     return [*cases,
-            Case('courses', 'settling 10 B in 2 h', replace(
-                two_hours, mean=_scaled(courses.settling(10, 600))), 20),
-            Case('courses', 'cycle 2 B in 2 h', replace(
-                two_hours, mean=_scaled(courses.cycle(2, 1200))), 12),
-            Case('courses', 'louder half', replace(HOUR_OF_STILL, louder=1.2), 8)]
+            Case('trends', 'settling 10 B in 2 h', replace(
+                two_hours, mean=_scaled(trends.settling(10, 600))), 20),
+            Case('trends', 'cycle 2 B in 2 h', replace(
+                two_hours, mean=_scaled(trends.cycle(2, 1200))), 12),
+            Case('trends', 'louder half', replace(HOUR_OF_STILL, louder=1.2), 8)]
 
 
-def _scaled(course: Course) -> Course:
-    return lambda time: FLICKER * course(time)
+def _scaled(trend: Trend) -> Trend:
+    return lambda time: FLICKER * trend(time)
 
 
 def _short() -> list[Case]:
@@ -203,7 +203,7 @@ def _records() -> list[Case]:
             *_behind('unlisted', _unlisted(), 10), *_bends('bends', 16),
             *_weak_q('weak Q', 10), *_processes('processes', 10), *_exponents('exponents', 10),
             *_high_passes('high-pass', 8),
-            *_courses(), *_short(), *_rates()]
+            *_trends(), *_short(), *_rates()]
 
 
 def _spectra() -> list[Case]:
@@ -211,14 +211,14 @@ def _spectra() -> list[Case]:
     def digital(filters: dict[str, Filter]) -> dict[str, Filter]:
         return {name: one for name, one in filters.items() if one.times == 1}
 
-    still = {'ramp of 10 B': courses.ramp(10), 'settling 10 B': courses.settling(10, 600),
-             'cycle 2 B': courses.cycle(2, 1200)}
+    still = {'ramp of 10 B': trends.ramp(10), 'settling 10 B': trends.settling(10, 600),
+             'cycle 2 B': trends.cycle(2, 1200)}
     return [*_standard('standard', 150), *_behind('low-passes', digital(_low_passes()), 60),
             *_behind('unlisted', digital(_unlisted()), 60), *_high_passes('high-pass', 30),
             *_bends('bends', 100), *_weak_q('weak Q', 100), *_processes('processes', 50),
             *_exponents('exponents', 50),
-            *(Case('courses', name, replace(HOUR_OF_STILL, mean=_scaled(course)), 60)
-              for name, course in still.items())]
+            *(Case('trends', name, replace(HOUR_OF_STILL, mean=_scaled(trend)), 60)
+              for name, trend in still.items())]
 
 
 PARTS = ('records', 'spectra', 'recordings')

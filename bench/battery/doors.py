@@ -105,7 +105,7 @@ def _of_report(found: AxisReport, cpu_s: float) -> Answer:
              'warm_up': trend.warm_up, 'slow_cycle': trend.cycle_s, 'ramp': trend.ramp,
              'bias_step': found.bias_step}
     codes = [word for word, said in words.items() if said is not None]
-    codes += ['trend_or_walk'] * found.walk_unclear + ['poor_fit'] * (not found.acceptable)
+    codes += ['trend_or_walk'] * found.random_walk_unclear + ['poor_fit'] * (not found.acceptable)
     return Answer(_said(found.estimates), tuple(codes), cpu_s)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
-Course = Callable[[Array], Array]
+Trend = Callable[[Array], Array]
 
 Q, N, B, K = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_random_walk')
 TERMS = (Q, N, B, K)
@@ -66,7 +66,7 @@ class Sensor:
     process: tuple[float, float] | None = None
     law: tuple[float, float] | None = None
     through: Filter | None = None
-    mean: Course | None = None
+    mean: Trend | None = None
     louder: float = 1.0
 
     @property

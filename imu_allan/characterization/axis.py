@@ -211,7 +211,7 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
         {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
     if fitted.high_pass_hz is not None:
         return forecast | dict.fromkeys(SLOW_TERMS, (None, None))
-    if fitted.walk_unclear or fitted.bias_step is not None:
+    if fitted.random_walk_unclear or fitted.bias_step is not None:
         # A longer record shows what it is, not how large.
         return forecast | {'rate_random_walk': (None, None)}
     return forecast

@@ -177,12 +177,12 @@ def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Fin
 
 def thermometer_remarks(seen: Temperature) -> list[Finding]:
     """Say what is wrong with the readings of a thermometer."""
-    if seen.course is None and seen.covered < COVERED:
+    if seen.series is None and seen.covered < COVERED:
         return [finding('thermometer', fault='short', covered_share=seen.covered)]
-    if seen.course is None:
+    if seen.series is None:
         return [finding('thermometer', fault='constant')]
     remarks = []
-    span = seen.course.highest - seen.course.lowest
+    span = seen.series.highest - seen.series.lowest
     if seen.step > span * _COARSE:
         remarks.append(finding('thermometer', fault='coarse', step_k=seen.step, range_k=span))
     if seen.gaps:
@@ -214,7 +214,7 @@ def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
     if (step := fitted.bias_step) is not None:
         remarks.append(finding('bias_step', size=step.size, unit=quantity.unit,
                                after_s=step.at_s))
-    if fitted.walk_unclear:
+    if fitted.random_walk_unclear:
         remarks.append(finding('trend_or_walk'))
     return remarks
 

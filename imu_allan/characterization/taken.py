@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
-from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
+from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 import numpy as np
@@ -87,9 +87,9 @@ class FinishedGroup:
     heat: Temperature | None = None    # over the same samples
 
     @property
-    def temperature(self) -> TemperatureCourse | None:
-        """Return the course of the temperature, if it is known and changes."""
-        return None if self.heat is None else self.heat.course
+    def temperature(self) -> TemperatureSeries | None:
+        """Return the series of the temperature, if it is known and changes."""
+        return None if self.heat is None else self.heat.series
 
     def only(self, name: str) -> Estimator:
         """Return the estimator of one axis."""

@@ -10,9 +10,9 @@ when a fit asks for the temperature over the record.
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.courses.temperature import between_steps, TemperatureCourse
 from imu_allan.noise.record.cells import Cells, centres
 from imu_allan.noise.record.signal_over_time import Columns
+from imu_allan.noise.trends.temperature import between_steps, TemperatureSeries
 from imu_allan.result import Signal
 from imu_allan.state import Record
 import numpy as np
@@ -44,7 +44,7 @@ class Temperature:
 
     covered: float    # share of the record with readings
     # None where too little is covered or the temperature never changes
-    course: TemperatureCourse | None
+    series: TemperatureSeries | None
     gaps: int    # how many gaps of the readings are too long for a line
     step: float    # smallest change from one reading to the next, in kelvin; 0 where there is none
 
@@ -191,14 +191,14 @@ class Thermometer(Record):
         known = np.isfinite(values)
         covered = float(whole.counts[known].sum() / whole.counts.sum())
         gaps = int((np.diff(self.keys) * float(self.width) > self._reach()).sum())
-        course = None
+        of_time = None
         if covered >= COVERED and np.ptp(values[known]) > 0:
             values = np.interp(in_a_row, in_a_row[known], values[known])
             # From a fiftieth of the range on steps of the readings are more than their noise.
             if self.step > 0.02 * np.ptp(values) * _SCALE:
                 values = between_steps(in_a_row, values, self.step / _SCALE)
-            course = TemperatureCourse(in_a_row * dt, values)
-        return Temperature(covered, course, gaps, self.step / _SCALE)
+            of_time = TemperatureSeries(in_a_row * dt, values)
+        return Temperature(covered, of_time, gaps, self.step / _SCALE)
 
     def _stamps(self, runs: Ints, places: Array) -> Array:
         """Stamps of places on the grids of runs, in ns; NaN where a run is not known."""

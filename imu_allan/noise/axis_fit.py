@@ -6,19 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.courses.mean_in_blocks import Course, without_mean
-from imu_allan.noise.courses.regressors import RecordSpectrum
-from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycles
-from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
-from imu_allan.noise.posterior.courses import CourseKind, COURSES, lags_of, with_temperature
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
+from imu_allan.noise.posterior.trends import lags_of, TrendKind, TRENDS, with_temperature
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
@@ -33,6 +29,10 @@ from imu_allan.noise.stationarity import (
     white_ratio,
 )
 from imu_allan.noise.tones import find_lines, NAMED, vibrations
+from imu_allan.noise.trends.mean_in_blocks import Trend, without_mean
+from imu_allan.noise.trends.regressors import RecordSpectrum
+from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles
+from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.result import Tone
 import numpy as np
 
@@ -53,13 +53,13 @@ class AxisFit:
     # What parts of the record say of each other; None where it is too short to have parts
     steadiness: Steadiness | None = None
     segments: SegmentPowers | None = None    # of all axes
-    # One record, with the courses that its mean follows; None of several
+    # One record, with the trends that its mean follows; None of several
     record: RecordSpectrum | None = None
     # Gives the spectra of quarters of the record, none where they are too short
     parts: Callable[[], list[Groups]] | None = None
 
 
-def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | None = None
+def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | None = None
              ) -> list[AxisFit | None]:
     """
     Weigh the noise models of every axis: equation (7) of docs/statistics.md.
@@ -70,7 +70,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         As `Estimator.finished` returns it.
     dt : float
         Sample interval in seconds.
-    temperature : TemperatureCourse, optional
+    temperature : TemperatureSeries, optional
         Over the same record.
 
     Returns
@@ -97,9 +97,9 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         return found
     # A cycle that a thermometer shows is no other cycle.
     heat = [] if temperature is None else [
-        temperature.of_sensor(float(lag)).courses[0] for lag in lags_of(temperature)]
+        temperature.of_sensor(float(lag)).trends[0] for lag in lags_of(temperature)]
     sources = _without_cycles(_sources(finished, sections, axes, dt), finished, heat)
-    kinds = COURSES if temperature is None else with_temperature(temperature)
+    kinds = TRENDS if temperature is None else with_temperature(temperature)
     first = _weighed(sources, dt, kinds)
     # What moves the mean is no change of the noise, and leaks into blocks.
     means = [moved_mean(posterior, source.record)
@@ -115,7 +115,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     return found
 
 
-def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[CourseKind]
+def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[TrendKind]
              ) -> list[Posterior]:
     """Weigh the models of some axes in one batch."""
     return posteriors([source.capped for source in sources], dt,
@@ -127,21 +127,21 @@ def _without(source: '_Source', mean: Mean | None, finished: Estimator) -> '_Sou
     assert mean is not None
     noise = np.exp(np.interp(np.log(source.record.bins.frequency), np.log(mean.frequency),
                              np.log(mean.noise)))
-    return source.calmed(finished, source.record.without_leak(mean.course, noise), mean.course)
+    return source.calmed(finished, source.record.without_leak(mean.trend, noise), mean.trend)
 
 
 def _fitted(source: '_Source', posterior: Posterior, dt: float,
-            temperature: TemperatureCourse | None) -> AxisFit:
+            temperature: TemperatureSeries | None) -> AxisFit:
     """Report one axis; a random walk has to show in its quarters, too."""
     report = reported(replace(posterior, change=_change(posterior, source, dt)), dt, temperature,
                       source.record)
     if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
             and not goes_on(posterior, [[part] for part in parts], dt):
-        report = report.without_walk()
+        report = report.without_random_walk()
     if source.cycle is not None:
         report = report.with_cycle(source.cycle.period_s)
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
-    beside = source.record.beside(posterior.courses(source.record.duration_s))
+    beside = source.record.beside(posterior.trends(source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
                    beside, source.parts)
 
@@ -187,9 +187,9 @@ class _Source:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
-    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Course) -> '_Source':
+    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Trend) -> '_Source':
         """Take a mean that moves out of the segments and the quarters, too."""
-        turning = None if self.cycle is None else self.cycle.cycle.course
+        turning = None if self.cycle is None else self.cycle.cycle.trend
         calm = without_mean(finished.periodogram, self.axis, record.dt, mean if turning is None
                             else lambda time: mean(time) + turning(time))
         segments = segment_powers(calm)
@@ -228,7 +228,7 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     return found
 
 
-def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Course]
+def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Trend]
                     ) -> list[_Source]:
     """Take strong cycles out of every axis, and ask it for those of the others."""
     found = strong_cycles([source.record.beside(beside) for source in sources])
@@ -240,7 +240,7 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
         cycle = own or known_cycle(source.record.beside(beside), known)
         if cycle is not None:
             source = replace(source, cycle=cycle).calmed(
-                finished, replace(cycle.record, courses=()), _still)
+                finished, replace(cycle.record, trends=()), _still)
         left.append(source)
     return left
 

@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.noise.courses.regressors import side_by_side
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
+from imu_allan.noise.trends.regressors import side_by_side
 from imu_allan.result import TemperatureDependence, Tone, Trend
 import numpy as np
 
@@ -66,7 +66,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     report = reported(posterior, dt)
     if report.estimates['rate_random_walk'].observable and not _shows_in_parts(
             posterior, records, dt):
-        report = report.without_walk()
+        report = report.without_random_walk()
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = report.behind_high_pass(max(corners_hz))

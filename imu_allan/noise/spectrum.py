@@ -180,9 +180,9 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
 
 def end_dct(n: int, dt: float, index: NDArray[np.int64]) -> Array:
     """
-    Size of the orthonormal DCT-II of a smooth course for a unit slope (1 per second) at one end.
+    Size of the orthonormal DCT-II of a smooth function for a unit slope (1 per second) at one end.
 
-    The coefficient of a course is that of its last slope, of alternating sign, less that of its
+    The coefficient of a function is that of its last slope, of alternating sign, less that of its
     first, to the leading order in the index: both ends of a ramp together make `ramp_dct`.
 
     `n`: length of the record. `dt`: sample interval in seconds. `index`: from 1 to n - 1. Returns

@@ -179,9 +179,9 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     """
     Return the upper bound of a noise term that the data does not show; None where there is none.
 
-    A course that bends as a random walk does, and is taken out of the fit, can take with it all
+    A trend that bends as a random walk does, and is taken out of the fit, can take with it all
     that the data says of the random walk; its bound then is any number. But the measured curve
-    holds the term, and the courses besides.
+    holds the term, and the trends besides.
     """
     bound = axis.coefficients[key].upper95
     # A result file that was tampered with may hold a curve of which a part is missing.

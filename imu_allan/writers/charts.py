@@ -275,13 +275,13 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         _shade(main, result.timeline, scale, known)
         main.frame('', f'mean of each segment less the mean of all [{typeset(shown)}]',
                    x_labels=False, most_y=6)
-        courses = [(name[-1], *curves.wander(axis)) for name, axis in known.items()]
+        over_time = [(name[-1], *curves.wander(axis)) for name, axis in known.items()]
         lines = [group(letter, f'axis-{letter}', [main.line(time / scale, mean * factor, 'curve')])
-                 for letter, time, mean in courses]
+                 for letter, time, mean in over_time]
         # Over all of the lines.
         marks = [group(letter, f'axis-{letter}', [
             _marks(main, letter, time, mean * factor, curves.marked(mean, place), scale)])
-            for place, (letter, time, mean) in enumerate(courses)]
+            for place, (letter, time, mean) in enumerate(over_time)]
         drawing.add(main, [*lines, *marks])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')

@@ -10,9 +10,9 @@ from imu_allan.wording import about, duration, listed, named
 
 def included(axes: Mapping[str, AxisResult]) -> list[str]:
     """
-    Say which courses of the mean are part of numbers from the drift model, and the remedy.
+    Say which trends of the mean are part of numbers from the drift model, and the remedy.
 
-    A sentence for each course; empty where nothing moves the mean.
+    A sentence for each trend; empty where nothing moves the mean.
     """
     trends = {name: axis.trend for name, axis in axes.items()
               if axis.drift_model is not None and axis.trend is not None}

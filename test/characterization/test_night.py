@@ -54,7 +54,7 @@ class Night:
         self.celsius = np.round(21 + shown + 0.01 * rng.standard_normal(len(shown)), 2)
 
     def _weather(self, rng):
-        """Give a day's course and somebody who opens the window three times."""
+        """Give a day's trend and somebody who opens the window three times."""
         end = self.time[-1]
         found = 2 * np.sin(1.6 * np.pi * self.time / end + rng.uniform(0, 6))
         for at in rng.permutation((0.2, 0.5, 0.75))[:3]:

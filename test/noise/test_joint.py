@@ -1,8 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from characterized import characterized, ends, holds, joint_fits, taken_in, together
-from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.trends.temperature import TemperatureSeries
 import numpy as np
 import pytest
 from repeated import slow
@@ -75,9 +75,9 @@ FLICKER = {'noise_density': 1e-3, 'bias_instability': 3e-4}
 HOUR = np.arange(72_000) / 20
 
 
-def hours(course_of):
-    """Characterize four hours of flicker at 20 Hz together, each with a course of its own."""
-    return together([simulate(FLICKER, len(HOUR), 20.0, 40 + part) + course_of(part)
+def hours(trend_of):
+    """Characterize four hours of flicker at 20 Hz together, each with a trend of its own."""
+    return together([simulate(FLICKER, len(HOUR), 20.0, 40 + part) + trend_of(part)
                      for part in range(4)], 20.0)
 
 
@@ -98,7 +98,7 @@ def test_a_slow_cycle_in_every_record_is_no_random_walk():
 
 
 def test_the_temperature_of_every_record_explains_its_mean():
-    heat = [TemperatureCourse(HOUR[::20], 25 + 5 * np.sin(HOUR[::20] / 400 + part))
+    heat = [TemperatureSeries(HOUR[::20], 25 + 5 * np.sin(HOUR[::20] / 400 + part))
             for part in range(4)]
     samples = [simulate(FLICKER, len(HOUR), 20.0, 40 + part)
                + 2e-4 * np.interp(HOUR, HOUR[::20], heat[part].celsius) for part in range(4)]

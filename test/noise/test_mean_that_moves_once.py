@@ -15,7 +15,7 @@ STILL = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
 WALKING = {**STILL, 'rate_random_walk': 4.4e-6}
 B = STILL['bias_instability']
 
-COURSES = {
+TRENDS = {
     'warms up evenly': lambda size: size * B * np.maximum(1 - TIME / 1000, 0),
     'is switched on in two stages': lambda size: size * B * (
         np.exp(-TIME / 700) + 0.5 * np.expm1(-np.maximum(TIME - 2800, 0) / 700)),
@@ -24,29 +24,29 @@ COURSES = {
     'turns round': lambda size: size * B * np.abs(TIME - 3600) / 7200}
 
 
-def coefficients(terms, seed, course=0.0):
-    return characterized(simulate(terms, TWO_HOURS, RATE, seed) + course, RATE)[0].coefficients
+def coefficients(terms, seed, trend=0.0):
+    return characterized(simulate(terms, TWO_HOURS, RATE, seed) + trend, RATE)[0].coefficients
 
 
-@pytest.mark.parametrize(('course', 'size'), [
+@pytest.mark.parametrize(('trend', 'size'), [
     ('warms up evenly', 30), ('goes over from one level to another', 300),
     slow('turns round', 30)])
-def test_a_mean_that_moves_once_is_seldom_a_random_walk(course, size):
-    found = [coefficients(STILL, seed, COURSES[course](size)) for seed in range(3, 9)]
+def test_a_mean_that_moves_once_is_seldom_a_random_walk(trend, size):
+    found = [coefficients(STILL, seed, TRENDS[trend](size)) for seed in range(3, 9)]
     assert sum(one['rate_random_walk'].observable for one in found) <= 1
     assert sum(not holds(one['bias_instability'], B) for one in found) <= 2
 
 
 @pytest.mark.parametrize('size', [slow(30), 300])
-@pytest.mark.parametrize('course', COURSES)
-def test_a_mean_that_moves_in_any_way_leaves_the_noise_density(course, size):
-    density = coefficients(STILL, 3, COURSES[course](size))['noise_density']
+@pytest.mark.parametrize('trend', TRENDS)
+def test_a_mean_that_moves_in_any_way_leaves_the_noise_density(trend, size):
+    density = coefficients(STILL, 3, TRENDS[trend](size))['noise_density']
     assert density.value == pytest.approx(7.9e-5, rel=0.02)
 
 
-@pytest.mark.parametrize('course', [None, 'turns round'])
-def test_a_random_walk_is_found_beside_a_mean_that_moves(course):
-    found = coefficients(WALKING, 3, COURSES[course](3) if course else 0.0)
+@pytest.mark.parametrize('trend', [None, 'turns round'])
+def test_a_random_walk_is_found_beside_a_mean_that_moves(trend):
+    found = coefficients(WALKING, 3, TRENDS[trend](3) if trend else 0.0)
     walk = found['rate_random_walk']
     assert walk.observable
     assert holds(walk, WALKING['rate_random_walk'])
@@ -54,8 +54,8 @@ def test_a_random_walk_is_found_beside_a_mean_that_moves(course):
 
 @pytest.mark.slow
 def test_means_that_move_make_few_walks_and_cover_the_flicker():
-    """Forty records of each course and size: binomial bounds of 99.9 % on 3 % and 95 %."""
-    records = [coefficients(STILL, seed, course(size)) for course in COURSES.values()
+    """Forty records of each trend and size: binomial bounds of 99.9 % on 3 % and 95 %."""
+    records = [coefficients(STILL, seed, trend(size)) for trend in TRENDS.values()
                for size in (30, 300) for seed in range(40)]
     walks = sum(one['rate_random_walk'].observable for one in records)
     assert walks <= 22

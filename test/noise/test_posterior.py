@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.posterior import search, shapes
 from imu_allan.noise.posterior.answer import quantiles
 from imu_allan.noise.posterior.change import change_of
@@ -15,6 +14,7 @@ from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 import pytest
 from scipy.integrate import quad

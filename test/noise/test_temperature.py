@@ -5,8 +5,8 @@
 from functools import partial
 
 from characterized import characterized, ends, holds
-from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.trends.temperature import TemperatureSeries
 import numpy as np
 import pytest
 from repeated import slow
@@ -52,9 +52,9 @@ def axes_of(model, celsius, mean=None, records=RECORDS, first=0):
     found = []
     for seed in range(first, first + records):
         samples = simulate(model, len(TIME), RATE, seed)
-        course = None if celsius is None else TemperatureCourse(TIME, celsius(seed))
+        trend = None if celsius is None else TemperatureSeries(TIME, celsius(seed))
         found.append(characterized(samples if mean is None else samples + mean(seed), RATE,
-                                   course)[0])
+                                   trend)[0])
     return found
 
 
@@ -148,11 +148,11 @@ def test_a_thermometer_that_lags_steals_no_random_walk():
 
 def test_what_a_lag_does_to_a_temperature_is_undone():
     celsius = 20 + 3 * np.sin(2 * np.pi * TIME / 1800)
-    course = TemperatureCourse(TIME[::16], lagging(celsius, 120.0)[::16])
+    trend = TemperatureSeries(TIME[::16], lagging(celsius, 120.0)[::16])
     inner = slice(50, -50)
-    assert course.of_sensor(120.0).celsius[inner] == pytest.approx(celsius[::16][inner], abs=0.02)
-    assert TemperatureCourse(TIME[::16], celsius[::16]).of_sensor(-120.0).celsius[inner] \
-        == pytest.approx(course.celsius[inner], abs=0.02)
+    assert trend.of_sensor(120.0).celsius[inner] == pytest.approx(celsius[::16][inner], abs=0.02)
+    assert TemperatureSeries(TIME[::16], celsius[::16]).of_sensor(-120.0).celsius[inner] \
+        == pytest.approx(trend.celsius[inner], abs=0.02)
 
 
 @pytest.mark.slow

@@ -5,8 +5,8 @@
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
 from characterized import characterized, holds, together
-from imu_allan.noise.courses.waveforms import warming
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.trends.waveforms import warming
 import numpy as np
 
 RATE = 10.0
@@ -61,7 +61,7 @@ def test_walk_of_a_few_jumps_is_known_less_well():
                for seed in range(10)) >= 8
 
 
-def test_slow_course_that_is_taken_out_makes_no_walk_uneven():
+def test_slow_trend_that_is_taken_out_makes_no_walk_uneven():
     walk = walk_of(even(5) + 0.05 * warming(300.0)(np.arange(HOUR) / RATE))
     assert walk.observable
     assert width(walk) < 1.8 * BOUND / RANDOM_WALK

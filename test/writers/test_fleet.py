@@ -50,13 +50,13 @@ def test_a_spread_that_does_not_show_has_its_upper_limit(fleet):
 
 
 def test_what_too_few_units_show_is_said(fleet, tmp_path):
-    def without_walk(result):
+    def without_random_walk(result):
         axes = {name: replace(axis, coefficients={**axis.coefficients, 'rate_random_walk': replace(
             axis.coefficients['rate_random_walk'], value=None, ci95=None, upper95=1e-6,
             observable=False)}) for name, axis in result.axes.items()}
         return replace(result, axes=axes)
 
-    fleet = Fleet({unit: without_walk(result) for unit, result in fleet.results.items()})
+    fleet = Fleet({unit: without_random_walk(result) for unit, result in fleet.results.items()})
     assert fleet.unseen == (
         'rate random walk of gyro x, y and z and acceleration random walk of accel x, y and z are '
         'shown by fewer than 3 of 12 units, which makes no population; longer recordings show '

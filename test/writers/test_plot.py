@@ -440,7 +440,7 @@ def test_a_paper_s_figure_of_constant_axes_is_one_line(result, make_axis):
                           8.5)
 
 
-def test_the_courses_of_the_means_are_told_apart_without_colour(filtered):
+def test_the_means_over_time_are_distinguished_without_colour(filtered):
     figure = plot.overview_figure(filtered)
     strip = figure.axes[-1]
     marks = [line for line in strip.lines if line.get_linestyle() == 'None']

@@ -5,9 +5,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.courses.mean_in_blocks import Course
-from imu_allan.noise.courses.regressors import RecordSpectrum
-from imu_allan.noise.posterior.courses import CourseKind
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     FREE,
@@ -26,7 +23,10 @@ from imu_allan.noise.posterior.shapes import (
     SMOOTH_DRIFT,
     TERMS,
 )
+from imu_allan.noise.posterior.trends import TrendKind
 from imu_allan.noise.terms import TERMS as SYMBOLS
+from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
@@ -87,11 +87,11 @@ class Estimate:
 @dataclass(frozen=True)
 class Reported:
     """
-    A course of the mean that is there.
+    A trend of the mean that is there.
 
     Attributes
     ----------
-    kind : CourseKind
+    kind : TrendKind
     value : float
         Of its nuisance, with `low` and `high` its 95 % interval.
     columns : list of (float, float)
@@ -99,7 +99,7 @@ class Reported:
 
     """
 
-    kind: CourseKind
+    kind: TrendKind
     value: float
     low: float
     high: float
@@ -128,11 +128,11 @@ class Answer:
         Width of the boxcar that bends white noise as the likeliest filter does.
     edge_hz : float or None
         Above, no model describes the spectrum.
-    courses : tuple of Reported
+    trends : tuple of Reported
     flat_part : float
         Ratio of the ends of the noise density's interval, were the noise steady.
     drift : float
-        Probability of a random walk, a process, another exponent or a course of the mean.
+        Probability of a random walk, a process, another exponent or a trend of the mean.
 
     """
 
@@ -146,7 +146,7 @@ class Answer:
     low_pass: float
     window_s: float | None
     edge_hz: float | None
-    courses: tuple[Reported, ...]
+    trends: tuple[Reported, ...]
     flat_part: float
     drift: float
 
@@ -196,7 +196,7 @@ def answer(posterior: Posterior, dt: float) -> Answer:
         free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]),
         _weight_of(posterior, _bends) if edge is None else 1.0,
         _window(posterior, dt), None if edge is None else float(spectra.frequency[edge - 1]),
-        _courses(posterior), high / low if low > 0 else np.inf,
+        _trends(posterior), high / low if low > 0 else np.inf,
         _weight_of(posterior, _drifts))
 
 
@@ -205,9 +205,9 @@ def _weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
     return float(sum(model.weight for model in posterior.models if which(model)))
 
 
-def _weight_of_course(posterior: Posterior, key: str) -> float:
-    """Probability of a course of the mean."""
-    return _weight_of(posterior, lambda model: any(one.kind.key == key for one in model.courses))
+def _weight_of_trend(posterior: Posterior, key: str) -> float:
+    """Probability of a trend of the mean."""
+    return _weight_of(posterior, lambda model: any(one.kind.key == key for one in model.trends))
 
 
 def _bends(model: Drawn) -> bool:
@@ -220,7 +220,7 @@ def _bends(model: Drawn) -> bool:
 
 def _drifts(model: Drawn) -> bool:
     """Whether a model has anything slower than flicker."""
-    return bool(model.row.has[0, _SLOWER].any() or model.courses)
+    return bool(model.row.has[0, _SLOWER].any() or model.trends)
 
 
 def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
@@ -325,23 +325,23 @@ def _ramp(posterior: Posterior) -> Estimate:
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     low, middle, high = quantiles(value, weight, _ENDS)
     positive = value * np.sign(middle) > 0
-    # A walk drifts as well: beside one, if there may be one, the ramp has to be as certain.
+    # A random walk drifts as well: beside one, if there may be one, the ramp has to be as certain.
     other = max(float(weight[own & ~positive].sum() / weight[own].sum())
                 for own in (np.ones(len(walk), dtype=bool), walk) if own.any())
     bound = max(abs(low), abs(high))
     return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
 
 
-def _courses(posterior: Posterior) -> tuple[Reported, ...]:
-    """Give the courses of the mean that are there, each of its likeliest model."""
+def _trends(posterior: Posterior) -> tuple[Reported, ...]:
+    """Give the trends of the mean that are there, each of its likeliest model."""
     found, keys = [], []
     for model in posterior.models:
-        for number, one in enumerate(model.courses):
+        for number, one in enumerate(model.trends):
             key = one.kind.key
-            if key in keys or _weight_of_course(posterior, key) <= REPORTED:
+            if key in keys or _weight_of_trend(posterior, key) <= REPORTED:
                 continue
             size, error, share = _regressed(model)
-            widths = [len(each.kind.columns(each.value, 1.0)) for each in model.courses]
+            widths = [len(each.kind.columns(each.value, 1.0)) for each in model.trends]
             first = size.shape[1] - sum(widths[number:])
             columns = tuple((float(share @ size[:, k]), float(np.sqrt(
                 share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
@@ -353,11 +353,11 @@ def _courses(posterior: Posterior) -> tuple[Reported, ...]:
 
 
 def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
-    """Estimate the ramp of the likeliest model, where the nuisances of its courses are unknown."""
+    """Estimate the ramp of the likeliest model, where the nuisances of its trends are unknown."""
     best = posterior.models[0]
-    slopes = [slope for one in best.courses
+    slopes = [slope for one in best.trends
               for slope in one.kind.slopes(one.value, record.duration_s)]
-    groups = record.groups(*posterior.courses(record.duration_s), *slopes)
+    groups = record.groups(*posterior.trends(record.duration_s), *slopes)
     row = replace(best.row, of=np.zeros(1, np.int64))
     spectra = best.spectra.beside([groups], [int(best.row.of[0])])
     lam, _, _ = spectrum(spectra, row, row.x, slopes=False)
@@ -373,19 +373,19 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
 class Mean:
     """A mean that moves, over the time of the record, and the noise beside it by group."""
 
-    course: Course
+    trend: Trend
     noise: Array
     frequency: Array
 
 
 def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
     """Give the mean of the likeliest model, where it moves by more than a ramp."""
-    best, courses = posterior.models[0], posterior.courses(record.duration_s)
-    if not courses:
+    best, trends = posterior.models[0], posterior.trends(record.duration_s)
+    if not trends:
         return None
     size, _, share = _regressed(best)
     lam, _ = expected(best)
-    return Mean(record.beside(courses).mean(share @ size), lam, best.spectra.frequency)
+    return Mean(record.beside(trends).mean(share @ size), lam, best.spectra.frequency)
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:

@@ -205,14 +205,14 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
     for number, (end, count) in enumerate(zip(ends.tolist(), counts.tolist(), strict=True)):
         free = np.flatnonzero(rows.has[number])
         normal, chi = _points(count, len(free))
-        stretch = np.sqrt(_TAILS / chi)
+        scale = np.sqrt(_TAILS / chi)
         own, d = slice(end - count, end), len(free)
-        many.x[own, free] += _WIDER * stretch[:, None] * (
+        many.x[own, free] += _WIDER * scale[:, None] * (
             normal @ half[number][np.ix_(free, free)].T)
         log_t[own] = (
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
             - d * np.log(_WIDER) + spread[number]
-            - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * stretch**2 / _TAILS))
+            - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * scale**2 / _TAILS))
     log_w = -log_t - losses_alone(spectra, many, many.x)
     drawn = []
     for number, (x, each) in enumerate(zip(
@@ -244,7 +244,7 @@ def _tempered(log_weight: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _points(count: int, dimensions: int) -> tuple[Array, Array]:
-    """Quasi-random normal numbers, and chi-square ones that stretch them."""
+    """Quasi-random normal numbers, and chi-square ones that scale them."""
     uniform = evenly(count, dimensions + 1)
     return (np.asarray(ndtri(uniform[:, :-1]), np.float64),
             np.asarray(chdtri(_TAILS, 1 - uniform[:, -1]), np.float64))

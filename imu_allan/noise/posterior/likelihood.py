@@ -77,7 +77,7 @@ class Spectra:
     dof, power : ndarray, shape (spectra, groups)
         No degrees of freedom where a line was left out.
     whole : ndarray, shape (spectra, groups)
-        Degrees of freedom before any doubt about the model was taken off.
+        Degrees of freedom before model uncertainty was taken off.
     columns : ndarray, shape (spectra, terms, groups)
         Power of the terms at unit amplitude, which is what the record can just see.
     unit : ndarray, shape (spectra, terms)
@@ -404,7 +404,7 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     off = rows.has[:, NUISANCES] * (nuisance - np.clip(nuisance, first, last)) / _WALL
     value -= 0.5 * (off**2).sum(axis=1)
     slope[:, NUISANCES] -= off / _WALL
-    # No nuisance is less known than its range tells.
+    # No nuisance is less known than its range allows.
     bend[:, NUISANCES] += 4 / (last - first)**2 + (off != 0) / _WALL**2
     return value, slope, bend
 

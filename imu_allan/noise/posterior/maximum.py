@@ -9,7 +9,7 @@ coefficients theta of the terms, lambda = sum theta_i S_i, and minus the log-lik
 (1/2) sum n (ln lambda + P / lambda), n being the degrees of freedom. Fisher scoring on it is an
 iteratively re-weighted non-negative least squares of a few columns.
 
-A ramp, and any other course of the mean, is deterministic: it enters by regressors on the
+A ramp, and any other trend of the mean, is deterministic: it enters by regressors on the
 whole-record coefficients (`imu_allan.noise.posterior.regression`). In a step of the scoring only
 the power changes; what the trend explains then counts neither for nor against a random walk.
 

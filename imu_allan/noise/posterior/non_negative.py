@@ -27,7 +27,7 @@ def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Ar
     root = [sqrt(max(rows[i][i], 1e-300)) for i in columns]
     active = list(positive) or list(columns)
     solved: list[tuple[int, float]] = []
-    # The bound is for columns so alike that rounding makes `gram` indefinite.
+    # The bound is for columns so similar that rounding makes `gram` indefinite.
     for _ in range(4 * len(right) + 4):
         solved = _solve(rows, right, active)
         least, lowest = 0.0, -1

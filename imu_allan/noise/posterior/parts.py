@@ -3,7 +3,7 @@
 """
 Whether a random walk goes on all through a record, or is what a mean has done once.
 
-A mean may settle, bend or jump in more ways than any list of courses has. Whatever it does, it
+A mean may settle, bend or jump in more ways than any list of trends has. Whatever it does, it
 does at some time; a random walk goes on. Parts of the record, each with a mean and a ramp of its
 own, must agree on its strength; where they show it together, they do without any one of them.
 """
@@ -28,12 +28,12 @@ had more than 8.2.
 
 def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) -> bool:
     """
-    Tell a random walk from what a mean has done once.
+    Distinguish a random walk from what a mean has done once.
 
     Parameters
     ----------
     posterior : Posterior
-        Of the whole, with a model that has a walk.
+        Of the whole, with a model that has a random walk.
     parts : sequence of sequence of Groups
         Spectra of equal parts of one record, or of parts of several; each has a mean of its own.
     dt : float
@@ -60,7 +60,7 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
                       record.dof[of] / np.maximum(record.whole[of], 1e-9))
     # A part is worth as little as the whole where no model describes the record.
     dof = np.minimum(spectra.dof, spectra.whole * known)
-    # Without each part, each part by itself, and all; then without a walk.
+    # Without each part, each part by itself, and all; then without a random walk.
     seen = np.concatenate((~own, own, np.ones_like(own[:1])))
     spectra = spectra.taken(np.zeros(len(seen), np.int64)).worth(dof * seen)
     which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))

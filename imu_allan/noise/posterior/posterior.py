@@ -13,17 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.courses.mean_in_blocks import Course
-from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.posterior.change import Change, STEADY
-from imu_allan.noise.posterior.courses import (
-    Bank,
-    beside_courses,
-    CourseKind,
-    COURSES,
-    CourseSet,
-    Found,
-)
 from imu_allan.noise.posterior.evidence import sample
 from imu_allan.noise.posterior.likelihood import (
     half_octaves,
@@ -37,7 +27,17 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.prepared import prepared, Start
 from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
 from imu_allan.noise.posterior.shapes import cubic
+from imu_allan.noise.posterior.trends import (
+    Bank,
+    beside_trends,
+    Found,
+    TrendKind,
+    TRENDS,
+    TrendSet,
+)
 from imu_allan.noise.record.groups import Groups
+from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,10 +51,10 @@ _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
 _NAMED, _UNNAMED = 0.01, 0.2
 """Share of what it takes to which a filter is known, with a name and without one."""
-_DOUBTED = 1.1
+_MISFIT = 1.1
 """By how much less a group is worth where an axis is searched again."""
 _MOST = 10
-"""Models of each set of courses that are drawn from."""
+"""Models of each set of trends that are drawn from."""
 _DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
 """Draws from a model by its weight: those of the leading ones make the ends of intervals."""
 
@@ -70,7 +70,7 @@ class Drawn:
         Of one row.
     spectra : Spectra
         That it was fitted to.
-    courses : tuple of Found
+    trends : tuple of Found
     weight : float
         Its share of the evidence.
     x, share : ndarray
@@ -80,7 +80,7 @@ class Drawn:
 
     row: Rows
     spectra: Spectra
-    courses: tuple[Found, ...]
+    trends: tuple[Found, ...]
     weight: float
     x: Array
     share: Array
@@ -111,10 +111,10 @@ class Posterior:
     edge: int | None = None
     change: Change = STEADY
 
-    def courses(self, duration_s: float) -> list[Course]:
-        """Return the courses of the mean in the likeliest model."""
-        return [course for one in self.models[0].courses
-                for course in one.kind.columns(one.value, duration_s)]
+    def trends(self, duration_s: float) -> list[Trend]:
+        """Return the trends of the mean in the likeliest model."""
+        return [trend for one in self.models[0].trends
+                for trend in one.kind.columns(one.value, duration_s)]
 
     def changes(self, count: int) -> Array:
         """Factors of the noise density in as many draws, for its change between parts."""
@@ -123,7 +123,7 @@ class Posterior:
 
 def posteriors(groups: Sequence[Groups], dt: float,
                records: Sequence[RecordSpectrum | None],
-               kinds: Sequence[CourseKind] = COURSES) -> list[Posterior]:
+               kinds: Sequence[TrendKind] = TRENDS) -> list[Posterior]:
     """
     Weigh all models of several axes.
 
@@ -134,8 +134,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
     dt : float
         Sample interval in seconds.
     records : sequence of RecordSpectrum or None
-        What the groups were made of, to lay courses of the mean to; None for several records.
-    kinds : sequence of CourseKind, optional
+        What the groups were made of, for trends of the mean; None for several records.
+    kinds : sequence of TrendKind, optional
         What may move the mean.
 
     Returns
@@ -151,31 +151,31 @@ def posteriors(groups: Sequence[Groups], dt: float,
     sets = _sets(spectra, starts, found, records, bank)
     best = [_best(own) for own in sets]
     judged = [_judged(one) for one in best]
-    factors = np.stack([_doubt(*both) for both in zip(best, judged, strict=True)])
-    doubtful: NDArray[np.bool_] = np.any(factors > _DOUBTED, axis=1)
-    if doubtful.any():
+    factors = np.stack([_misfit(*both) for both in zip(best, judged, strict=True)])
+    misfitted: NDArray[np.bool_] = np.any(factors > _MISFIT, axis=1)
+    if misfitted.any():
         spectra = spectra.worth(spectra.dof / factors)
         found = again(spectra, found)
-        fewer = [record if doubt else None
-                 for record, doubt in zip(records, doubtful, strict=True)]
+        fewer = [record if misfit else None
+                 for record, misfit in zip(records, misfitted, strict=True)]
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
-            if doubtful[axis]:
+            if misfitted[axis]:
                 sets[axis] = own
     return [Posterior(_drawn(own), one.p_value, one.misfit, one.edge)
             for own, one in zip(sets, judged, strict=True)]
 
 
 def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
-          records: Sequence[RecordSpectrum | None], bank: Bank | None) -> list[list[CourseSet]]:
-    """Models of every axis without courses of the mean, and beside them."""
-    beside: Sequence[Sequence[CourseSet]] = [()] * len(starts)
+          records: Sequence[RecordSpectrum | None], bank: Bank | None) -> list[list[TrendSet]]:
+    """Models of every axis without trends of the mean, and beside them."""
+    beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
     if bank is not None:
-        beside = beside_courses(spectra, starts, found, records, bank)
-    return [[CourseSet((), spectra, of_axis(found, axis)), *own]
+        beside = beside_trends(spectra, starts, found, records, bank)
+    return [[TrendSet((), spectra, of_axis(found, axis)), *own]
             for axis, own in enumerate(beside)]
 
 
-def _best(sets: Sequence[CourseSet]) -> tuple[Spectra, Rows]:
+def _best(sets: Sequence[TrendSet]) -> tuple[Spectra, Rows]:
     """Return the best row of an axis, with what it was fitted to."""
     best = max(sets, key=lambda one: float(one.rows.evidence.max()))
     return best.spectra, best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
@@ -216,7 +216,7 @@ def _judged(best: tuple[Spectra, Rows]) -> _Judged:
                    edge if edge < lam.shape[1] else None)
 
 
-def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
+def _misfit(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
     """By how much less every group is worth where the best model does not describe the record."""
     spectra, row = best
     factor = np.ones(spectra.dof.shape[1])
@@ -238,11 +238,11 @@ def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
     return factor
 
 
-def _drawn(sets: Sequence[CourseSet]) -> tuple[Drawn, ...]:
-    """Draw from the models of one axis that matter, of all sets of courses."""
+def _drawn(sets: Sequence[TrendSet]) -> tuple[Drawn, ...]:
+    """Draw from the models of one axis that matter, of all sets of trends."""
     top = max(float(one.rows.evidence.max()) for one in sets)
     total = np.logaddexp.reduce(np.concatenate([one.rows.evidence for one in sets]))
-    found: list[tuple[float, Rows, CourseSet, Array, Array]] = []
+    found: list[tuple[float, Rows, TrendSet, Array, Array]] = []
     for one in sets:
         near = np.flatnonzero(one.rows.evidence > top - KEPT)
         if not len(near):

@@ -99,8 +99,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
     passed = _passed(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
-    doubt = np.where(passed < _STOPPED, _LEAK_KNOWN / passed, 0.0)
-    dof = whole / (1 + whole * doubt**2 / 2)
+    uncertainty = np.where(passed < _STOPPED, _LEAK_KNOWN / passed, 0.0)
+    dof = whole / (1 + whole * uncertainty**2 / 2)
     # Behind a filter noise of the sensor falls with what hides it, that of the output does not.
     information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
     seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
@@ -147,7 +147,7 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
 
 
 def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
-    """Tell how much power groups have over that of white noise in the pass band."""
+    """Return how much power groups have over that of white noise in the pass band."""
     passed = np.where(dof > 100, power, level) / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)

@@ -5,7 +5,7 @@ What regressors explain of a spectrum, and the power that is left about them.
 
 With the noise's weights W = n / lambda the coefficients c are regressed on X: A = X'WX, b = X'Wc.
 The likelihood gains b'A^-1 b / 2, the restricted one loses (1/2) ln det A of that again, and what
-is left of the power is (c - X A^-1 b)^2 + x'A^-1 x, the last for the doubt about the trend.
+is left of the power is (c - X A^-1 b)^2 + x'A^-1 x, the last for the uncertainty of the trend.
 Several records have regressors of their own.
 
 References

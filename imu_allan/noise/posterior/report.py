@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.courses.regressors import RecordSpectrum
-from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.posterior.answer import answer, Estimate, ramp_beside, Reported
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.terms import SLOW_TERMS
+from imu_allan.noise.trends.regressors import RecordSpectrum
+from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
 import numpy as np
 
@@ -29,7 +29,7 @@ _WIDEST = 3.0
 _LEAST_DESCRIBED = 1 / 64
 """Edge in cycles per sample below which the larger part of the noise is not described."""
 _DRIFTS = 0.8
-"""Probability of noise or drift slower than flicker from which it is told, whichever it is."""
+"""Probability of noise or drift slower than flicker from which it is reported, whichever it is."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class AxisReport:
     gauss_markov : GaussMarkov or None
     power_law : PowerLaw or None
         Slow noise with another exponent than flicker's, which then is an upper bound.
-    walk_unclear : bool
+    random_walk_unclear : bool
         Whether there is slow noise or drift of which it is not known what it is.
     trend : Trend
         What moves the mean and is no noise.
@@ -82,7 +82,7 @@ class AxisReport:
     high_pass_hz: float | None = None
     gauss_markov: GaussMarkov | None = None
     power_law: PowerLaw | None = None
-    walk_unclear: bool = False
+    random_walk_unclear: bool = False
     trend: Trend = field(default_factory=Trend)
     bias_step: BiasStep | None = None
     between: Mapping[str, float] = field(default_factory=dict)
@@ -109,7 +109,7 @@ class AxisReport:
     def mean_moves(self) -> bool:
         """Whether the mean moves in a way that the noise terms leave out."""
         trend = self.trend
-        return (self.walk_unclear or self.bias_step is not None or trend.ramp is not None
+        return (self.random_walk_unclear or self.bias_step is not None or trend.ramp is not None
                 or trend.warm_up is not None or trend.temperature is not None
                 or trend.cycle_s is not None)
 
@@ -123,14 +123,14 @@ class AxisReport:
         """Return the report of a record that a cycle of the mean was taken out of before."""
         return replace(self, trend=replace(self.trend, cycle_s=period_s))
 
-    def without_walk(self) -> 'AxisReport':
+    def without_random_walk(self) -> 'AxisReport':
         """Return the report with the random walk as a bound: it may be something else."""
         walk = replace(self.estimates['rate_random_walk'], observable=False)
         return replace(self, estimates={**self.estimates, 'rate_random_walk': walk},
-                       walk_unclear=True)
+                       random_walk_unclear=True)
 
 
-def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | None = None,
+def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | None = None,
              record: RecordSpectrum | None = None) -> AxisReport:
     """
     Report an axis.
@@ -141,10 +141,10 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
         Of one axis.
     dt : float
         Sample interval in seconds.
-    temperature : TemperatureCourse, optional
-        That courses of the mean were made of.
+    temperature : TemperatureSeries, optional
+        That trends of the mean were made of.
     record : RecordSpectrum, optional
-        Which the mean of is asked, beside courses of it.
+        Which the mean of is asked, beside trends of it.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
 
     """
     said = answer(posterior, dt)
-    ramp = said.ramp if record is None or not posterior.models[0].courses else ramp_beside(
+    ramp = said.ramp if record is None or not posterior.models[0].trends else ramp_beside(
         posterior, record)
     terms = {**said.terms, 'rate_ramp': ramp}
     density = terms['noise_density']
@@ -160,12 +160,12 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
         terms['noise_density'] = replace(density, observable=False)
     if said.exponent.observable:
         terms['bias_instability'] = replace(terms['bias_instability'], observable=False)
-    told = (said.sigma.observable or said.exponent.observable or bool(said.courses)
+    identified = (said.sigma.observable or said.exponent.observable or bool(said.trends)
             or ramp.observable or terms['rate_random_walk'].observable)
     change = posterior.change.typical
-    courses = {one.kind.key: one for one in said.courses}
-    step, cycle, heat = (courses.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
-    warm = sorted((_warm_up(one) for one in said.courses if one.kind.key == 'warm_up'),
+    trends = {one.kind.key: one for one in said.trends}
+    step, cycle, heat = (trends.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
+    warm = sorted((_warm_up(one) for one in said.trends if one.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
     found = AxisReport(
         terms, posterior.p_value, posterior.misfit,
@@ -178,7 +178,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
             said.exponent.value, (said.exponent.low, said.exponent.high),
             said.law.value**2 / (2 * np.pi)**said.exponent.value)
         if said.exponent.observable else None,
-        walk_unclear=not told and said.drift > _DRIFTS,
+        random_walk_unclear=not identified and said.drift > _DRIFTS,
         trend=Trend(
             Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
             warm[0] if warm else None,
@@ -193,17 +193,17 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
     return found.behind_high_pass(corner.value) if corner.observable else found
 
 
-def _warm_up(course: Reported) -> WarmUp:
-    [(size, error)] = course.columns
+def _warm_up(trend: Reported) -> WarmUp:
+    [(size, error)] = trend.columns
     half = NORMAL95 * error
-    return WarmUp(size, course.value, (size - half, size + half), (course.low, course.high))
+    return WarmUp(size, trend.value, (size - half, size + half), (trend.low, trend.high))
 
 
-def _dependence(course: Reported, temperature: TemperatureCourse) -> TemperatureDependence:
-    size, error = course.columns[0]
+def _dependence(trend: Reported, temperature: TemperatureSeries) -> TemperatureDependence:
+    size, error = trend.columns[0]
     half = NORMAL95 * error
-    lags = not course.low <= 0 <= course.high
+    lags = not trend.low <= 0 <= trend.high
     return TemperatureDependence(
         size, (size - half, size + half), temperature.lowest, temperature.highest,
-        course.columns[1][0] if len(course.columns) > 1 else None,
-        course.value if lags else None, (course.low, course.high) if lags else None)
+        trend.columns[1][0] if len(trend.columns) > 1 else None,
+        trend.value if lags else None, (trend.low, trend.high) if lags else None)

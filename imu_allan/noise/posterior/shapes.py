@@ -25,7 +25,7 @@ _ROUNDING = 1e-15
 LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
-"""Bands that a model has to describe: three octaves tell the terms from one another."""
+"""Bands that a model has to describe: three octaves distinguish the terms."""
 # Points and weights over a band of an eighth of an octave (Gauss-Legendre).
 _EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
@@ -120,7 +120,7 @@ TERMS = (
 """
 Terms without a nuisance; white noise is in every model, that of the output behind a filter.
 
-A mean that moves smoothly in a way that no course of the list describes has a spectrum of f^-4,
+A mean that moves smoothly in a way that no trend of the list describes has a spectrum of f^-4,
 like the integral of a random walk.
 """
 

@@ -263,7 +263,7 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     ratio = _steps_of_noise(axis)
     # Steps from zero: within, the mean of an axis that is cut towards zero falls into its cell.
     near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)
-    # Steps, in noise of a sample, up to which rounding takes at most 6 % off a slow course.
+    # Steps, in noise of a sample, up to which rounding takes at most 6 % off a slow trend.
     if key not in TERMS or not ratio or (ratio <= 2.0 and not near_zero):
         return None
     step = axis.coarse_step or 0.0

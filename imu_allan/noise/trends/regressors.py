@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Courses of the mean that are no noise, as regressors on the whole-record coefficients.
+Trends of the mean that are no noise, as regressors on the whole-record coefficients.
 
 Whatever moves the mean slowly stands in the slowest coefficients, where the random walk is read
-too. A course is given as a function of time; its cosine transform over the cells of the series is
+too. A trend is given as a function of time; its cosine transform over the cells of the series is
 what the coefficients would be if it were all there is.
 """
 
@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from imu_allan.noise.courses.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups, joined_groups, regressed
 from imu_allan.noise.record.periodogram import SpectrumSection
+from imu_allan.noise.trends.mean_in_blocks import is_little, leaks, Trend
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -36,14 +36,14 @@ class SlowCoefficients:
     coefficient: Array
     ramp: Array
 
-    def regressors(self, courses: Sequence[Course]) -> Array:
-        """Transform courses of the mean, shape (n, courses), which are slow themselves."""
-        return regressors(self.sections, self.dt, courses, self.count)[self.which]
+    def regressors(self, trends: Sequence[Trend]) -> Array:
+        """Transform trends of the mean, shape (n, trends), which are slow themselves."""
+        return regressors(self.sections, self.dt, trends, self.count)[self.which]
 
 
 @dataclass(frozen=True)
 class RecordSpectrum:
-    """The spectrum of one axis, to which courses of the mean can be laid."""
+    """The spectrum of one axis, to which trends of the mean can be laid."""
 
     sections: Sequence[SpectrumSection]
     bins: Bins    # of these sections
@@ -51,7 +51,7 @@ class RecordSpectrum:
     dt: float    # sample interval in seconds
     keep: NDArray[np.bool_] | None = None    # (bins,): False where a line is
     # Regressors that stand in every fit, directly behind the ramp
-    courses: tuple[Course, ...] = ()
+    trends: tuple[Trend, ...] = ()
     # Whether bands without a bin stay, worth nothing, so that all axes have the same bands
     aligned: bool = False
 
@@ -69,22 +69,22 @@ class RecordSpectrum:
                                 self.bins.design[which], self.bins.coefficient[self.axis, which],
                                 self.bins.of_ramp[which])
 
-    def groups(self, *courses: Course) -> Groups:
-        """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
-        if not courses:
+    def groups(self, *trends: Trend) -> Groups:
+        """Return the spectrum in narrow bands with the ramp and some trends as regressors."""
+        if not trends:
             return self._still
-        columns = regressors(self.sections, self.dt, courses)
+        columns = regressors(self.sections, self.dt, trends)
         return regressed(self._still, *self._kept,
                          np.column_stack((*self._columns, columns)))
 
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
-        """Regressors of the courses that stand in every fit."""
-        return (regressors(self.sections, self.dt, self.courses),) if self.courses else ()
+        """Regressors of the trends that stand in every fit."""
+        return (regressors(self.sections, self.dt, self.trends),) if self.trends else ()
 
     @cached_property
     def _still(self) -> Groups:
-        """Gather the groups without further courses once: they are asked for again and again."""
+        """Gather the groups without further trends once: they are asked for again and again."""
         return grouped(*self._kept, *self._columns)
 
     @cached_property
@@ -96,19 +96,19 @@ class RecordSpectrum:
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
 
-    def beside(self, courses: Sequence[Course]) -> 'RecordSpectrum':
-        """Return the same spectrum with further courses that stand in every fit."""
-        return replace(self, courses=(*self.courses, *courses))
+    def beside(self, trends: Sequence[Trend]) -> 'RecordSpectrum':
+        """Return the same spectrum with further trends that stand in every fit."""
+        return replace(self, trends=(*self.trends, *trends))
 
-    def mean(self, trend: Array) -> Course:
-        """Return the mean of which a fit beside the courses found the sizes, the ramp's first."""
+    def mean(self, sizes: Array) -> Trend:
+        """Return the mean of which a fit beside the trends found the sizes, the ramp's first."""
         def ramp(time: Array) -> Array:
             return time
 
-        return lambda time: np.asarray(sum(size * course(time) for size, course in zip(
-            trend.ravel(), (ramp, *self.courses), strict=True)))
+        return lambda time: np.asarray(sum(size * trend(time) for size, trend in zip(
+            sizes.ravel(), (ramp, *self.trends), strict=True)))
 
-    def without_leak(self, mean: Course, noise: Array) -> 'RecordSpectrum':
+    def without_leak(self, mean: Trend, noise: Array) -> 'RecordSpectrum':
         """
         Take out of the blocks what a mean that moves leaks into them.
 
@@ -132,28 +132,28 @@ def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
     return joined_groups([record.groups() for record in records])
 
 
-def regressors(sections: Sequence[SpectrumSection], dt: float, courses: Sequence[Course],
+def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Trend],
                slowest: int | None = None) -> Array:
     """
-    Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
+    Transform trends of the mean as the record was transformed: X of (7) in docs/statistics.md.
 
-    `sections`: of the record. `dt`: sample interval in seconds. `courses`: each gives a column.
-    `slowest`: last index that is wanted; the courses shall be slow themselves. Returns shape
-    (bins, courses): for the bins of the same sections, zero outside the whole-record part; or for
+    `sections`: of the record. `dt`: sample interval in seconds. `trends`: each gives a column.
+    `slowest`: last index that is wanted; the trends shall be slow themselves. Returns shape
+    (bins, trends): for the bins of the same sections, zero outside the whole-record part; or for
     the slowest coefficients of the whole-record parts alone.
     """
     parts = []
     for section in sections:
         if section.coefficients is None:
             if slowest is None:
-                parts.append(np.zeros((section.last - section.first, len(courses))))
+                parts.append(np.zeros((section.last - section.first, len(trends))))
             continue
-        # Enough points for a course of a few dozen cycles in the record.
+        # Enough points for a trend of a few dozen cycles in the record.
         length = section.length if slowest is None else min(section.length, max(1024, slowest + 1))
         last = section.last if slowest is None else min(section.last, slowest + 1)
         middle = (np.arange(length) + 0.5) * (section.length / length)
         time: Array = np.asarray((section.start + middle * section.step) * dt, dtype=np.float64)
-        rows = dct(np.stack([course(time) for course in courses]), norm='ortho')
+        rows = dct(np.stack([trend(time) for trend in trends]), norm='ortho')
         parts.append(rows[:, section.first:last].T * np.sqrt(section.length / length))
     return np.concatenate(parts)
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A periodic course of the mean of any shape: its harmonics, its frequency, and a record without it.
+A periodic trend of the mean of any shape: its harmonics, its frequency, and a record without it.
 
-The harmonics are regressed together with a last course, the derivative by the logarithm of the
+The harmonics are regressed together with a last trend, the derivative by the logarithm of the
 frequency, whose coefficient says how far the frequency is off (Gauss and Newton). What they
 explain is taken out of the coefficients of the whole record, and of the blocks what it leaks
 there. A coefficient of which the regressors explain the share h, whatever it holds, keeps the
@@ -21,10 +21,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 
-from imu_allan.noise.courses.mean_in_blocks import Course
-from imu_allan.noise.courses.regressors import RecordSpectrum, regressors
-from imu_allan.noise.courses.waveforms import cycle
 from imu_allan.noise.posterior.regression import RIDGE
+from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
+from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +46,7 @@ _REACH = 1.25
 
 @dataclass(frozen=True)
 class Cycle:
-    """A periodic course of the mean of one record."""
+    """A periodic trend of the mean of one record."""
 
     frequency_hz: float
     middle_s: float    # of the record, from where phases count
@@ -64,9 +64,9 @@ class Cycle:
         """Half of what lies between the highest and the lowest value."""
         # At so many phases its highest and its lowest value are looked for.
         time = np.linspace(0.0, 1 / self.frequency_hz, 512)
-        return float(np.ptp(self.course(time))) / 2
+        return float(np.ptp(self.trend(time))) / 2
 
-    def course(self, time: Array) -> Array:
+    def trend(self, time: Array) -> Array:
         """Return the cycle over time."""
         return self._sum(time, self.cosines, self.sines)
 
@@ -137,10 +137,10 @@ def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
 
 def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
     """Take a cycle out of a record, which is left as it is; the other is of one axis."""
-    calm = record.without_leak(cycle.course, variance)
+    calm = record.without_leak(cycle.trend, variance)
     assert calm.keep is not None
     bins = calm.bins
-    coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.course]).T
+    coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.trend]).T
     # Nothing of a coefficient that is all the cycle's, but its band stays.
     left = np.maximum(1 - cycle.taken, 1e-9)
     # Where more of a coefficient is the cycle's, too little of it is noise.
@@ -164,19 +164,19 @@ class _Slow:
         self._root = 1 / np.sqrt(variance[self.here])
         self._signal = self._root * bins.coefficient[record.axis, self.here]
         known = [bins.of_ramp[self.here, None]]
-        if record.courses:
-            known.append(self.transformed(record.courses))
+        if record.trends:
+            known.append(self.transformed(record.trends))
         self._known = self._root[:, None] * np.column_stack(known)
         self.waves = self.transformed([
             partial(self._about_middle, wave) for order in range(1, harmonics + 1)
             for wave in cycle(order * frequency_hz)])
 
-    def _about_middle(self, wave: Course, time: Array) -> Array:
+    def _about_middle(self, wave: Trend, time: Array) -> Array:
         return wave(time - self.middle_s)
 
-    def transformed(self, courses: Sequence[Course]) -> Array:
-        """Transform courses of the mean, shape (coefficients, courses)."""
-        return regressors(self._record.sections, self._record.dt, courses, self._last)
+    def transformed(self, trends: Sequence[Trend]) -> Array:
+        """Transform trends of the mean, shape (coefficients, trends)."""
+        return regressors(self._record.sections, self._record.dt, trends, self._last)
 
     def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
         """Return sizes and errors of columns beside what the mean follows, and what they take."""

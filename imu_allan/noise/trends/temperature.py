@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from imu_allan.noise.courses.mean_in_blocks import Course
+from imu_allan.noise.trends.mean_in_blocks import Trend
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +18,7 @@ that is so much faster is as good as one without any lag, and readings in steps 
 
 
 @dataclass(frozen=True)
-class TemperatureCourse:
+class TemperatureSeries:
     """The temperature over a record."""
 
     time: Array    # (n,): seconds from its beginning, runs joined end to end
@@ -35,7 +35,7 @@ class TemperatureCourse:
         return float(self.celsius.max())
 
     @property
-    def courses(self) -> tuple[Course, Course]:
+    def trends(self) -> tuple[Trend, Trend]:
         """Return the temperature about its mean, in kelvin, and the square of that."""
         about = self.celsius - self.celsius.mean()
 
@@ -49,7 +49,7 @@ class TemperatureCourse:
         """Seconds from the first reading to the last."""
         return float(self.time[-1] - self.time[0])
 
-    def of_sensor(self, lag_s: float) -> 'TemperatureCourse':
+    def of_sensor(self, lag_s: float) -> 'TemperatureSeries':
         """
         Return the temperature of a sensor that the thermometer follows with a time constant.
 
@@ -60,7 +60,7 @@ class TemperatureCourse:
         time = np.linspace(self.time[0], self.time[-1], max(len(self.time), 3))
         step = float(time[1] - time[0])
         celsius = np.interp(time, self.time, self.celsius)
-        return TemperatureCourse(time, _ahead(celsius, lag_s, step) if lag_s > 0
+        return TemperatureSeries(time, _ahead(celsius, lag_s, step) if lag_s > 0
                                  else _behind(celsius, -lag_s, step))
 
 

@@ -3,7 +3,7 @@
 """
 Deterministic drift of the mean as further shapes: regressors with amplitudes of any size.
 
-A course has one column, a cycle two, and a nuisance on a grid. Its amplitude is uniform in the
+A trend has one column, a cycle two, and a nuisance on a grid. Its amplitude is uniform in the
 logarithm, so about noise of a given spectrum the integral over it is closed: with the gain g of
 the regression beside the ramp it is (density/2) sqrt(2 pi/g) e^(g/2) of one column, and
 (density/g) e^(g/2) of two.
@@ -13,10 +13,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-from imu_allan.noise.courses.mean_in_blocks import Course
-from imu_allan.noise.courses.regressors import RecordSpectrum, regressors
-from imu_allan.noise.courses.temperature import TemperatureCourse
-from imu_allan.noise.courses.waveforms import cycle, legendre, step, warming
 from imu_allan.noise.posterior.evidence import climb
 from imu_allan.noise.posterior.likelihood import (
     batches,
@@ -37,6 +33,10 @@ from imu_allan.noise.posterior.search import (
     Proposals,
     TIME,
 )
+from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
+from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.waveforms import cycle, legendre, step, warming
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,35 +45,35 @@ Array = NDArray[np.float64]
 _LEAST_POWER = 1e-200
 """Of a noise, so that one over it times anything is a number."""
 _SLOWEST = 128
-"""Coefficients of the record in which a course is looked for."""
+"""Coefficients of the record in which a trend is looked for."""
 _MOST = 2
-"""Courses at once: what a third explains is told from noise by none."""
+"""Trends at once: nothing distinguishes what a third explains from noise."""
 _HALVINGS = 24
 """Of the distance between values of a nuisance, about the best, at most, ..."""
 _KNOWN = 0.02
 """... or until the gain changes by so little from one to the next."""
 _TURNS = 6
-"""In which the nuisances of several courses are fitted, each beside the others."""
+"""In which the nuisances of several trends are fitted, each beside the others."""
 _LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Of a thermometer behind the sensor or ahead of it; below, both are one."""
 _LONGEST_LAG = 1 / 8
-"""Of the record: a longer lag is not told from the ramp."""
+"""Of the record: a longer lag cannot be distinguished from the ramp."""
 CI95 = 3.841
 """Likelihood ratio at the ends of a 95 % interval (Wilks)."""
 _WORTH_FITTING = 9.0
-"""Gain of a regression from which a course is laid beside the noise."""
+"""Gain of a regression from which a trend is fitted beside the noise."""
 _NEAR = 30.0
-"""Nats within which a noise counts as one that a course may stand beside."""
+"""Nats within which a noise counts as one that a trend may stand beside."""
 _COARSE = 0.5
-"""Nats to which a noise is fitted about which a course is looked at more closely."""
+"""Nats to which a noise is fitted about which a trend is looked at more closely."""
 _RIDGE = 1e-9
-"""Share of a course that has to be left beside others; below, it repeats them."""
+"""Share of a trend that has to be left beside others; below, it repeats them."""
 _CLEARER = 2.0
-"""Nats by which a course has to beat what is there before another is looked for beside it."""
+"""Nats by which a trend has to beat what is there before another is looked for beside it."""
 
 
 @dataclass(frozen=True)
-class CourseKind:
+class TrendKind:
     """
     A way in which the mean may move.
 
@@ -85,7 +85,7 @@ class CourseKind:
     grid : callable
         Values of the nuisance, equally likely, given the duration in seconds.
     columns : callable
-        Courses over time, given the nuisance and the duration.
+        Trends over time, given the nuisance and the duration.
     continuous : bool
         Whether there are values between those of the grid.
     most : int
@@ -98,12 +98,12 @@ class CourseKind:
     key: str
     density: float
     grid: Callable[[float], Array]
-    columns: Callable[[float, float], tuple[Course, ...]]
+    columns: Callable[[float, float], tuple[Trend, ...]]
     continuous: bool = True
     most: int = 1
     smooth: bool = False
 
-    def slopes(self, value: float, duration_s: float) -> tuple[Course, ...]:
+    def slopes(self, value: float, duration_s: float) -> tuple[Trend, ...]:
         """Return the derivatives of the columns by the logarithm of the nuisance."""
         if not self.smooth:
             return ()
@@ -116,47 +116,47 @@ _SLOPE = 0.01
 """Relative change of a nuisance by which a derivative is taken."""
 
 
-def _difference(more: Course, less: Course, time: Array) -> Array:
+def _difference(more: Trend, less: Trend, time: Array) -> Array:
     return np.asarray((more(time) - less(time)) / (2 * _SLOPE))
 
 
-COURSES = (
-    CourseKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 4.0, 19),
+TRENDS = (
+    TrendKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 4.0, 19),
                lambda time, _: (warming(time),), most=2, smooth=True),
-    CourseKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
+    TrendKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
                lambda time, _: (step(time),)),
-    CourseKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
+    TrendKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
                lambda frequency, _: cycle(frequency), smooth=True),
-    CourseKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
+    TrendKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
                lambda order, duration: (legendre(int(order), duration),), continuous=False),
 )
 
 
-def lags_of(temperature: TemperatureCourse) -> Array:
-    """Return the lags of a thermometer behind the sensor that a record can tell, in seconds."""
+def lags_of(temperature: TemperatureSeries) -> Array:
+    """Return the lags of a thermometer behind the sensor that a record can show, in seconds."""
     longest = _LONGEST_LAG * temperature.duration_s
     return np.sort([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
 
 
-def with_temperature(temperature: TemperatureCourse) -> tuple[CourseKind, ...]:
-    """Courses of a record with a thermometer: the temperature with a lag, and its square."""
+def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
+    """Trends of a record with a thermometer: the temperature with a lag, and its square."""
     lags = lags_of(temperature)
 
-    def of(power: int) -> Callable[[float, float], tuple[Course, ...]]:
-        return lambda lag, _: temperature.of_sensor(lag).courses[:power]
+    def of(power: int) -> Callable[[float, float], tuple[Trend, ...]]:
+        return lambda lag, _: temperature.of_sensor(lag).trends[:power]
 
-    return (CourseKind('temperature', 0.15, lambda _: lags, of(1)),
-            CourseKind('temperature', 0.03, lambda _: lags, of(2)), *COURSES)
+    return (TrendKind('temperature', 0.15, lambda _: lags, of(1)),
+            TrendKind('temperature', 0.03, lambda _: lags, of(2)), *TRENDS)
 
 
 @dataclass(frozen=True)
 class Found:
     """
-    A course at one value of its nuisance.
+    A trend at one value of its nuisance.
 
     Attributes
     ----------
-    kind : CourseKind
+    kind : TrendKind
     value : float
     interval : (float, float)
         95 % of the nuisance.
@@ -165,7 +165,7 @@ class Found:
 
     """
 
-    kind: CourseKind
+    kind: TrendKind
     value: float
     interval: tuple[float, float]
     share: float
@@ -177,17 +177,17 @@ class Found:
 
 
 @dataclass(frozen=True)
-class CourseSet:
+class TrendSet:
     """
-    Models beside the same courses.
+    Models beside the same trends.
 
     Attributes
     ----------
     found : tuple of Found
     spectra : Spectra
-        With the courses as regressors.
+        With the trends as regressors.
     rows : Rows
-        Climbed; prior and evidence have those of the amplitudes and nuisances of the courses.
+        Climbed; prior and evidence have those of the amplitudes and nuisances of the trends.
 
     """
 
@@ -199,7 +199,7 @@ class CourseSet:
 class Bank:
     """All candidates on the slowest coefficients of a recording, for any of its axes."""
 
-    def __init__(self, record: RecordSpectrum, kinds: Sequence[CourseKind]) -> None:
+    def __init__(self, record: RecordSpectrum, kinds: Sequence[TrendKind]) -> None:
         self.kinds, self.duration_s = kinds, record.duration_s
         self.grids = [kind.grid(self.duration_s) for kind in kinds]
         self._record = record
@@ -210,12 +210,12 @@ class Bank:
         return [self.regressors(kind, grid)
                 for kind, grid in zip(self.kinds, self.grids, strict=True)]
 
-    def regressors(self, kind: CourseKind, values: Array) -> Array:
+    def regressors(self, kind: TrendKind, values: Array) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
-        courses = [kind.columns(float(value), self.duration_s) for value in values]
+        trends = [kind.columns(float(value), self.duration_s) for value in values]
         found = regressors(self._record.sections, self._record.dt,
-                           [course for each in courses for course in each], _SLOWEST)
-        return np.asarray(found.T.reshape(len(values), len(courses[0]), -1))
+                           [trend for each in trends for trend in each], _SLOWEST)
+        return np.asarray(found.T.reshape(len(values), len(trends[0]), -1))
 
     def of(self, record: RecordSpectrum) -> 'AxisBank':
         """Lay the candidates to one axis of the recording."""
@@ -235,18 +235,18 @@ class AxisBank:
     def _columns(self) -> list[Array]:
         return [columns[:, :, self._slow.which] for columns in self.bank.columns]
 
-    def courses(self, found: Sequence[Found]) -> list[Course]:
-        """Give the courses themselves."""
-        return [course for one in found
-                for course in one.kind.columns(one.value, self.bank.duration_s)]
+    def trends(self, found: Sequence[Found]) -> list[Trend]:
+        """Give the trends themselves."""
+        return [trend for one in found
+                for trend in one.kind.columns(one.value, self.bank.duration_s)]
 
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
-        """Prepare the gains about noises of some spectra, over the ramp and other courses."""
+        """Prepare the gains about noises of some spectra, over the ramp and other trends."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], _LEAST_POWER))
         others = [self._slow.ramp[:, None]]
-        if self.record.courses or beside:
-            others.append(self._slow.regressors([*self.record.courses, *self.courses(beside)]))
+        if self.record.trends or beside:
+            others.append(self._slow.regressors([*self.record.trends, *self.trends(beside)]))
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
         value = (self._slow.coefficient * root)[:, :, None]
         value = value - basis @ (basis.transpose(0, 2, 1) @ value)
@@ -262,13 +262,13 @@ class AxisBank:
 @dataclass(frozen=True)
 class Whitened:
     """
-    Coefficients of a record about noises, without what other courses explain.
+    Coefficients of a record about noises, without what other trends explain.
 
     Attributes
     ----------
     root : ndarray, shape (noises, coefficients)
         One over the standard deviation.
-    basis : ndarray, shape (noises, coefficients, other courses)
+    basis : ndarray, shape (noises, coefficients, other trends)
         Orthonormal once whitened, times that root.
     value : ndarray, shape (noises, coefficients)
         Whitened, times that root.
@@ -289,7 +289,7 @@ class Whitened:
         taken = np.tensordot(self.basis, columns, (1, 2))
         products = np.einsum('vin,vjn->vijn', columns, columns)
         gram = np.tensordot(self.root**2, products, (1, 3))
-        # A course that nothing of the record sees, a step between two runs, explains nothing.
+        # A trend that nothing of the record sees, a step between two runs, explains nothing.
         ridge = (_RIDGE * np.trace(gram, axis1=2, axis2=3)
                  + np.finfo(np.float64).tiny)[:, :, None, None]
         gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
@@ -299,11 +299,11 @@ class Whitened:
         return np.asarray((along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=2))
 
 
-def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
+def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
                    records: Sequence[RecordSpectrum | None], bank: Bank
-                   ) -> list[list[CourseSet]]:
+                   ) -> list[list[TrendSet]]:
     """
-    Fit the models of every axis beside each course that promises something, greedily two of them.
+    Fit the models of every axis beside each trend that promises something, greedily two of them.
 
     Parameters
     ----------
@@ -312,38 +312,38 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     starts : sequence of Start
         Of every axis.
     rows : Rows
-        Without courses, of each axis the best first.
+        Without trends, of each axis the best first.
     records : sequence of RecordSpectrum or None
-        Of every axis; none where no course is looked for.
+        Of every axis; none where no trend is looked for.
     bank : Bank
         What may move the mean.
 
     Returns
     -------
-    list of list of CourseSet
+    list of list of TrendSet
         By axis.
 
     """
     searches = [_Search(spectra, axis, start, of_axis(rows, axis), bank.of(record))
                 for axis, (start, record) in enumerate(zip(starts, records, strict=True))
                 if record is not None and record.duration_s > 0]
-    found: list[list[CourseSet]] = [[] for _ in starts]
+    found: list[list[TrendSet]] = [[] for _ in starts]
     if not searches:
         return found
     still = climb(spectra, Rows.joined([search.tried for search in searches]), 12)
     for search in searches:
         search.begin(of_axis(still, search.axis))
     for _ in range(_MOST):
-        laid = _laid(spectra, [each for search in searches for each in search.candidates()])
+        fitted = _fitted(spectra, [each for search in searches for each in search.candidates()])
         for search in searches:
-            own = [one for at, one in laid if at is search]
+            own = [one for at, one in fitted if at is search]
             found[search.axis] += own
             search.go_on(own)
     return found
 
 
 class _Search:
-    """The search for courses of one axis."""
+    """The search for trends of one axis."""
 
     def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: AxisBank
                  ) -> None:
@@ -356,7 +356,7 @@ class _Search:
         self._about: Whitened | None = None
 
     def begin(self, still: Rows) -> None:
-        """Look about the noises that come near, as they are without courses."""
+        """Look about the noises that come near, as they are without trends."""
         near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - _NEAR))
         self._look(self._spectra, Rows.joined([self._best, near]))
 
@@ -365,7 +365,7 @@ class _Search:
             spectra.frequency, expected_powers(spectra, rows), self.chosen)
 
     def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...]]]':
-        """Courses worth fitting, beside those that are chosen."""
+        """Trends worth fitting, beside those that are chosen."""
         found: list[Candidate] = []
         if self._about is None:
             return found
@@ -380,8 +380,8 @@ class _Search:
             found.append((self, (*self.chosen, one)))
         return found
 
-    def go_on(self, own: Sequence[CourseSet]) -> None:
-        """Lay the best course to the record, if it is clearly better than what was there."""
+    def go_on(self, own: Sequence[TrendSet]) -> None:
+        """Add the best trend to the model, if it is clearly better than what was there."""
         self._about = None
         if not own:
             return
@@ -394,20 +394,20 @@ class _Search:
 
 
 Candidate = tuple[_Search, tuple[Found, ...]]
-"""A search, and courses worth fitting."""
+"""A search, and trends worth fitting."""
 
 
-def _laid(spectra: Spectra, candidates: Sequence[Candidate]
-          ) -> list[tuple[_Search, CourseSet]]:
+def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
+          ) -> list[tuple[_Search, TrendSet]]:
     """Fit the noises of axes beside their candidates: one batch for each number of columns."""
     widths = [sum(one.width for one in found) for _, found in candidates]
-    laid = []
+    fitted = []
     for width in sorted(set(widths)):
         same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
         tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
                              for number, (search, _) in enumerate(same)])
         beside, rows = _climbed(spectra, same, tried, _COARSE)
-        # What a strong course leaves passes for noise until it is laid: about that it is nearer.
+        # Until a strong trend is fitted, its residual passes for noise: then the start is nearer.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
         beside, rows = _climbed(spectra, same, rows)
@@ -416,22 +416,22 @@ def _laid(spectra: Spectra, candidates: Sequence[Candidate]
             here = np.flatnonzero(rows.of == number)
             occam = _occam(sizes[here], found)
             own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
-            laid.append((search, CourseSet(
+            fitted.append((search, TrendSet(
                 found, beside.taken(np.array([number])), replace(
                     own, evidence=own.evidence + occam, prior=own.prior + occam))))
-    return laid
+    return fitted
 
 
 def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
              ) -> tuple[Spectra, Rows]:
     """Fit rows of noises beside candidates of as many columns, each the candidate of its `of`."""
-    groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found in same]
+    groups = [search.bank.record.groups(*search.bank.trends(found)) for search, found in same]
     beside = spectra.beside(groups, [search.axis for search, _ in same])
     return beside, climb(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
-    """Fit the nuisances again, the last course's at last, about the best noise beside them."""
+    """Fit the nuisances again, the last trend's at last, about the best noise beside them."""
     search, found = candidate
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
     lam = expected_powers(beside, best)[0]
@@ -515,10 +515,10 @@ def _interval(values: Array, gains: Array) -> tuple[float, float]:
 
 def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
     """
-    Propose noises to lay courses beside: terms, and what the best model has, with a walk or not.
+    Propose noises to fit trends beside: terms, and those of the best model, with and without K.
 
-    Beside the fast end of the best model stands a plain one: what a mean that moves leaves in the
-    spectrum passes for a filter, too.
+    The fast end of the best model and a plain one are both tried: a mean that moves leaks into the
+    fast end and passes for a filter.
     """
     own, seen = Proposals(spectra, axis), set()
     best = rows.take(np.array([0]))

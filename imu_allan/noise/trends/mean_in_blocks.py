@@ -3,8 +3,8 @@
 """
 What a mean that moves leaves in blocks, which are too short for regressors and know no sign.
 
-The transform of a course that is smooth over a block is a matter of its slopes at the two ends.
-That is worked out from the course that was fitted to the whole record, and taken off. Where it is
+The transform of a trend that is smooth over a block is a matter of its slopes at the two ends.
+That is worked out from the trend that was fitted to the whole record, and taken off. Where it is
 not small beside the noise, what is left is not trusted.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Course = Callable[[Array], Array]
+Trend = Callable[[Array], Array]
 """Value at every time, in seconds from the beginning of the record."""
 
 _MOST = 0.2
@@ -27,7 +27,7 @@ _NEAR = 1e-3
 """Of a block: the distance over which a slope is taken."""
 
 
-def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Course
+def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Trend
           ) -> tuple[Array, Array]:
     """
     Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
@@ -64,7 +64,7 @@ def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 
 
-def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -> Periodogram:
+def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Trend) -> Periodogram:
     """
     Take a mean that moves out of the series and the segments of one axis.
 
@@ -99,7 +99,7 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -
     return calm
 
 
-def _slopes(mean: Course, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
+def _slopes(mean: Trend, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
     """Slopes of a mean at the beginning and at the end of every block."""
     count = max(round((end_s - begin_s) / block_s), 1)
     edges = np.linspace(begin_s, end_s, count + 1)

@@ -5,14 +5,18 @@ A strong periodic drift of the mean: the cycle of a heater or of an air conditio
 
 It stands above the noise in dozens of harmonics, which pass for flicker, a random walk or a
 low-pass while they are in it. All that there may be are taken out first; the noise that is left
-says which there are, and whether they are a cycle. A weak cycle is a course like any other.
+says which there are, and whether they are a cycle. A weak cycle is a trend like any other.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.courses.harmonics import (
+from imu_allan.noise.posterior.maximum import maximise, residual_power, Solution
+from imu_allan.noise.posterior.prepared import smoothed
+from imu_allan.noise.posterior.trends import Bank, TrendKind
+from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
+from imu_allan.noise.trends.harmonics import (
     Cycle,
     HARMONICS,
     harmonics_of,
@@ -21,12 +25,8 @@ from imu_allan.noise.courses.harmonics import (
     refined,
     without,
 )
-from imu_allan.noise.courses.regressors import RecordSpectrum
-from imu_allan.noise.courses.waveforms import cycle
-from imu_allan.noise.posterior.courses import Bank, CourseKind
-from imu_allan.noise.posterior.maximum import maximise, residual_power, Solution
-from imu_allan.noise.posterior.prepared import smoothed
-from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
+from imu_allan.noise.trends.regressors import RecordSpectrum
+from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,7 +51,7 @@ _FEW = (1, 4)
 _FEWEST_GROUPS = 24
 """Bands of which the slow noise is fitted, at least."""
 
-_KIND = CourseKind('slow_cycle', 0.0, lambda duration: np.arange(
+_KIND = TrendKind('slow_cycle', 0.0, lambda duration: np.arange(
     1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
 
 
