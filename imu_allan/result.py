@@ -588,7 +588,7 @@ class Result:
 
     def __str__(self) -> str:
         """Return the table that the command prints, 80 columns wide."""
-        # The table is laid out by a floor above, of which nothing here depends otherwise.
+        # A writer lays out the table; nothing else here depends on one.
         text: str = import_module('imu_allan.writers.table').result_text(self)
         return text
 

@@ -25,6 +25,10 @@ PRIVATE = re.compile(
     r'coast\w*|claim\w*|band-limited|courses? of the mean|a word of|laid to|'
     r'(?<!random )(?<!Random )walks?)\b', re.IGNORECASE)
 """English of our own, for which the field has terms."""
+INTERNAL = re.compile(
+    r'told|doubt|borne.out|sticks?.?out|(?<!Brownian )bridg|stretch|claim|'
+    r'(?<![a-z])pieces?(?![a-z])|\b(alike|laid|(?<!of )courses?)\b', re.IGNORECASE)
+"""The same in names and comments."""
 TERMS_OF_ART = (
     'Allan deviation', 'bias instability', 'flicker', 'Gauss-Markov', 'high-pass', 'interval',
     'knock', 'low-pass', 'noise density', 'outlier', 'posterior', 'prior', 'quantization noise',
@@ -93,6 +97,13 @@ def test_no_string_of_the_program_has_english_of_its_own() -> None:
     # What an option or an argument is called.
     assert not [text for text in texts
                 if PRIVATE.search(re.sub(r'\bcoast\b', '', text))]
+
+
+def test_no_name_or_comment_has_english_of_its_own() -> None:
+    lines = [line for path in (ROOT / 'imu_allan').rglob('*.py')
+             for line in path.read_text().splitlines()]
+    assert len(lines) > 10_000
+    assert not [line for line in lines if INTERNAL.search(line)]
 
 
 def test_a_long_sentence_is_found_wherever_it_stands() -> None:

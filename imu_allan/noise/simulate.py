@@ -178,7 +178,7 @@ def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
     step = rng.standard_normal(samples)
     walk = start + np.cumsum(step)
     # A sample is the mean of the random walk over its interval: half of its own step is still to
-    # come, and the bridge within the interval, which its ends do not show, has variance 1/12.
+    # come, and the Brownian bridge within it, which its ends do not show, has variance 1/12.
     within = rng.standard_normal(samples) / np.sqrt(12) - step / 2
     return walk + within, float(walk[-1]) if samples else start
 

@@ -43,7 +43,7 @@ class SlowCoefficients:
 
 @dataclass(frozen=True)
 class RecordSpectrum:
-    """The spectrum of one axis, to which trends of the mean can be laid."""
+    """The spectrum of one axis, to which trends of the mean can be fitted."""
 
     sections: Sequence[SpectrumSection]
     bins: Bins    # of these sections
