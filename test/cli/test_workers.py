@@ -83,15 +83,21 @@ def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, p
     assert given == [2] * 8 if jobs <= 8 else [1] * 16
 
 
-@pytest.mark.parametrize(('number', 'jobs'), [
-    (signal.SIGINT, 1), (signal.SIGINT, 2), slow(signal.SIGTERM, 2), (signal.SIGKILL, 2)])
-def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
-        tmp_path, model, number, jobs):
-    # Compressed as a whole: unpacked into a temporary folder while it is read.
-    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 60_000))
+@pytest.fixture(scope='module')
+def packed(tmp_path_factory, model):
+    """Return a recording compressed as a whole: unpacked into a folder while it is read."""
+    long = write_recording(tmp_path_factory.mktemp('packed') / 'long',
+                           simulated_blocks(model, 1000.0, 60_000))
     [file] = long.glob('*.mcap')
     packed = file.with_name(file.name + '.zstd')
     packed.write_bytes(zstandard.compress(file.read_bytes()))
+    return packed
+
+
+@pytest.mark.parametrize(('number', 'jobs'), [
+    (signal.SIGINT, 1), (signal.SIGINT, 2), slow(signal.SIGTERM, 2), (signal.SIGKILL, 2)])
+def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
+        tmp_path, packed, number, jobs):
     temporary, output = tmp_path / 'temporary', tmp_path / 'out'
     temporary.mkdir()
     with subprocess.Popen(

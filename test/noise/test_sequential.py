@@ -51,9 +51,9 @@ def test_what_is_clear_is_decided_at_the_first_look(share, verdict):
 
 
 def test_at_the_limit_neither_word_is_said_but_the_test_ends():
-    found = [decided(seed, DENSITY) for seed in range(20)]
-    # Of twenty at 5 % each way more than four would come once in a hundred.
-    assert sum(word != 'cannot tell' for word, _ in found) <= 4
+    found = [decided(seed, DENSITY) for seed in range(10)]
+    # Of ten at 5 % each way more than three would come once in eighty; the slow tests draw more.
+    assert sum(word != 'cannot tell' for word, _ in found) <= 3
     assert max(samples for _, samples in found) < 20_000
 
 

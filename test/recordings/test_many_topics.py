@@ -133,10 +133,10 @@ def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(
 
     monkeypatch.setattr(tempfile, 'mkdtemp', counted)
     path = write_packed_db3(tmp_path / 'h.db3.zstd', [
-        message for message in messages(5, 200) if message[0] != '/imu_0'])
+        message for message in messages(3, 200) if message[0] != '/imu_0'])
     assert main(['analyze', str(path), '--all-topics', '--no-progress', '--output',
                  str(tmp_path / 'out')]) == 0
-    assert len(list((tmp_path / 'out').glob('*/result.json'))) == 4
+    assert len(list((tmp_path / 'out').glob('*/result.json'))) == 2
     # One lists the topics, one serves them all.
     assert made == [0, 0]
     assert list(unpacked.iterdir()) == []

@@ -4,11 +4,11 @@
 
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
 import threading
-import time
 
 from bags import assert_same, block, FailingRecording, joined, write_mcap
 from imu_allan.block import ImuBlock
@@ -17,6 +17,7 @@ from imu_allan.finding import Finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
+from processes import wait_until
 import pytest
 from repeated import slow
 from whole_lines import refused
@@ -39,16 +40,16 @@ def state_and_parent(process: int | str) -> tuple[str, int]:
     return state, int(parent)
 
 
+@pytest.fixture(scope='module')
+def long_bag(tmp_path_factory) -> Path:
+    """Return a recording that is still being read for a while, which nobody changes."""
+    return write_recording(tmp_path_factory.mktemp('long') / 'bag', [block(400_000)],
+                           compression='')
+
+
 def children(of: int | None = None) -> list[int]:
     return [int(folder.name) for folder in Path('/proc').glob('[0-9]*')
             if state_and_parent(folder.name)[1] == (of or os.getpid())]
-
-
-def wait_until(reached, timeout: float = 20.0) -> None:
-    end = time.monotonic() + timeout
-    while not reached():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def read_here(path: Path) -> tuple[ImuBlock, list[Finding]]:
@@ -118,10 +119,9 @@ def test_an_exception_comes_after_the_blocks_before_it(error):
         assert 'in decoded' in str(caught.value.__cause__)
 
 
-def test_whoever_stops_early_leaves_no_process(tmp_path):
+def test_whoever_stops_early_leaves_no_process(long_bag):
     before = children()
-    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
-    with open_recording(bag) as recording:
+    with open_recording(long_bag) as recording:
         blocks = read_blocks(recording, choose_topic(recording))
         next(blocks)
         assert len(children()) == len(before) + 1
@@ -129,23 +129,22 @@ def test_whoever_stops_early_leaves_no_process(tmp_path):
         assert children() == before
 
 
-def test_a_process_ended_from_outside_is_one_clear_error(tmp_path):
+def test_a_process_ended_from_outside_is_one_clear_error(long_bag):
     before = set(children())
-    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
-    with open_recording(bag) as recording:
+    with open_recording(long_bag) as recording:
         blocks = read_blocks(recording, choose_topic(recording))
         next(blocks)
         [child] = set(children()) - before
         os.kill(child, signal.SIGKILL)
-        with refused(f'{bag}: the process that reads it was ended from outside (signal 9), '
+        with refused(f'{long_bag}: the process that reads it was ended from outside (signal 9), '
                      'perhaps for want of memory'):
             list(blocks)
     assert set(children()) == before
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL, slow(signal.SIGTERM)])
-def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, number):
-    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
+def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, long_bag, number):
+    bag = shutil.copytree(long_bag, tmp_path / 'bag')
     [file] = bag.glob('*.mcap')
     file.with_name(f'{file.name}.zstd').write_bytes(
         zstandard.ZstdCompressor(1).compress(file.read_bytes()))
