@@ -5,6 +5,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+from bags import assert_same
 from hypothesis import given, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
@@ -31,14 +32,6 @@ def block(count: int, frame_id: str = 'imu_link', seed: int = 0) -> ImuBlock:
     header = 1_700_000_000_000_000_000 + np.arange(count, dtype=np.int64) * 1_000_003
     return ImuBlock(header, header + 17, noise.normal(size=(count, 6)),
                     noise.random((count, 2)) < 0.3, frame_id)
-
-
-def assert_same(first: ImuBlock, second: ImuBlock) -> None:
-    assert first.frame_id == second.frame_id
-    for field in ('header_ns', 'receive_ns', 'samples', 'absent'):
-        one, other = getattr(first, field), getattr(second, field)
-        assert one.dtype == other.dtype, field
-        assert one.tobytes() == other.tobytes(), field
 
 
 @given(FRAMES, SERIALIZATIONS, st.integers(1, 20))

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 
+from bags import mcap_written
 import imu_allan
 from imu_allan.cdr import encode_imu, encode_imu_rows
 from imu_allan.cli import analyze, workers
@@ -18,7 +19,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.filters import export
-from mcap.writer import Writer
 import numpy as np
 import pytest
 from repeated import slow
@@ -147,27 +147,9 @@ def test_all_topics_are_analyzed_as_each_alone_and_none_leads_out_of_the_output_
         assert json.loads((folder / 'result.json').read_text()) == alone.to_dict()
 
 
-@contextlib.contextmanager
-def topics_written(path):
-    """Give what writes a message of a topic into an MCAP file, or only the topic."""
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
-        channels = {}
-
-        def write(topic, stamp=None, message=b'none'):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, 'cdr', schema)
-            if stamp is not None:
-                writer.add_message(channels[topic], stamp, message, stamp)
-        yield write
-        writer.finish()
-
-
 def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_with):
     path = tmp_path / 'a.mcap'
-    with topics_written(path) as write:
+    with mcap_written(path) as write:
         for topic, count in (('/imu', 3000), ('/short', 20)):
             for number in range(count):
                 stamp = START_NS + number * 10**7
@@ -179,7 +161,7 @@ def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_wi
 
 def test_topics_without_a_message_are_named_up_to_a_hundred(tmp_path, fails_with):
     path = tmp_path / 'a.mcap'
-    with topics_written(path) as write:
+    with mcap_written(path) as write:
         for number in range(200):
             write(f'/imu_{number}')
         write('/imu_199', START_NS)

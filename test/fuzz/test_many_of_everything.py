@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 import json
 from pathlib import Path
 
+from bags import mcap_written, serialized
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings.write import write_recording
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 from measured_command import run
 import numpy as np
 import pytest
@@ -61,33 +62,20 @@ def with_files(folder: Path, count: int) -> Path:
     bag.mkdir()
     for number in range(count):
         messages = block(np.arange(10 * number, 10 * number + 10), at_rest(number, 10))
-        with (bag / f'a_{number}.mcap').open('wb') as file:
-            writer = Writer(file, compression=CompressionType.NONE)
-            writer.start('ros2')
-            schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
-            channel = writer.register_channel('/imu', 'cdr', schema)
-            for stamp, row in zip(messages.header_ns.tolist(), encode_imu_rows(messages),
-                                  strict=True):
-                writer.add_message(channel, log_time=stamp, data=row.tobytes(),
-                                   publish_time=stamp)
-            writer.finish()
+        with mcap_written(bag / f'a_{number}.mcap', compression=CompressionType.NONE) as write:
+            for stamp, row in serialized(messages):
+                write('/imu', stamp, row)
     return bag
 
 
 def with_topics(folder: Path, count: int) -> Path:
     """Write a recording of so many topics, 200 messages of each in turn."""
-    with (folder / 'topics.mcap').open('wb') as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start('ros2')
-        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
-        rows = [encode_imu_rows(block(np.arange(200), at_rest(number, 200)))
-                for number in range(count)]
-        channels = [writer.register_channel(f'/imu_{number}', 'cdr', schema)
-                    for number in range(count)]
+    rows = [encode_imu_rows(block(np.arange(200), at_rest(number, 200)))
+            for number in range(count)]
+    with mcap_written(folder / 'topics.mcap', compression=CompressionType.NONE) as write:
         for place in range(200):
-            for channel, messages in zip(channels, rows, strict=True):
-                writer.add_message(channel, place, messages[place].tobytes(), place)
-        writer.finish()
+            for number, messages in enumerate(rows):
+                write(f'/imu_{number}', place, messages[place])
     return folder / 'topics.mcap'
 
 

@@ -12,11 +12,13 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows, Serialization
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding import Finding, finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 import numpy as np
+import pytest
 from rosbags.rosbag1 import Reader as Ros1Reader, Writer as Ros1Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -54,6 +56,17 @@ def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlo
         return messages, recording.remarks
 
 
+def refusal(path: Path, content: str | bytes | None = None, **options: Any) -> str:
+    """Return the error that reading a file gives, with this content if it has none yet."""
+    if content is not None:
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(ImuAllanError) as error:
+        read(path, **options)
+    file, _, reason = str(error.value).partition(': ')
+    assert file == printable(path)
+    return reason
+
+
 def told(path: Path, code: str, **values: object) -> Finding:
     """Return a finding about a recording."""
     return finding(code, recording=str(path), **values)
@@ -74,27 +87,29 @@ def assert_same(first: ImuBlock, second: ImuBlock) -> None:
     assert first.frame_id == second.frame_id
     for field in ('header_ns', 'receive_ns', 'samples', 'absent'):
         one, other = getattr(first, field), getattr(second, field)
-        assert len(one) == len(other), field
+        assert (len(one), one.dtype) == (len(other), other.dtype), field
         assert one.tobytes() == other.tobytes(), field
 
 
 @contextmanager
 def mcap_written(path: Path, profile: str = 'ros2', **options: Any,
                  ) -> Iterator[Callable[..., None]]:
-    """Give what writes a message of a topic into an MCAP file with the mcap library."""
+    """Give what writes a message of a topic, or a topic alone, into an MCAP file."""
     with path.open('wb') as file:
         writer = Writer(file, **options)
         writer.start(profile)
         channels: dict[tuple[str, int], int] = {}
 
-        def write(topic: str, stamp: int, data: bytes, kind: str = IMU, definition: str = '',
-                  encodings: tuple[str, str] = ('cdr', 'ros2msg'), number: int = 0) -> None:
+        def write(topic: str, stamp: int | None = None, data: bytes = b'none', kind: str = IMU,
+                  definition: str = '', encodings: tuple[str, str] = ('cdr', 'ros2msg'),
+                  number: int = 0) -> None:
             if (topic, number) not in channels:
                 schema = kind and writer.register_schema(
                     kind, encodings[1], definition.encode())
                 channels[topic, number] = writer.register_channel(
                     topic, encodings[0], schema or 0)
-            writer.add_message(channels[topic, number], stamp, bytes(data), stamp)
+            if stamp is not None:
+                writer.add_message(channels[topic, number], stamp, bytes(data), stamp)
 
         yield write
         writer.finish()

@@ -19,6 +19,7 @@ from imu_allan.writers.words import message_of
 from mutations import mutated_bytes
 import numpy as np
 import pytest
+from repeated import slow
 import zstandard
 
 MESSAGES = block(600)
@@ -137,14 +138,10 @@ def fuzz(folder: Path, source: str, count: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize('source', SOURCES)
-def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source):
-    fuzz(tmp_path, source, 40, 1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize('source', SOURCES)
-def test_many_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, seed):
-    # One container is fuzzed in several shapes, these in one.
-    count = 2000 if source in ('metadata', 'ulog', 'ardupilot') else 1000
-    fuzz(tmp_path, source, count, 100 + seed)
+@pytest.mark.parametrize(('count', 'seed'), [
+    (40, 1), *(slow(1000, seed) for seed in range(100, 105))])
+def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, count, seed):
+    if count > 40 and source in ('metadata', 'ulog', 'ardupilot'):
+        # Other containers are fuzzed in several shapes, these in one.
+        count *= 2
+    fuzz(tmp_path, source, count, seed)

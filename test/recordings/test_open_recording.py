@@ -7,7 +7,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from bags import assert_same, block, mcap_written, read, write_db3, write_mcap
+from bags import assert_same, block, mcap_written, read, refusal, write_db3, write_mcap
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings import (
     choose_topic,
@@ -20,14 +20,6 @@ from imu_allan.recordings import (
 import numpy as np
 import pytest
 from whole_lines import refused
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(ImuAllanError) as error:
-        open_recording(path)
-    file, _, reason = str(error.value).partition(': ')
-    assert file == printable(path)
-    return reason
 
 
 @pytest.mark.parametrize(('content', 'reason'), [

@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 import time
 
-from bags import no_axes, read, START_NS, told
+from bags import no_axes, read, refusal, START_NS, told
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
@@ -29,16 +29,6 @@ def read_text(path: Path, text: str, **options: object) -> tuple[ImuBlock, list[
     """Read a file with this content."""
     path.write_text(text)
     return read(path, **options)
-
-
-def refusal(path: Path, text: str | bytes, **options: float) -> str:
-    """Return the error that reading a file with this content gives."""
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    with pytest.raises(ImuAllanError) as error:
-        read(path, **options)
-    file, _, reason = str(error.value).partition(': ')
-    assert file == str(path)
-    return reason
 
 
 def bad_lines(path: Path, count: int, first: str) -> Finding:

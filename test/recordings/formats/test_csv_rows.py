@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of a CSV file that are not what its header says."""
 
-from bags import read, told
-from imu_allan.errors import ImuAllanError
+from bags import read, refusal, told
 from imu_allan.recordings import RecordingOptions
 import numpy as np
 import pytest
@@ -13,16 +12,6 @@ ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
 FIVE_FIELDS = (
     'the rows have 5 fields, the header names 4, so that none can be recognized by its name; name '
     'every column, the number of the row, too, as R does with col.names=NA')
-
-
-def refusal(tmp_path, text, **options):
-    path = tmp_path / 'imu.csv'
-    path.write_text(text)
-    with pytest.raises(ImuAllanError) as error:
-        read(path, options=RecordingOptions(**options))
-    file, _, reason = str(error.value).partition(': ')
-    assert file == str(path)
-    return reason
 
 
 def samples_of(tmp_path, text):
@@ -41,14 +30,14 @@ def table(header, row, mark=','):
     lambda place, values: [f'"{place + 1}"', str(place / 100), *values],
     lambda place, values: [str(place / 100), *values, '1']])
 def test_rows_of_more_fields_than_names_are_refused(tmp_path, row):
-    assert refusal(tmp_path, table(HEADER, row)) == FIVE_FIELDS
-    assert refusal(tmp_path, table(HEADER.replace(',', ' '), row, ' ')) == FIVE_FIELDS
+    assert refusal(tmp_path / 'imu.csv', table(HEADER, row)) == FIVE_FIELDS
+    assert refusal(tmp_path / 'imu.csv', table(HEADER.replace(',', ' '), row, ' ')) == FIVE_FIELDS
 
 
 def test_decimal_commas_between_commas_are_refused(tmp_path):
     text = table(HEADER, lambda place, values: [
         value.replace('.', ',') for value in (str(place / 100), *values)])
-    assert refusal(tmp_path, text) == (
+    assert refusal(tmp_path / 'imu.csv', text) == (
         'the rows have 8 fields, the header names 4, so that none can be recognized by its '
         'name; where that comes of decimal commas, write semicolons between the cells')
 
@@ -72,7 +61,7 @@ def test_an_unnamed_column_at_the_end_has_its_place(tmp_path):
     text = table(HEADER + ',', lambda place, values: [str(place / 100), *values, 'OK'])
     assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
     text = table(HEADER + ',', lambda place, values: [str(place), str(place / 100), *values, ''])
-    assert refusal(tmp_path, text) == FIVE_FIELDS
+    assert refusal(tmp_path / 'imu.csv', text) == FIVE_FIELDS
 
 
 @pytest.mark.parametrize('damage', ['\r', '\0', '"\r\0"'])
@@ -96,7 +85,7 @@ SPLIT = HEADER.replace('time_s', 'seconds,nanoseconds')
     lambda place: (f'{place // 8}', f'{125_000_000 * (place % 8) - 500_000_000}')])
 def test_seconds_and_nanoseconds_that_are_no_two_parts_are_refused(tmp_path, times):
     text = table(SPLIT, lambda place, values: [*times(place), *values])
-    assert refusal(tmp_path, text) == (
+    assert refusal(tmp_path / 'imu.csv', text) == (
         'no time_s column; give the sample rate with --rate, or say which column is the time: '
         "--columns 'time=NAME ms'")
     path = tmp_path / 'imu.csv'
@@ -124,7 +113,7 @@ def test_times_with_a_mark_between_thousands_are_refused(tmp_path, mark, grouped
         return [time, *(value.replace('.', ',') if comma else value for value in values)]
 
     text = table('time_ms;gyro_x;gyro_y;gyro_z', row, mark)
-    assert refusal(tmp_path, text) == (
+    assert refusal(tmp_path / 'imu.csv', text) == (
         'the time 1.000 comes after 990: it is written with a mark between thousands; write the '
         'times without')
 
@@ -139,5 +128,6 @@ def test_fractions_of_three_digits_are_no_thousands(tmp_path, step_s):
 
 def test_a_column_named_twice_is_refused(tmp_path):
     text = table(HEADER, lambda place, values: [str(place / 100), *values])
-    assert refusal(tmp_path, text, columns=(('gyro_x', 'gyro_y'), ('gyro_y', 'gyro_y'))) == (
+    assert refusal(tmp_path / 'imu.csv', text, options=RecordingOptions(
+        columns=(('gyro_x', 'gyro_y'), ('gyro_y', 'gyro_y')))) == (
         '--columns: column gyro_y is named twice')

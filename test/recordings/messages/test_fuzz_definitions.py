@@ -14,6 +14,7 @@ from mutations import mutated_bytes
 import numpy as np
 from other_types import full_definition, imu, stamped, store_with
 import pytest
+from repeated import slow
 
 KIND = 'my_driver/msg/Fuzzed'
 TEXT = 'std_msgs/Header header\nstring[] names\nsensor_msgs/Imu[2] imus\nfloat32[<=4] rest\n'
@@ -45,7 +46,8 @@ def decode(definition: str, message: bytes) -> None:
         assert block.samples.shape == (1, 6)
 
 
-def run(seed: int, rounds: int) -> tuple[int, int]:
+@pytest.mark.parametrize(('seed', 'rounds', 'fewest'), [(1, 60, 10), slow(2, 3400, 100)])
+def test_mutations_are_decoded_or_refused_in_one_line(seed, rounds, fewest):
     random = Random(seed)
     good = bad = 0
     for _ in range(rounds):
@@ -57,16 +59,4 @@ def run(seed: int, rounds: int) -> tuple[int, int]:
                      lambda text=path: vector_of(TYPES, KIND, text, '--gyro')):
             reason = outcome(make)
             good, bad = good + (not reason), bad + bool(reason)
-    return good, bad
-
-
-def test_mutations_are_decoded_or_refused_in_one_line():
-    good, bad = run(1, 60)
-    assert good > 10
-    assert bad > 10
-
-
-@pytest.mark.slow
-def test_many_mutations_are_decoded_or_refused_in_one_line():
-    good, bad = run(2, 3400)
-    assert good + bad >= 10_000
+    assert min(good, bad) > fewest
