@@ -11,7 +11,6 @@ import sys
 from bags import read, told
 from imu_allan import analyze
 from imu_allan.cli.main import main
-from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
@@ -199,22 +198,6 @@ def test_without_pymavlink_the_package_is_named(tmp_path, monkeypatch):
             f'{path}: ArduPilot logs need the package pymavlink; '
             "pip install 'imu_allan[ardupilot]'"):
         open_recording(path)
-
-
-@pytest.mark.parametrize('seed', range(12))
-def test_damage_is_one_line_or_a_part_of_the_log(tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    path = write(tmp_path / 'a.bin', imu() + batches(seed % 2, 1, 0.1))
-    data = bytearray(path.read_bytes())
-    for place in rng.integers(3, len(data), 10 if seed % 3 else 0):
-        data[place] = rng.integers(256)
-    path.write_bytes(data[:rng.integers(3, len(data))])
-    try:
-        messages, _ = read(path, 'IMU')
-    except ImuAllanError as error:
-        assert '\n' not in str(error)
-    else:
-        assert 0 < len(messages) <= 300
 
 
 def test_damage_is_quiet(tmp_path):
