@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Blocks of samples: the one currency between the front doors and the estimator.
+Blocks of samples, as topics and recordings hand them to the timeline and it to the estimator.
 
-A front door (topic or recording) yields `ImuBlock`; the timeline turns them into `EvenBlock`.
+A topic or recording yields `ImuBlock`; the timeline turns them into `EvenBlock`.
 Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI units.
 """
 

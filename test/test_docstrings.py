@@ -37,7 +37,7 @@ NUMERICS = [
         ('noise.posterior.maximum', 'maximise'), ('noise.sequential', 'decide'),
         ('noise.spectrum', 'flicker'), ('noise.spectrum', 'quantization'),
         ('noise.spectrum', 'random_walk'), ('noise.spectrum', 'white'),
-        ('noise.terms', 'allan_variance'), ('tuning.kalman', 'coasting_variance')))]
+        ('noise.terms', 'allan_variance'), ('tuning.kalman', 'unaided_variance')))]
 
 
 def test_the_equations_of_the_statistics_are_numbered_in_turn():

@@ -74,7 +74,7 @@ def joint_result(recordings: Sequence[Characterization],
     """
     Characterize one IMU from several recordings.
 
-    `recordings`: at least two, each of a whole recording. `remarks`: findings of the front door
+    `recordings`: at least two, each of a whole recording. `remarks`: findings of the reader
     about each. With `recordings` and `turn_on_bias`. Raises ImuAllanError: if there are fewer than
     two, one of them holds nothing usable, or they cannot be recordings of one IMU in one setting.
     """
@@ -259,7 +259,7 @@ def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
 
 
 def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """Return what the timeline and the front door said about one recording or another."""
+    """Return what timeline and reader found about one recording or another."""
     # An axis that is constant in all of them is said once.
     constant = {name for name, axis in axes.items() if axis.constant}
     # What the single fits found is said of the joint one, or the joint one does without.

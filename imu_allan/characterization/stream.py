@@ -238,7 +238,7 @@ class Characterization:
         Parameters
         ----------
         remarks : iterable of Finding, optional
-            Findings of the front door, such as a truncated recording; they come first.
+            Findings of the reader, such as a truncated recording; they come first.
         tested : mapping of axis name to Backtest or None, optional
             Backtests of a shorter record, which spare a tenth of a second; else they are made.
 

@@ -3,9 +3,9 @@
 """
 Moments of means over an interval of a first-order Gauss-Markov process of unit variance.
 
-A filter sees the rate as its mean over the time between two corrections, and a coast is the mean
-over an outage. Everything here is exact for such means; time enters through ``x``, the interval
-over the correlation time.
+A filter sees the rate as its mean over the time between two corrections, and drifts unaided by its
+mean over an outage. Everything here is exact for such means; time enters through ``x``, the
+interval over the correlation time.
 """
 
 import numpy as np

@@ -68,7 +68,7 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     return found
 
 
-def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
+def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
     """
     Variance of the mean over each horizon after very many corrections, by docs/statistics.md (9).
 
@@ -95,7 +95,7 @@ def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arr
     >>> import imu_allan
     >>> axis = imu_allan.characterize(imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0),
     ...                               100.0)
-    >>> found = coasting_variance(axis, 1.0, np.array([10.0]))
+    >>> found = unaided_variance(axis, 1.0, np.array([10.0]))
     >>> bool(1 < found[0] / (axis.drift_model.noise_density ** 2 / 10) < 1.2)
     True
 

@@ -251,11 +251,11 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_i
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
             ) -> tuple[tuple[float, float, float], ...]:
     """Consistency of a filter that holds the whole drift model: what is expected it predicts."""
-    from imu_allan.tuning.kalman import coasting_variance
+    from imu_allan.tuning.kalman import unaided_variance
 
     aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
     horizons = _horizons(aiding_interval_s, coast_s)
-    sigma = np.sqrt(coasting_variance(axis, aiding_interval_s, horizons))
+    sigma = np.sqrt(unaided_variance(axis, aiding_interval_s, horizons))
     return tuple((float(h), float(s), float(s)) for h, s in zip(horizons, sigma, strict=True))
 
 

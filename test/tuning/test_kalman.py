@@ -5,7 +5,7 @@
 from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
-from imu_allan.tuning.kalman import coasting_variance, run_filters, steady_covariance
+from imu_allan.tuning.kalman import run_filters, steady_covariance, unaided_variance
 from imu_allan.tuning.state_space import state_space
 from imu_allan.tuning.tune import tune
 import numpy as np
@@ -67,7 +67,7 @@ def test_the_steady_state_is_where_the_filter_arrives():
     axis = axis_of(1e-3, 2e-5, ((4e-4, 20.0), (1e-4, 1.0)))
     space = state_space(axis, 1.0)
     _, variance = innovations(space, np.zeros(3000))
-    assert coasting_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(variance[-1],
+    assert unaided_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(variance[-1],
                                                                              rel=1e-9)
     assert (np.linalg.eigvalsh(steady_covariance(space)) > 0).all()
 

@@ -8,7 +8,7 @@ from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone
-from imu_allan.tuning.kalman import coasting_variance
+from imu_allan.tuning.kalman import unaided_variance
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
 from imu_allan.tuning.uncertainty import unsteadiness
 import numpy as np
@@ -38,7 +38,7 @@ def test_a_filter_claims_what_the_kalman_filter_of_its_model_claims_and_that_hap
         filters, drift):
     truth = axis_of(2e-3, **drift)
     np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0],
-                               coasting_variance(truth, 1.0, HORIZONS), rtol=1e-9)
+                               unaided_variance(truth, 1.0, HORIZONS), rtol=1e-9)
     np.testing.assert_allclose(Truth(truth).expected(filters, HORIZONS),
                                filters.predicted(HORIZONS), rtol=1e-9)
 

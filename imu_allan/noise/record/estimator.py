@@ -317,7 +317,7 @@ class Estimator(SideBySide):
         return restored(cls, state)
 
     def check(self) -> None:
-        """Give the chunk its room; raise ValueError where what was saved does not fit."""
+        """Allocate the chunk; raise ValueError where what was saved does not fit."""
         parts = self.pyramid, self.periodogram, self.signal, self.census
         if (any(part.axes != self.axes for part in parts)
                 or self.chunk.shape != (self.axes, self.held) or self.held >= CHUNK
