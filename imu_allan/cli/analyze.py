@@ -39,7 +39,7 @@ _SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate'
 _EXAMPLES = """\
   imu_allan analyze imu_at_rest --output out
   imu_allan analyze day1.mcap day2.mcap --together --start 5m --output out
-  imu_allan analyze log.csv --rate 200Hz --columns gyro_x=w0,gyro_y=w1,gyro_z=w2 --for kalibr"""
+  imu_allan analyze log.csv --rate 200Hz --columns gyro_x=w0,gyro_y=w1,gyro_z=w2"""
 
 
 def register(verbs: Any) -> None:
@@ -50,7 +50,8 @@ def register(verbs: Any) -> None:
                     'an IMU at rest. It reads rosbag2 folders (sqlite3 or MCAP), bare .mcap and '
                     '.db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin and CSV. A folder holds several, '
                     'or a CSV for each sensor of a phone.')
-    parser.add_argument('recordings', metavar='RECORDING', nargs='+')
+    parser.add_argument('recordings', metavar='RECORDING', nargs='+',
+                        help='file or folder')
     topics = parser.add_mutually_exclusive_group()
     topics.add_argument('--topic', metavar='NAME',
                         help='the Imu topic; may be left out where there is only one')

@@ -39,6 +39,11 @@ def positive_number(text: str) -> float:
     return _above_zero(_number(text), text)
 
 
+def percentage(text: str) -> float:
+    """Read a percentage above zero, with its sign or without."""
+    return positive_number(text.strip().removesuffix('%'))
+
+
 def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), _HERTZ, f'{text!r} is no rate: write Hz (100), or a '

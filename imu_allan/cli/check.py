@@ -26,7 +26,7 @@ _SHORT = ('--spec', '--min-duration', '--allow-undecided', '--live', '--json', '
           '--certificate', '--meta', '--topic')
 _EXAMPLES = """\
   imu_allan check out --spec datasheet.yaml
-  imu_allan check imu_at_rest --spec tactical_mems --min-duration 30m --certificate sheet.html
+  imu_allan check out --spec tactical_mems --min-duration 1h --junit a.xml
   imu_allan check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017"""
 
 
@@ -54,9 +54,9 @@ def register(verbs: Any) -> None:
     parser.add_argument('--live', action='store_true',
                         help='stop as soon as the verdict is certain: wrong in at most one unit '
                              'of twenty')
-    parser.add_argument('--margin', metavar='PERCENT', type=arguments.positive_number,
-                        default=10.0, help='with --live: a unit nearer to its limit is called '
-                                           'neither good nor bad (default: %(default)g)')
+    parser.add_argument('--margin', metavar='PERCENT', type=arguments.percentage, default=10.0,
+                        help='with --live: a unit nearer to its limit is called neither good nor '
+                             'bad (default: 10%%)')
     parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
     parser.add_argument('--certificate', metavar='FILE',

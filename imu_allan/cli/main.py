@@ -27,9 +27,14 @@ _BY_PIP = ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'sc
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 DESCRIPTION = """\
-How noisy is this IMU? Allan deviation and the noise coefficients that filters want, each with
-its 95 % interval, from a recording made while the IMU lay still.
+How noisy is this IMU? Allan deviation and the noise coefficients that filters
+want, each with its 95 % interval, from a recording made while the IMU lay
+still.
 """
+_EXAMPLES = """\
+  imu_allan analyze imu_at_rest --output out
+  imu_allan export out --for kalibr --output imu.yaml
+  imu_allan simulate consumer_mems --output imu_at_rest"""
 
 EPILOG = """\
 exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
@@ -40,7 +45,7 @@ exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
 def command_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command, every verb registered."""
     parser = _Parser(
-        prog='imu_allan', description=DESCRIPTION, epilog=EPILOG,
+        prog='imu_allan', description=DESCRIPTION, epilog=EPILOG, examples=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
@@ -96,9 +101,11 @@ class _Parser(argparse.ArgumentParser):
         """Return one line: what is required, and that there is more."""
         if self._subparsers is not None or self.usage is not None:
             return super().format_usage()
-        required = [action for action in self._actions if action.required]
+        required = [action for action in self._actions
+                    if action.required or not action.option_strings]
         words = [f'{action.option_strings[-1]} {action.metavar}' if action.option_strings
-                 else f'{action.metavar}...' if action.nargs == '+' else str(action.metavar)
+                 else f'{action.metavar}...' if action.nargs == '+'
+                 else str(action.metavar) if action.required else f'[{action.metavar}]'
                  for action in sorted(required, key=lambda action: bool(action.option_strings))]
         return f'usage: {" ".join([self.prog, *words])} [options]\n'
 

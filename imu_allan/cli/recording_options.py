@@ -61,8 +61,8 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     # What --clock none says now.
     parser.add_argument('--force-rate', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
-                        help='leave out the beginning (10 or 10s, 5min, 2h), or auto: the warm- '
-                             'up')
+                        help='leave out the beginning (10 or 10s, 5min, 2h), or the warm-up '
+                             '(auto)')
     parser.add_argument('--duration', metavar='TIME', type=duration,
                         help='use only as much (30min, 3h)')
     parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',

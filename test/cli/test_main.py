@@ -46,7 +46,25 @@ def test_help_names_every_verb_and_costs_under_a_fifth_of_a_second() -> None:
 
 @pytest.mark.parametrize('verb', VERBS)
 def test_every_verb_has_its_help(verb: str, output_of: Callable[..., str]) -> None:
-    assert output_of(verb, '--help').startswith(f'usage: imu_allan {verb}')
+    text = output_of(verb, '--help')
+    assert text.startswith(f'usage: imu_allan {verb}')
+    assert f'\nexamples:\n  imu_allan {verb} ' in text
+
+
+@pytest.mark.parametrize('words', [[], *([verb] for verb in VERBS)])
+def test_no_line_of_the_help_is_wider_than_a_terminal(words, output_of: Callable[..., str]
+                                                      ) -> None:
+    assert [line for line in output_of(*words, '--help').splitlines() if len(line) > 80] == []
+
+
+def test_the_usage_names_what_may_be_left_out_too(output_of: Callable[..., str]) -> None:
+    assert output_of('explain', '--help').startswith('usage: imu_allan explain [CODE] [options]\n')
+
+
+@pytest.mark.parametrize('text', ['5', '5%', ' 5 % '])
+def test_a_percentage_is_read_with_its_sign(text: str) -> None:
+    assert command_parser().parse_args(
+        ['check', 'bag', '--spec', 'x', '--margin', text]).margin == 5.0
 
 
 def test_building_the_parser_loads_nothing_heavy() -> None:
