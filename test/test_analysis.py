@@ -118,6 +118,16 @@ def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys)
     assert '1970' not in shown
 
 
+def test_a_table_without_times_is_said_to_be_counted(tmp_path, capsys):
+    path = tmp_path / 'untimed.csv'
+    path.write_text('gyro_x\n' + ''.join(f'{value}\n' for value in np.sin(np.arange(500.0))))
+    assert main(['info', str(path), '--rate', '100Hz']) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert '  clock       none: samples are counted at the stated rate' in shown
+    assert '  rate        100 Hz' in shown
+    assert not any(line.startswith('  frame_id') for line in shown)
+
+
 @pytest.mark.parametrize('samples', [np.zeros(100), [0.0, 1.0], 3])
 def test_samples_are_no_recording(samples):
     line = (f'analyze takes the path of a recording, not {type(samples).__name__}; for samples in '

@@ -179,7 +179,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
         rows.append(('unusable', failure))
     else:
         summary = stage.summary()
-        rows += _timeline_rows(summary, topic)
+        rows += _timeline_rows(summary, topic, untimed=recording.untimed)
         constant = [name for name, there, changed in zip(
             AXES, summary.present, changes, strict=True) if there and not changed]
         if count > 1 and constant:
@@ -202,23 +202,25 @@ def _wrapped(name: str, text: str) -> list[str]:
                          break_on_hyphens=False) or [name.rstrip()]
 
 
-def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, str]]:
+def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
+                   ) -> list[tuple[str, str]]:
     from imu_allan.noise.terms import AXES
-    from imu_allan.wording import clock_of, counted, duration
+    from imu_allan.wording import clock_of, counted, duration, is_table
     from imu_allan.writers.words import message_of
 
     timeline = summary.timeline
-    rows = [('frame_id', summary.frame_id or '(empty)')]
+    rows = [] if is_table(topic) else [('frame_id', summary.frame_id or '(empty)')]
     if summary.start_time is not None:
         rows.append(('start', summary.start_time))
     rows.append(('duration', duration(timeline.duration_s)))
     if timeline.sample_rate_hz is not None:
         # Decimal seconds of a table are rounded to about that.
-        jitter = ('' if summary.jitter_s is None else
+        jitter = ('' if summary.jitter_s is None or untimed else
                   f', jitter {duration(abs(summary.jitter_s))}'
                   if abs(summary.jitter_s) >= 1e-6 else ', jitter below 1 us')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
-    rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
+    rows.append(('clock', 'none: samples are counted at the stated rate' if untimed
+                 else 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)
                  + (f': {summary.stamps_read}' if summary.stamps_read else '')))
     absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]

@@ -68,6 +68,8 @@ class Recording(ABC):
         Why what looks like the two halves of an IMU is not read as one; empty where nothing does.
     size_bytes : int
         Bytes that `decoded` goes through, for progress.
+    untimed : bool
+        Whether its samples have no times, and are counted at the stated rate.
     remarks : list of Finding
         What the user should know about the file; grows while it is read.
 
@@ -90,6 +92,7 @@ class Recording(ABC):
         self.preferred_for = 'with the highest rate'
         self.apart = ''
         self.size_bytes = 0
+        self.untimed = False
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
         self._kept_bytes = self._searched = self._searched_characters = 0

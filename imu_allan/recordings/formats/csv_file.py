@@ -75,6 +75,7 @@ class CsvRecording(FileRecording):
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(path)}: {error}') from error
         self.topics = [ImuTopic(TOPIC, None)]
+        self.untimed = self._columns.time is None
         if self._columns.temperature is not None:
             self.thermometers = [
                 ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
