@@ -67,9 +67,10 @@ class Gathering:
         paths = [] if self._output is None else save_fleet(fleet, self._output)
         console = console_of()
         console.print()
-        console.print(population_table(fleet))
-        if paths:
-            print(paths[-1])
+        console.print(population_table(fleet, console.width))
+        if self._output is not None:
+            names = ', '.join(reversed([path.name for path in paths]))
+            print(f'Written to {printable(str(self._output))}: {names}; a folder for each unit')
 
 
 def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':

@@ -8,11 +8,17 @@ from typing import Any
 
 from imu_allan.errors import ImuAllanError
 
+_EXAMPLES = """\
+  imu_allan report out --output report
+  imu_allan report monday tuesday --output compared
+  imu_allan report out --format pdf,latex --width 8.5cm"""
+
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'report', help='plots and an HTML report; several results are compared',
+        examples=_EXAMPLES,
         description='Write an HTML report that works offline, and the plots. Several results '
                     'are drawn into one figure, with a table of their differences in units of '
                     'their intervals.')
@@ -50,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
                 paths += folder.save_paper(results[0], args.output, args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
-        from imu_allan.writers.terminal import console_of
+        from imu_allan.writers.terminal import console_of, wrapped
 
         names = names_of([Path(path) for path in args.results])
         named = dict(zip(names, results, strict=True))
@@ -60,11 +66,11 @@ def run(args: argparse.Namespace) -> int:
         if len(named) > folder.MOST_COMPARED:
             from imu_allan.writers.fleet import Fleet, population_table
 
-            console.print(population_table(Fleet(named)))
+            console.print(population_table(Fleet(named), console.width))
         else:
             differences = compare(named)
-            for sentence in verdicts(differences):
-                console.print(sentence, markup=False)
+            for line in wrapped(verdicts(differences), console.width):
+                console.print(line)
             console.print()
             console.print(difference_table(differences))
     for path in paths:

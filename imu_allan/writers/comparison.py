@@ -19,10 +19,11 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import counted, duration, listed, ranged, SENSORS
+from imu_allan.wording import counted, duration, listed, ranged, SENSORS, spoken
 from imu_allan.writers import figure_style
 from imu_allan.writers.curves import reported
 from imu_allan.writers.panels import draw_curve
+from imu_allan.writers.terminal import bare_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -143,34 +144,26 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
         if max(ratios) < 2 and min(ratios) > 0.5 else
         f'is {ranged(ratios, _TWO_DIGITS)} times that, so')
     return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} {by} {word} than '
-            f'that of {printable(first.reference)}, {intervals} intervals')
+            f'that of {printable(first.reference)}, {intervals} '
+            f'{"interval" if intervals == "1" else "intervals"}')
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':
     """Lay the differences out for a terminal."""
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, padding=0, caption_justify='left', caption=(
-        'difference in units of the 95 % intervals; of equal sensors one in twenty lies '
-        'beyond 1'))
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
     names = [shorten(printable(name), _LONGEST_NAME)
              for name in (differences[0].reference, others[0])]
-    for heading in ('axis', 'term', 'unit'):
-        table.add_column(heading)
-    table.add_column(Text(names[0]), justify='right')
-    if not alone:
-        table.add_column('other')
-    for heading in (names[1] if alone else 'value', 'ratio', 'difference'):
-        table.add_column(Text(heading), justify='right')
+    table = bare_table('axis', 'term', 'unit', *(
+        (Text(names[0]), Text(names[1])) if alone else (Text(names[0]), 'other', 'value')),
+        'ratio', 'intervals', texts=3)
     for difference in differences:
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
-            difference.axis, TERMS[difference.key].symbol, engineering(1.0, difference.unit)[1],
-            shown(difference.coefficients[0]),
+            spoken(difference.axis), TERMS[difference.key].symbol,
+            engineering(1.0, difference.unit)[1], shown(difference.coefficients[0]),
             *([] if alone else [Text(shorten(printable(difference.other), _LONGEST_NAME))]),
             shown(difference.coefficients[1]),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',

@@ -30,7 +30,7 @@ from imu_allan.writers.answer import (
     written_mean,
 )
 from imu_allan.writers.curves import axes_of, reported
-from imu_allan.writers.terminal import console_of
+from imu_allan.writers.terminal import console_of, wrapped
 from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of
 
@@ -80,17 +80,17 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     findings = presented(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    blocks = [list(_filled(verdict_lines(result, units), width, 'bold')),
+    blocks = [list(wrapped(verdict_lines(result, units), width, 'bold')),
               _for_a_filter(result, found, width), _heading(result, width)]
     rows = [list(_rows(axes_of(result, answer.sensor), units, result.timeline.rest_s,
                        verbose=verbose)) for answer in found]
     blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
-    blocks.append(list(_filled(_notes(result), width, 'dim')) if verbose else [])
-    last = list(_filled(_good_to_know(known), width, 'dim'))
+    blocks.append(list(wrapped(_notes(result), width, 'dim')) if verbose else [])
+    last = list(wrapped(_good_to_know(known), width, 'dim'))
     room = SCREEN - sum(map(len, blocks)) - len(last)
     shown = _in_full(full, width, None if verbose else room)
     if len(last) > 1 and len(shown) > room:
-        last = list(_filled([f'Good to know: {len(known)} findings (--verbose).'], width, 'dim'))
+        last = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'], width, 'dim'))
     blocks.append([*shown, *last])
     blocks = [block for block in blocks if block]
     spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
@@ -108,8 +108,8 @@ def _heading(result: Result, width: int) -> 'list[Text]':
     style = 'yellow' if faults else 'default'
     # Up to this width, what was analyzed is one line.
     if len(names) + 2 + len(amount) <= min(width, 80):
-        return list(_filled([f'{names}  {amount}'], width, style))
-    return [*_filled([names], width), *_filled([amount], width, style)]
+        return list(wrapped([f'{names}  {amount}'], width, style))
+    return [*wrapped([names], width), *wrapped([amount], width, style)]
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
     """Lay the axes out under one another, for a narrow terminal."""
     from rich.text import Text
 
-    lines = list(_filled([title] if rows else [], width, 'bold'))
+    lines = list(wrapped([title] if rows else [], width, 'bold'))
     for row in rows:
         lines.append(Text(' '.join(filter(None, (row.symbol, row.name, '', row.unit))),
                           'dim' if row.dim else ''))
@@ -278,7 +278,7 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
     for place, (sensor, text) in enumerate(drifts.items()):
         lines.append(f'{"" if place else head:<{len(head)}} '
                      f'{f"{sensor:<5} " if sensor else ""}{text}')
-    return list(_filled(lines, width))
+    return list(wrapped(lines, width))
 
 
 def _unaided(answer: Answer, rest_s: float) -> str:
@@ -315,12 +315,12 @@ def _in_full(found: Sequence[Finding], width: int, room: int | None) -> 'list[Te
     for place, one in enumerate(found):
         said = says(one)
         do = advice(one)
-        shown = list(_filled([f'{title_of(one)}: {said}{"" if said.endswith((".", "?")) else "."}'
+        shown = list(wrapped([f'{title_of(one)}: {said}{"" if said.endswith((".", "?")) else "."}'
                               f'{f" -> {do}" if do else ""}'], width,
                              'yellow' if one.severity == 'act' else 'default'))
-        left = [] if room is None else list(_filled(_by_name(found[place + 1:]), width, 'yellow'))
+        left = [] if room is None else list(wrapped(_by_name(found[place + 1:]), width, 'yellow'))
         if room is not None and place and len(lines) + len(shown) + len(left) > room:
-            return lines + list(_filled(_by_name(found[place:]), width, 'yellow'))
+            return lines + list(wrapped(_by_name(found[place:]), width, 'yellow'))
         lines += shown
     return lines
 
@@ -332,14 +332,3 @@ def _by_name(found: Sequence[Finding]) -> list[str]:
     names = [f'{title} ({named(concerned)})' if concerned else title
              for title, concerned in axes.items()]
     return [f'Also: {", ".join(names)} (--verbose).'] if names else []
-
-
-def _filled(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
-    """Yield lines that are whole words, those after the first set in."""
-    from textwrap import wrap
-
-    from rich.text import Text
-
-    for text in texts:
-        for line in wrap(text, width, subsequent_indent='  ', break_on_hyphens=False):
-            yield Text(line, style=style)

@@ -6,6 +6,7 @@ How wide what we write is: as wide as the terminal; in a pipe nothing is broken 
 The variable COLUMNS holds for both, as it does for ``ls`` and ``ps``.
 """
 
+from collections.abc import Iterable, Iterator
 import os
 import sys
 from typing import TextIO, TYPE_CHECKING
@@ -13,6 +14,7 @@ from typing import TextIO, TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
 _UNBROKEN = 10_000
 """Columns of a pipe: more than any line of ours has."""
@@ -32,7 +34,7 @@ def console_of(to: TextIO | None = None) -> 'Console':
     return console
 
 
-def bare_table(*headings: str, texts: int = 2) -> 'Table':
+def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
     """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
     from rich.table import Table
 
@@ -41,6 +43,17 @@ def bare_table(*headings: str, texts: int = 2) -> 'Table':
         table.add_column(heading, justify='left' if place < texts else 'right',
                          overflow='fold')
     return table
+
+
+def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
+    """Yield lines that are whole words, those after the first set in."""
+    from textwrap import wrap
+
+    from rich.text import Text
+
+    for text in texts:
+        for line in wrap(text, width, subsequent_indent='  ', break_on_hyphens=False):
+            yield Text(line, style=style)
 
 
 def columns_of(to: TextIO | None = None) -> int | None:

@@ -16,6 +16,7 @@ from imu_allan.cli.main import main
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.sensor.units import typeset
+from imu_allan.wording import spoken
 from imu_allan.writers.datasheet import live
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.result_file import save_result
@@ -308,7 +309,7 @@ def test_report_of_two_results_compares_them(result_file, tmp_path, output_of):
     assert (tmp_path / 'comparison.html').exists()
     assert (tmp_path / 'comparison.png').exists()
     for axis in AXES:
-        assert f'{axis}' in out
+        assert spoken(axis) in out
     assert '+0.00' in out
 
 

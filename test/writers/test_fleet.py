@@ -63,7 +63,7 @@ def test_what_too_few_units_show_is_said(fleet, tmp_path):
         'more')
     assert fleet.unseen in fleet_html(fleet)
     with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=400).print(population_table(fleet))
+        Console(file=file, width=400).print(population_table(fleet, 400))
     assert fleet.unseen in (tmp_path / 'out').read_text()
 
 
@@ -75,7 +75,7 @@ def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet
     fleet = replace(fleet, results=results, folders={}, failures=(*fleet.failures, copy))
     page = fleet_html(fleet)
     with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=140).print(population_table(fleet))
+        Console(file=file, width=140).print(population_table(fleet, 140))
     for text in ((tmp_path / 'out').read_text(), page, fleet_csv(fleet), fleet_json(fleet)):
         assert 'unit5' in text
         assert 'angle random walk' in text
@@ -100,18 +100,29 @@ def test_a_fleet_of_nothing_but_failures_is_told(fleet):
     assert json.loads(fleet_json(nothing))['units'] == []
 
 
-def test_names_of_curves_that_end_together_stand_apart(make_result):
+@pytest.mark.parametrize(('count', 'said'), [
+    (2, '2 units, too few to compare (fewer than 3)'), (4, '4 units, no outlier')])
+def test_the_last_line_says_what_came_of_it(make_result, tmp_path, count, said):
+    fleet = Fleet({f'unit{n}': make_result(scale=1 + n / 50) for n in range(count)})
+    with (tmp_path / 'out').open('w') as file:
+        Console(file=file, width=80).print(population_table(fleet, 80))
+    lines = (tmp_path / 'out').read_text().splitlines()
+    assert lines[-1] == said
+    assert [line for line in lines if line != line.rstrip()] == []
+
+
+def test_units_are_named_above_the_curves(make_result):
     rng = np.random.default_rng(2)
     scales = [2.2, 2.21, *np.exp(.05 * rng.normal(size=18))]
     fleet = Fleet({f'SN-{n}': make_result(scale=float(scale)) for n, scale in enumerate(scales)})
     figure = curves_figure(fleet)
     figure.draw_without_rendering()
-    for panel in figure.axes:
-        names = {text.get_text(): text.get_window_extent() for text in panel.texts}
-        if names:
-            assert set(names) == {'SN-0', 'SN-1'}
-            assert not names['SN-0'].overlaps(names['SN-1'])
-    assert any(panel.texts for panel in figure.axes)
+    [legend] = figure.legends
+    names = {text.get_text(): text.get_window_extent() for text in legend.get_texts()}
+    assert set(names) == {'SN-0', 'SN-1'}
+    assert not names['SN-0'].overlaps(names['SN-1'])
+    assert not any(name.overlaps(panel.get_tightbbox()) for name in names.values()
+                   for panel in figure.axes)
 
 
 @pytest.mark.slow

@@ -22,7 +22,6 @@ from imu_allan.writers.figure_style import (
     empty_figure,
     plot_style,
     SERIES,
-    spread,
 )
 from imu_allan.writers.fleet.findings import Fleet
 import numpy as np
@@ -31,6 +30,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Array = NDArray[np.float64]
 
@@ -55,19 +55,25 @@ def curves_figure(fleet: Fleet) -> 'Figure':
         figure = empty_figure(_WIDTH, 0.9 + 3.7 * max(1, len(sensors)))
         grid = figure.add_gridspec(
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
-            bottom=0.55 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
+            bottom=0.55 / figure.get_figheight(), top=1 - 1.15 / figure.get_figheight())
         _heading(figure, f'Allan deviation of {len(fleet.results)} units',
                  'in colour: outliers' if len(fleet.population.units) > len(_PALETTE) else
                  'each unit in its colour')
         drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
+        named: dict[str, Line2D] = {}
         for name, panel in allan_panels(figure, grid, drawn):
-            _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units)
+            named |= _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units)
+        # Beside the curves the names would lie on one another.
+        figure.legend([*named.values()], [shorten(printable(unit), 18) for unit in named],
+                      loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / figure.get_figheight()),
+                      ncol=len(_PALETTE), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
+                      handletextpad=0.5, columnspacing=1.4)
         return figure
 
 
 def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
-                 odd: Collection[str]) -> None:
-    ink = COLOURS['ink']
+                 odd: Collection[str]) -> dict[str, 'Line2D']:
+    """Draw the curves of an axis; return those that have a colour, by unit."""
     usual = [axis.curve for unit, axis in axes.items()
              if unit not in odd and any(axis.curve.adev)]
     step = max(1, len(usual) // _MOST_CURVES)
@@ -81,25 +87,15 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
                                          tau)
         panel.fill_between(tau, low, high, color=COLOURS['z'], alpha=0.18, linewidth=0,
                            zorder=3)
-        panel.plot(tau, middle, color=ink, linewidth=1.4, zorder=4)
-    ends: dict[str, tuple[float, float]] = {}
+        panel.plot(tau, middle, color=COLOURS['ink'], linewidth=1.4, zorder=4)
+    named = {}
     for place, (unit, colour) in enumerate(colours.items()):
-        if unit not in axes or not any(axes[unit].curve.adev):
-            continue
-        curve = axes[unit].curve
-        marker = MARKERS[place % len(MARKERS)]
-        panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
-                   markersize=3.6, zorder=5)
-        ends[unit] = curve.tau_s[-1], curve.adev[-1]
-    low, high = np.log10(panel.get_ylim())
-    points_a_decade = float(72 * panel.bbox.height / panel.figure.dpi / (high - low))
-    # Points from one name to the next, that they do not lie on one another.
-    heights = spread([float(np.log10(adev)) for _, adev in ends.values()], 11.0 / points_a_decade)
-    for (unit, (tau_s, _)), height in zip(ends.items(), heights, strict=True):
-        panel.annotate(_short(unit), (tau_s, 10**height), xytext=(-3, 5),
-                       textcoords='offset points', color=ink, fontsize=8, ha='right', zorder=6,
-                       bbox={'boxstyle': 'square,pad=0', 'linewidth': 0, 'alpha': 0.5,
-                             'facecolor': panel.get_facecolor()})
+        if unit in axes and any(axes[unit].curve.adev):
+            curve = axes[unit].curve
+            [named[unit]] = panel.plot(
+                curve.tau_s, curve.adev, color=colour, linewidth=1.4,
+                marker=MARKERS[place % len(MARKERS)], markersize=3.6, zorder=5)
+    return named
 
 
 def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array

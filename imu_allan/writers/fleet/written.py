@@ -14,12 +14,18 @@ from typing import Any, TYPE_CHECKING
 from urllib.parse import quote
 
 from imu_allan.errors import printable
-from imu_allan.fleet.population import MEAN, TOLERANCE_CONFIDENCE, TOLERANCE_SHARE, Trait
+from imu_allan.fleet.population import (
+    FEWEST_UNITS,
+    MEAN,
+    TOLERANCE_CONFIDENCE,
+    TOLERANCE_SHARE,
+    Trait,
+)
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import bounded, duration, rounded, spoken
+from imu_allan.wording import bounded, counted, duration, rounded, spoken
 from imu_allan.writers.answer import worst_of
 from imu_allan.writers.atomic import write_in
 from imu_allan.writers.curves import axes_of
@@ -29,7 +35,7 @@ from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.output_path import turn_in
 from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.plot import render
-from imu_allan.writers.terminal import bare_table
+from imu_allan.writers.terminal import bare_table, wrapped
 from imu_allan.writers.verdict import findings_line
 from imu_allan.writers.words import presented
 
@@ -42,10 +48,9 @@ _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', '
 """Worst-axis coefficients in the table of units."""
 
 
-def population_table(fleet: Fleet) -> 'RenderableType':
-    """Lay a fleet out for a terminal."""
+def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
+    """Lay a fleet out for a terminal; the outliers come last, next to the prompt."""
     from rich.console import Group
-    from rich.text import Text
 
     parts: list[RenderableType] = []
     if fleet.population.traits:
@@ -53,21 +58,30 @@ def population_table(fleet: Fleet) -> 'RenderableType':
                            '95/95', 'shown by', texts=3)
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
-        parts += [Text(f'{len(fleet.results)} units', 'bold'), table, Text(
+        parts += [table, *wrapped([
             '5 .. 95 %: where nine in ten units lie; spread: between units, measurement error '
             'apart, or its 95 % upper limit where none shows; 95/95: 95 % of all such units keep '
-            'it, with 95 % confidence, where enough units are known', 'dim')]
+            'it, with 95 % confidence, where enough units are known'], width, 'dim')]
     if fleet.unseen:
-        parts.append(Text(fleet.unseen, style='italic'))
+        parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
+    parts += wrapped([', '.join(_counts(fleet))], width, 'bold')
     for unit in fleet.population.odd_units:
-        text = Text(f'{printable(unit)}: ', style='bold yellow')
-        text.append('; '.join(fleet.grouped_reasons(unit)), style='not bold')
-        parts.append(text)
+        parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.grouped_reasons(unit))}'],
+                              width, 'yellow')
     for failure in fleet.failures:
-        text = Text(f'{printable(failure.unit)}: ', style='bold red')
-        text.append(printable(failure.reason), style='not bold')
-        parts.append(text)
+        parts += wrapped([f'{printable(failure.unit)}: {printable(failure.reason)}'], width, 'red')
     return Group(*parts)
+
+
+def _counts(fleet: Fleet) -> list[str]:
+    """Say how many units there are, how many are outliers, and of how many nothing came."""
+    odd = len(fleet.population.odd_units)
+    few = not fleet.population.traits and not odd
+    return [counted(len(fleet.results), 'unit'),
+            f'too few to compare (fewer than {FEWEST_UNITS})'
+            if few and len(fleet.results) < FEWEST_UNITS else
+            counted(odd, 'outlier') if odd else 'no outlier',
+            *([f'{len(fleet.failures)} not counted'] if fleet.failures else [])]
 
 
 def cells(trait: Trait) -> tuple[str, ...]:
@@ -109,14 +123,10 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
 
 def _facts(fleet: Fleet) -> list[str]:
     lengths = [result.timeline.duration_s for result in fleet.results.values()]
-    facts = [f'{len(fleet.results)} units']
+    facts = _counts(fleet)
     if lengths:
         shortest, longest = duration(min(lengths)), duration(max(lengths))
-        facts.append(shortest if shortest == longest else f'{shortest} to {longest} each')
-    odd, failed = len(fleet.population.odd_units), len(fleet.failures)
-    facts.append('no outlier' if not odd else f'{odd} outlier{"s" if odd > 1 else ""}')
-    if failed:
-        facts.append(f'{failed} not counted')
+        facts.insert(1, shortest if shortest == longest else f'{shortest} to {longest} each')
     return facts
 
 
