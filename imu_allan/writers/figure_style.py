@@ -110,7 +110,7 @@ def matplotlib_alone() -> ModuleType:
 
 def frame_allan(panel: Axes, sensor: str, limits: tuple[float, float], *,
                 left: bool = True, right: bool = True) -> None:
-    """Set scales, limits and labels of an Allan deviation panel; SI left, engineering right."""
+    """Set scales, limits and labels of an Allan deviation panel; SI is on the right."""
     _frame(panel, sensor, 1, limits, 'averaging time τ [s]',
            f'Allan deviation of {SAMPLES[sensor]}', left, right)
 
@@ -130,7 +130,7 @@ def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[A
 
 def frame_density(panel: Axes, sensor: str, limits: tuple[float, float], *,
                   left: bool = True, right: bool = True) -> None:
-    """Set scales, limits and labels of a spectrum panel; SI left, engineering right."""
+    """Set scales, limits and labels of a spectrum panel; SI is on the right."""
     _frame(panel, sensor, 2, limits, 'frequency [Hz]', 'PSD (two-sided)', left, right)
 
 
@@ -140,37 +140,41 @@ def _frame(panel: Axes, sensor: str, power: int, limits: tuple[float, float], x_
     panel.set_yscale('log')
     panel.set_ylim(*limits)
     panel.grid(True)
-    _mark_powers(panel.xaxis)
-    _mark_powers(panel.yaxis, limits)
-    panel.set_xlabel(x_title)
     unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
     factor, other = engineering(1.0, unit)
     factor **= power
+    _mark_powers(panel.xaxis)
+    _mark_powers(panel.yaxis, limits, factor)
+    panel.set_xlabel(x_title)
     si, shown = (f'({typeset(text)})²/Hz' if power == 2 else typeset(text)
                  for text in (unit, other))
     if left:
-        panel.set_ylabel(f'{y_title} [{si}]')
+        panel.set_ylabel(f'{y_title} [{shown}]')
     else:
         panel.tick_params(labelleft=False)
     if right:
-        second = panel.secondary_yaxis(
-            'right', functions=(lambda v: np.asarray(v) * factor,
-                                lambda v: np.asarray(v) / factor))
-        second.set_ylabel(f'[{shown}]')
-        low, high = panel.get_ylim()
-        _mark_powers(second.yaxis, (low * factor, high * factor))
+        # What is drawn is SI; grid and numbers on the left are those of the tables.
+        second = panel.secondary_yaxis('right')
+        second.set_ylabel(f'[{si}]')
+        _mark_powers(second.yaxis, limits)
 
 
-def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None) -> None:
-    """Mark powers of ten; over a short range of `limits` also twice and five times as much."""
+def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
+                 factor: float = 1.0) -> None:
+    """
+    Mark powers of ten of a value times a factor.
+
+    Over a short range of `limits` also twice and five times as much.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     # From here on there are two powers of ten inside a range, wherever it begins.
     short = limits is not None and limits[1] < limits[0] * 100.0
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=9))
+    subs = np.array((1.0, 2.0, 5.0) if short else (1.0,)) * 10.0**(-np.log10(factor) % 1)
+    axis.set_major_locator(LogLocator(subs=subs, numticks=9))
     # Small marks in between, and numbers set as formulas, are two thirds of the time of a figure.
     axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
 
 
 def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:

@@ -30,6 +30,7 @@ from imu_allan.writers import curves, panels, plot
 from imu_allan.writers.charts import allan_chart
 from imu_allan.writers.figure_style import COLOURS, DARK
 from imu_allan.writers.report import report_html
+from imu_allan.writers.svg import power_text
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -68,10 +69,10 @@ def texts_of(figure):
     return texts
 
 
-def test_both_units_stand_beside_the_curve(result):
+def test_the_unit_of_the_table_stands_left_of_the_curve_and_si_right(result):
     texts = texts_of(plot.overview_figure(result))
-    for label in ('Allan deviation of angular rate [rad/s]', '[°/h]',
-                  'Allan deviation of acceleration [m/s²]', '[µg]'):
+    for label in ('Allan deviation of angular rate [°/h]', '[rad/s]',
+                  'Allan deviation of acceleration [µg]', '[m/s²]'):
         assert label in texts
 
 
@@ -92,13 +93,19 @@ def test_the_names_of_the_curves_stay_inside_the_frame(result, last):
         assert panel.get_ylim()[0] < text.xy[1] < panel.get_ylim()[1]
 
 
-def test_the_engineering_axis_is_the_si_axis_converted(result):
+def test_the_numbers_left_are_round_in_the_unit_of_the_table(result):
     figure = plot.overview_figure(result)
     plot.render(figure, 'png', 30)
     panel = next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
     (second,) = panel.child_axes
-    assert np.array(second.get_ylim()) / panel.get_ylim() == pytest.approx(
-        [206264.806247, 206264.806247])
+    assert second.get_ylim() == panel.get_ylim()
+    low, high = panel.get_ylim()
+    for axes, factor in ((panel, 206264.806247), (second, 1.0)):
+        shown = {value * factor: label.get_text() for value, label in zip(
+            axes.get_yticks(), axes.get_yticklabels(), strict=True) if low <= value <= high}
+        assert len(shown) >= 2
+        assert shown == {value: power_text(value) for value in shown}
+        assert {f'{value:.3e}'[:5] for value in shown} <= {'1.000', '2.000', '5.000'}
 
 
 def test_each_coefficient_has_a_ring_where_it_is_read(result):
