@@ -115,26 +115,29 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     def draw(drawing: Drawing, narrow: bool) -> None:
         panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
         inside = []
+        models = {name: curves.model_curve(axis, timeline) for name, axis in known.items()}
         for name, axis in known.items():
-            inside.append(group(name[-1], f'detail axis-{name[-1]}',
-                                _expected(panel, axis, timeline, factor)))
+            tau, _, bound = models[name]
+            inside.append(group(name[-1], f'detail axis-{name[-1]}', [
+                *_expected(panel, axis, timeline, factor),
+                panel.line(tau, bound * factor, 'bound')]))
         for name, axis in known.items():
-            tau, adev, bound = curves.model_curve(axis, timeline)
+            tau, adev, _ = models[name]
             inside.append(group(name[-1], f'axis-{name[-1]}', [
-                panel.line(tau, bound * factor, 'bound'),
                 panel.line(tau, adev * factor, 'curve model'),
                 _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
                                  shape_of(name[-1]))]))
+        # Of all axes: a name of one would hide the curve of another.
+        avoid = np.vstack([panel.pixels(x, np.asarray(y) * factor) for name, axis in known.items()
+                           for x, y in ((axis.curve.tau_s, axis.curve.adev), models[name][:2])])
         for name, axis in known.items():
             inside.append(group(name[-1], 'detail', _term_labels(
-                panel, axis, factor, timeline, brief=narrow)))
+                panel, axis, factor, avoid, brief=narrow)))
         drawing.add(panel, inside)
 
-    caption = ('Points: measured, hollow where fewer than 3 degrees of freedom stand behind one. '
-               'Line: what the table reports, over the times of which it was fitted. '
-               'Short dashes: with the largest term that may be hidden, at its bound. '
-               'Shaded: where 95 % of the points should fall if the line is right. '
-               'Ring: where the coefficient is read.')
+    caption = ('Points: measured, hollow where few averages stand behind one. Line: reported. '
+               'Of the axis chosen: 95 % of the points should fall into the shade. Ring: where a '
+               'coefficient is read. Dots: the most that a hidden term may add.')
     if curves.beyond(known.values(), (low, high)):
         caption += ' Arrow: a point beyond the axes.'
     return sensor_chart(sensor, 'allan', 'Allan deviation',
@@ -178,15 +181,12 @@ def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, l
                          if there])
 
 
-def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeline, *,
+def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
                  brief: bool) -> list[str]:
     """Return the line of each term and process, a ring where it is read, and its value."""
     parts: list[str] = []
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
-    smooth = curves.model_curve(axis, timeline)[:2]
-    avoid = np.vstack([panel.pixels(axis.curve.tau_s, np.array(axis.curve.adev) * factor),
-                       panel.pixels(smooth[0], smooth[1] * factor)])
     values = {key: value for key, value in curves.coefficients_of(axis).items() if value}
     for key, value in values.items():
         parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
@@ -195,7 +195,7 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
         at = curves.reading_point(term, axis, tau)
         name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
         lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}',
-                 name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
+                 name, *([] if term.read_at else [f'line at {FLICKER_FLOOR:.3f} B'])]
         height = float(term.adev(value, at)) * factor
         parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
     for line, place, words in curves.beside_terms(axis, tau):
@@ -449,9 +449,9 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                 tunings: Mapping[str, FilterTuning]) -> Chart | None:
     """
-    Draw unaided drift over time: of the model, predicted by the filter, and observed.
+    Draw unaided drift over time: expected of a filter by its tuning, and observed.
 
-    `tunings` say what is expected of a filter, and what it predicts. None where nothing is known.
+    None where nothing is known.
     """
     known = {name: axis for name, axis in axes.items()
              if name in tunings or (axis.backtest is not None and axis.backtest.coast)}
@@ -463,10 +463,10 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     for name, axis in known.items():
         if name in tunings:
             horizons += [row[0] for row in tunings[name].consistency]
-            values += [v for row in tunings[name].consistency for v in row[1:]]
+            values += [row[1] for row in tunings[name].consistency]
         for row in axis.backtest.coast if axis.backtest else ():
             horizons.append(row.horizon_s)
-            values += [row.predicted_sigma, row.observed_rms]
+            values.append(row.observed_rms)
         values += [end for band in bands_of(axis) for end in band]
     values = [value for value in values if value > 0]
     if not values:
@@ -482,17 +482,14 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
         for name, axis in known.items():
             parts = []
             if name in tunings:
-                h, expected, by_filter = np.array(tunings[name].consistency).T
-                parts += [panel.line(h, expected * factor, 'curve'),
-                          panel.line(h, by_filter * factor, 'by-filter')]
+                h, expected, _ = np.array(tunings[name].consistency).T
+                parts.append(panel.line(h, expected * factor, 'curve model'))
             if axis.backtest is not None:
                 coast = axis.backtest.coast
                 if coast:
                     low, high = np.array(bands_of(axis)).T * factor
-                    parts.insert(0, panel.band([c.horizon_s for c in coast], low, high,
-                                               'expected'))
-                parts.append(panel.line([c.horizon_s for c in coast],
-                                        [c.predicted_sigma * factor for c in coast], 'predicted'))
+                    inside.append(group(name[-1], f'detail axis-{name[-1]}', [
+                        panel.band([c.horizon_s for c in coast], low, high, 'expected')]))
                 parts.append(panel.points(
                     [c.horizon_s for c in coast], [c.observed_rms * factor for c in coast],
                     shape_of(name[-1]), [
@@ -506,8 +503,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     tested = any(axis.backtest is not None for axis in known.values())
     return sensor_chart(
         sensor, 'drift', 'unaided drift', 'predicted and observed drift',
-        'Line: what a filter with the tuned numbers gets wrong, as the drift model has it. '
-        'Dashed: what that filter predicts.' + (
+        'Line: expected error of a filter with the tuned numbers.' + (
             ' Points: what happened in the part of the recording that the model was not fitted '
-            'to; dotted: what it predicted for them; shade: where 95 % of the points should lie.'
-            if tested else ''), (340, 300), draw, known)
+            'to. Of the axis chosen, 95 % of them should fall into the shade.'
+            if tested else ''), (340, 300), draw, known, worst_axis(known))

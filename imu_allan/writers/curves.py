@@ -316,7 +316,7 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
             f'correlated over {duration(process.correlation_time_s)}']))
     if (law := reported_model(axis).power_law) is not None:
         found.append((np.sqrt(power_law_avar(law.amplitude, law.exponent, tau)), len(tau) // 2, [
-            f'1/f to the power of {law.exponent:.2f}', 'no flicker']))
+            f'1/f^{law.exponent:.2f}', 'no flicker']))
     return found
 
 

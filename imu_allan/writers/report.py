@@ -119,7 +119,7 @@ def _facts(result: Result) -> list[str]:
 
 
 def _typeset(sentence: str) -> str:
-    return _UNIT.sub(lambda match: typeset(match[0]), sentence)
+    return _UNIT.sub(lambda match: typeset(match[0]), sentence).replace('+-', '±')
 
 
 def _charts(result: Result, answer: Answer) -> list[Chart | None]:

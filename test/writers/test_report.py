@@ -113,6 +113,20 @@ def test_the_report_shows_values_intervals_bounds_and_warnings(result):
         assert part in text
 
 
+def test_signs_are_those_of_print(filtered):
+    text = Outline(report_html(filtered)).text
+    assert 'N is good (±' in text
+    assert '+-' not in text
+
+
+def test_the_drift_has_a_line_and_points_and_the_shade_of_one_axis(filtered):
+    page = report_html(filtered)
+    chart = page[page.index('id="gyro-drift"'):].partition('</figure>')[0]
+    assert {*re.findall('<path class="([^"]*)"', chart)} <= {
+        'grid', 'tickmark', 'curve model', 'expected', 'mark'}
+    assert 'data-focus="y"' in chart
+
+
 def test_remarks_are_one_line_until_they_are_opened(result):
     html = report_html(replace(result, warnings=(
         *(finding('poor_fit', (name,), misfit_share=(3 + place) / 100)
@@ -390,7 +404,7 @@ def test_a_correlated_process_is_named_in_the_picture(filtered):
 def test_slow_noise_that_is_no_flicker_is_named_in_the_picture(filtered):
     axis = replace(filtered.axes['gyro_x'], power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
     page = report_html(replace(filtered, axes={'gyro_x': axis}))
-    assert '1/f to the power of 0.70' in page
+    assert '1/f^0.70' in page
     assert page.count('class="ring"') == 2 * 3
 
 
@@ -415,4 +429,3 @@ def test_pages_of_odd_sensors_can_be_read(what, tmp_path, browser):
     page = written(tmp_path, report_html(analyze(recording)))
     assert [faults for width in (400, 1400) for dark in (False, True)
             if (faults := faults_of(page, browser, width, dark))] == []
-    assert pages_in_print(page, browser) <= 2
