@@ -216,9 +216,12 @@ class Seen(Record):
         passed = []
         # A short recording that is played fast may begin several times in one block.
         for block in (part for whole in blocks for part in _passes(whole)):
-            if self.looping or self._begins_again(block):
+            again = 0 if self.looping else self._begins_again(block)
+            if again is not None:
                 new = block.header_ns > self.last_ns
                 self.looping = not new.any()
+                # Of a recording that was joined in the middle, its beginning is new once.
+                new[:again] = True
                 block = block.part(new)
             if len(block):
                 self._remember(block)
@@ -240,18 +243,19 @@ class Seen(Record):
             kept[:_FIRST] = True
             self.stamps, self.samples = self.stamps[kept], self.samples[kept]
 
-    def _begins_again(self, block: ImuBlock) -> bool:
+    def _begins_again(self, block: ImuBlock) -> int | None:
+        """Row of the first sample that has come before, None if there is none."""
         if not len(self.stamps) or self.last_ns - int(self.stamps[0]) < _SHORTEST_NS:
-            return False
+            return None
         back = block.header_ns < self.last_ns
         if not back.any():
-            return False
-        for row in np.flatnonzero(back & np.isin(block.header_ns, self.stamps)):
+            return None
+        for row in np.flatnonzero(back & np.isin(block.header_ns, self.stamps)).tolist():
             same = self.samples[self.stamps == block.header_ns[row]]
             # An axis that is absent is NaN, which equals nothing.
             if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
-                return True
-        return False
+                return int(row)
+        return None
 
 
 def _passes(block: ImuBlock) -> Iterator[ImuBlock]:

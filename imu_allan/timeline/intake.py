@@ -412,7 +412,7 @@ def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
     """Return whether stamps lie close to a grid of which hardly a place is empty."""
     places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
     return (not pace.counting and pace.spread < _CLOSE
-            and abs(len(stamps) / places - 1) < _HARDLY)
+            and abs(len(stamps) - places) < _HARDLY * places)
 
 
 def _repeats(samples: Floats) -> Bools:

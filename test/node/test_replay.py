@@ -50,6 +50,19 @@ def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> N
         assert again.looping
 
 
+@pytest.mark.parametrize('together', [50, 2500])
+@pytest.mark.parametrize('joined', [1000, 2000, 3700])
+def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
+        joined: int, together: int) -> None:
+    whole, [lane] = at_rest(4000), new_run(SETUP).lanes
+    played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
+    for first in range(0, len(played), together):
+        lane.update([whole.part(played[first:first + together])])
+    assert lane.seen.looping
+    lane.characterization.finish()
+    assert lane.characterization.summary().timeline.samples == 4000
+
+
 @pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
 def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     run, block = new_run(SETUP), at_rest(1000, noise=1.0, mean=(0, 0, 0, 0, 0, gravity))
