@@ -251,16 +251,11 @@ class Storage:
     # -- the end --------------------------------------------------------------------------------
 
     def save_state_at_end(self, run: Run) -> bool:
-        """Write the state if it is newer than the last checkpoint."""
+        """Write the state if it is newer than the last checkpoint; tell if all is well."""
         self._worker.drop_queued(('fit', 'plot', 'try'))
-        if self._state_file is not None and run.fed != run.checkpointed:
-            if any(map(self._worker.under_way, ('checkpoint', 'aside'))):
-                self.checkpoint(run).result()
-            else:
-                # A fit or a drawing may be under way for longer than the node is given to end.
-                self._state_file.save(pack(run, self._setup))
-                run.checkpointed = run.fed
-        return True
+        if self._state_file is None or run.fed == run.checkpointed:
+            return True
+        return self.checkpoint(run).exception() is None
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """

@@ -1,6 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The other thread: fits, plots and files, one after the other, on copies."""
+"""
+The other threads, which work on copies: one for fits, plots and files, one for the state.
+
+A fit or a drawing takes seconds on a busy computer, and a crash does not wait for it: what has
+come meanwhile would be lost.
+"""
 
 from collections.abc import Callable, Container
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -11,6 +16,9 @@ from imu_allan.node.log import Log
 
 T = TypeVar('T')
 
+OF_STATE = frozenset({'checkpoint', 'aside'})
+"""Kinds of work on the state file, one after the other."""
+
 
 class Worker:
     """Does the work that takes longer than the executor's thread may be held up."""
@@ -18,12 +26,13 @@ class Worker:
     def __init__(self, log: Log) -> None:
         self._log = log
         self._thread = ThreadPoolExecutor(1, 'imu_allan_worker')
+        self._keeper = ThreadPoolExecutor(1, 'imu_allan_state')
         self._jobs: list[tuple[str, Future[Any], Callable[[Future[Any]], None]]] = []
 
     def start(self, kind: str, work: Callable[[], T],
               done: Callable[[Future[T]], None]) -> Future[T]:
         """Queue `work`; `done` is called by `hand_out` once it is finished."""
-        future = self._thread.submit(work)
+        future = (self._keeper if kind in OF_STATE else self._thread).submit(work)
         self._jobs.append((kind, future, done))
         return future
 
@@ -57,7 +66,8 @@ class Worker:
 
     def finish(self, kinds: Container[str]) -> None:
         """Wait for what is running, drop what is queued, hand out what is done of these kinds."""
-        self._thread.shutdown(wait=True, cancel_futures=True)
+        for thread in (self._keeper, self._thread):
+            thread.shutdown(wait=True, cancel_futures=True)
         self._jobs = [(kind, future, done) for kind, future, done in self._jobs
                       if kind in kinds and not future.cancelled()]
         self.hand_out()

@@ -99,9 +99,15 @@ def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
     busy, done = threading.Event(), []
     worker.start('plot', busy.wait, done.append)
     worker.start('fit', lambda: None, done.append)
-    assert storage.save_state_at_end(run)
-    assert samples_in(tmp_path / 'state') == 2000
-    busy.set()
+    try:
+        # Nor does a checkpoint while the run goes on.
+        storage.checkpoint(run).result(timeout=60)
+        assert samples_in(tmp_path / 'state') == 2000
+        feed(run, 500, start=2000)
+        assert storage.save_state_at_end(run)
+        assert samples_in(tmp_path / 'state') == 2500
+    finally:
+        busy.set()
     worker.finish({'plot', 'fit'})
     # The plot was under way, the fit had not begun.
     assert len(done) == 1
