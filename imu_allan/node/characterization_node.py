@@ -119,7 +119,8 @@ class CharacterizationNode(AnyExecutorNode):
         # Held back means lost in a crash: no more than half of what may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
                           lambda: min(LOOK_S, self._storage.checkpoint_period / 2),
-                          self._leave, self._log)
+                          self._leave, self._log,
+                          lambda number: self._receptions[number].subscription.publisher_gids())
 
         # Services wait for the worker while samples come in: they have a group of their own.
         self._callers = Callers(self)

@@ -117,9 +117,9 @@ class DrainedSubscription:
         """Nodes that publish the topic, sorted."""
         return sorted(map(_node_of, self._node.get_publishers_info_by_topic(self.topic)))
 
-    def publisher_gids(self) -> set[bytes]:
+    def publisher_gids(self) -> set[str]:
         """Identities of the publishers of the topic."""
-        return {bytes(offer.endpoint_gid)
+        return {bytes(offer.endpoint_gid).hex()
                 for offer in self._node.get_publishers_info_by_topic(self.topic)}
 
     def take(self) -> Batch:

@@ -43,15 +43,15 @@ class _Publisher:
 class Publishers:
     """The publishers of a topic that have delivered something; `offers` gives who is there."""
 
-    def __init__(self, offers: Callable[[], set[bytes]] = set) -> None:
+    def __init__(self, offers: Callable[[], set[str]] = set) -> None:
         self._offers = offers
         self._known: list[_Publisher] = []
         # How many there have been.
         self.begun = 0
-        self._gids: set[bytes] = set()
+        self._gids: set[str] = set()
         # Without numbers: who was there when the publisher began, and at its last message.
-        self._own: set[bytes] = set()
-        self._heard: set[bytes] = set()
+        self._own: set[str] = set()
+        self._heard: set[str] = set()
 
     def delivering(self, now_ns: int) -> int:
         """Count those that deliver now: a driver that started anew does not make two."""

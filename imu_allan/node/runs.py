@@ -65,12 +65,13 @@ class Runs:
 
     def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
-                 log: Log) -> None:
+                 log: Log, offers: Callable[[int], set[str]] = lambda _: set()) -> None:
         self.run = run
         self._setup = setup
         self._look_s = look_s
         self._replaced = replaced
         self._log = log
+        self._offers = offers
         self._topics = [_Topic(number, each) for number, each in enumerate(facts)]
         self._other: Run | None = None
         self._why = UnusableState('', '')
@@ -182,11 +183,17 @@ class Runs:
             self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '
                            'it goes on')
             lane.power_on()
-        elif is_new and was is not None and lane.fed:
+        elif self._is_started_anew(lane.known, topic) if was is None else is_new and lane.fed:
             self._log.info(f'the driver on {topic.facts.topic} was started anew: the IMU may have '
                            'been switched off and on, so its mean is another one from here on')
             lane.power_on()
+        lane.known.publishers = []
         self._feed(topic, held)
+
+    def _is_started_anew(self, known: Known, topic: _Topic) -> bool:
+        """Tell by who publishes whether a driver was started while the node was not there."""
+        there = self._offers(topic.number)
+        return bool(there and known.publishers) and there.isdisjoint(known.publishers)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              by_level: bool, is_new: bool) -> None:
@@ -215,6 +222,8 @@ class Runs:
         number, run = topic.number, self._run_of(topic)
         lane = run.lanes[number]
         lane.update(blocks)
+        if not lane.known.publishers:
+            lane.known.publishers = sorted(self._offers(number))
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')

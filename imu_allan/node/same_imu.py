@@ -65,6 +65,8 @@ class Known(Record):
     rate_hz: float | None = None  # of messages: of a sensor that is polled more than of samples
     is_sure: bool = False  # about the rate
     levels: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    # Identities of who has published the topic since its driver was started.
+    publishers: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._recent: list[ImuBlock] = []

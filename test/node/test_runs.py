@@ -9,7 +9,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, Run, Setup
+from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.timeline import TimelineOptions
 import numpy as np
@@ -50,6 +50,26 @@ def runs(facts: Facts, replaced: list[Run]) -> Runs:
     runs.take(0, 1, [at_rest(round(PROVEN_S * RATE_HZ))])
     runs.run.learn([runs.run.lanes[0].characterization.result()], None)
     return runs
+
+
+@pytest.mark.parametrize(('there', 'power_ons'), [
+    ({'before'}, 0), ({'another'}, 1), ({'another', 'before'}, 0), (set(), 0)])
+def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
+        facts: Facts, there: set[str], power_ons: int) -> None:
+    setup, publishers = Setup('/imu', TimelineOptions()), {'before'}
+
+    def begun(run: Run) -> Runs:
+        return Runs(setup, run, [facts], lambda: 0.5, lambda *_: None,
+                    Log(get_logger('test_runs')), lambda _: publishers)
+
+    before = begun(new_run(setup))
+    before.take(0, 1, [at_rest(6000)])
+    resumed = unpack(pack(before.run, setup), setup)
+    publishers = there
+    begun(resumed).take(0, 1, [at_rest(6000, start_s=90.0, seed=2, mean=(0.1, 0, 0, 0, 0, 9.8))])
+    result = resumed.snapshot().result()
+    assert result.timeline.samples == 12_000
+    assert bool(result.turn_on_bias) == bool(power_ons)
 
 
 @pytest.mark.parametrize('together', [500, 6000])
