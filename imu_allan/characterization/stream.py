@@ -177,7 +177,8 @@ class Characterization:
             marks = self._memory.power_ons
             marks.append(mark_of(record, marks))
             del marks[:-MOST]
-        self.break_run()
+        epoch = self._timeline.epoch_ns
+        self._absorb(self._timeline.power_on(), epoch)
 
     def summary(self) -> TimelineSummary:
         """Return what was seen of clock and samples so far."""

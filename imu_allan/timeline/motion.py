@@ -160,6 +160,10 @@ class MotionDetector(Record):
         """Whether there are rows not yet decided on."""
         return bool(self._held)
 
+    def forget_means(self) -> None:
+        """Hold the means that come against none before: the sensor may have others now."""
+        self._excursions = Excursions(found=self._excursions.found)
+
     def of_axes(self, axes: tuple[bool, ...]) -> 'MotionDetector':
         """Give a detector of other axes that goes on from the state of this one, flushed."""
         other = MotionDetector(self.interval_s, axes)

@@ -120,6 +120,13 @@ class TimelineStage(Record):
         self._placing.cursor.fresh_run = True
         return blocks
 
+    def power_on(self) -> list[EvenBlock]:
+        """Let the next sample begin a run whose mean may be another; return as `break_run`."""
+        blocks = self.break_run()
+        if self._memory.motion is not None:
+            self._memory.motion.forget_means()
+        return blocks
+
     def to_state(self) -> State:
         """Everything needed to go on later, as a flat dict of arrays."""
         memory = self._memory

@@ -80,6 +80,15 @@ def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path
     assert high > SIGMA / RATE_HZ**0.5 * 0.98
 
 
+def test_power_ons_one_soon_after_the_other_are_no_slow_turn() -> None:
+    run = new_run(SETUP)
+    for number, bias in enumerate([0.0, 0.1, 0.0, 0.1, 0.0]):
+        run.lanes[0].update([at_rest(4000, start_s=60.0 * number, seed=number,
+                                     mean=(bias, 0, 0, 0, 0, 9.8))])
+        run.lanes[0].power_on()
+    assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
+
+
 def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on(
         boot: Path) -> None:
     run = new_run(SETUP)
