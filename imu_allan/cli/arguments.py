@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
 _FASTEST_HZ = 1e6
 """Thirty times what the fastest IMUs give."""
+_SLOWEST_HZ = 1e-3
+"""Slower than any, and samples of many days still have times in nanoseconds."""
 _META = ('serial', 'operator', 'station')
 _HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
@@ -51,6 +53,9 @@ def rate(text: str) -> float:
     if value > _FASTEST_HZ:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
                                          'the rate in Hz')
+    if 0 < value < _SLOWEST_HZ:
+        raise argparse.ArgumentTypeError(f'{text}: no IMU gives so few samples a second; give the '
+                                         'rate in Hz')
     return _above_zero(value, text)
 
 

@@ -42,7 +42,8 @@ def run(args: argparse.Namespace) -> int:
     if code not in WORDS:
         near = get_close_matches(code, [*WORDS, *by_title], n=1)
         hint = f'; did you mean {by_title.get(near[0], near[0])}?' if near else ''
-        raise ImuAllanError(f'{printable(args.code)}: no finding has this code{hint} '
+        asked = printable(args.code) if args.code.strip() else repr(args.code)
+        raise ImuAllanError(f'{asked}: no finding has this code{hint} '
                             '(all: imu_allan explain)')
     columns = columns_of(sys.stdout) or 80
     print('\n'.join(fill(line, columns, subsequent_indent='  ', break_on_hyphens=False)

@@ -160,5 +160,8 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
         return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
                              'range, stood still or has a deadband; see the warnings of the '
                              'axes')
-    return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '
-                         'record for longer')
+    from imu_allan.wording import counted
+
+    samples = result.timeline.samples
+    return ImuAllanError(f'{path}: no coefficient: {counted(samples, "sample")} '
+                         f'{"is" if samples == 1 else "are"} too few; record for longer')

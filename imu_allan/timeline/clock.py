@@ -43,10 +43,10 @@ def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
         Whether equal stamps are usual (messages received together).
 
     """
-    if not stamps.any():
-        return 'zero'
     if len(stamps) < 2:
         return ''
+    if not stamps.any():
+        return 'zero'
     steps = np.diff(stamps)
     if not steps.any():
         # A few messages that came several times say nothing of the clock.

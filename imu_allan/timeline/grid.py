@@ -10,7 +10,7 @@ modulo one place unchanged.
 """
 
 from itertools import pairwise
-from math import sqrt
+from math import pi, sqrt
 
 from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.timeline.clock import SECOND
@@ -37,6 +37,8 @@ _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
 RATE_BLOCK = 64
 """Messages from which a rate is measured."""
+_BETWEEN_PLACES = 0.3
+"""Mean cosine of steps: three times more of 64 jittering ones than chance leaves below zero."""
 _RATE_NEAR = 256
 """Messages on each side within which a change of rate is placed."""
 _BATCHES = 16
@@ -180,7 +182,7 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
         block = max(4 * block, round(_BATCHES * sqrt(12) * pace.spread))
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
-    off = [not _on_rate(places[first:last], 0.1 if pace.counting else RATE_TOLERANCE)
+    off = [not _on_rate(places[first:last], pace.counting)
            for first, last in zip(starts, ends, strict=True)]
     runs: list[tuple[int, bool]] = []
     state = other_rate
@@ -198,8 +200,13 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
     return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
 
 
-def _on_rate(places: Floats, tolerance: float) -> bool:
-    """Whether messages some number apart are mostly as many intervals apart."""
+def _on_rate(places: Floats, counting: bool) -> bool:
+    """Whether messages some number apart are mostly as many intervals apart, one step or more."""
+    tolerance = 0.1 if counting else RATE_TOLERANCE
+    if not counting and len(places) > 1 and float(
+            np.mean(np.cos(2 * pi * np.diff(places)))) < -_BETWEEN_PLACES:
+        # Dropped in turn, those of another rate are as far apart by chance.
+        return False
     for apart in (1, 2, 4, 16, 64, 256):
         if len(places) <= apart:
             break

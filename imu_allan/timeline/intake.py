@@ -49,8 +49,8 @@ _SAME_RATE = 0.12
 """Clocks that disagree by more do not stamp the same samples."""
 _CLOSE, _HARDLY = 0.05, 0.01
 """Spread and share of empty places up to which the other clock need not be asked."""
-_OTHER_GRID, _OTHER_RATE = 0.01, 0.9
-"""Shares by which two grids differ that are no speeds of two clocks. A judgment."""
+_OTHER_GRID = 0.01
+"""Share by which two grids differ that are no speeds of two clocks. A judgment."""
 _FITS_BADLY = 0.1
 """Of an interval, and three times the spread about the clock's own grid: where one of three is
 dropped, stamps lie .17 off a grid of one and a half intervals. Judgments."""
@@ -299,15 +299,14 @@ class Intake(Record):
         if second is None or second.counting or second.spread > _EVEN_SPREAD:
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
-        if pace.counting:
-            # Where as much time passes on both, they stamp the same samples, and the even one
-            # shows which of them are missing.
-            speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-            if abs(ratio - 1) > _SAME_RATE < abs(speed - 1):
-                return pace, count
-        elif not (_OTHER_GRID < abs(ratio - 1) < _OTHER_RATE
-                  and spread_about(other, pace.interval_ns)
-                  > max(_FITS_BADLY, 3 * second.spread)):
+        # Where as much time passes on both, they stamp the same samples, and the even one shows
+        # which of them are missing.
+        speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
+        if abs(ratio - 1) > _SAME_RATE < abs(speed - 1):
+            return pace, count
+        if not pace.counting and not (
+                abs(ratio - 1) > _OTHER_GRID
+                and spread_about(other, pace.interval_ns) > max(_FITS_BADLY, 3 * second.spread)):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False

@@ -51,6 +51,8 @@ _FOLLOW = 0.2
 """Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
+_UNEVEN_PART = 256
+"""Messages from which a rate that changes is measured: `_LATELY` of them pass without a gap."""
 _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
 _LATE_AS_A_GAP = 3.0
@@ -273,10 +275,10 @@ class Placing(Record):
                 lost[at] = 0
         return lost
 
-    def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:
+    def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
         """Intervals that pass between messages without a gap, places counted, and messages."""
-        c, pace = messages.consumed, self._decision.pace
-        passed, steps = np.diff(messages.stamps[:c]), steps[1:c]
+        pace, steps = self._decision.pace, steps[1:]
+        passed = np.diff(stamps)
         short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
         return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
                 int(np.count_nonzero(short)))
@@ -289,19 +291,32 @@ class Placing(Record):
 
     def _note_uneven(self, messages: Messages, steps: Ints) -> None:
         """Note the rate of messages that differs too little, or too briefly, to cut it out."""
-        passed, counted, _ = self._passed(messages, steps)
-        if (counted >= _LATELY and passed > 0
-                and self._disagree(passed, counted, messages.consumed)):
-            counts, usual = self._counts, SECOND / self._decision.pace.interval_ns
-            for rate in (usual, usual * counted / passed):
+        counts, c = self._counts, messages.consumed
+        whole = self._uneven_rate(messages.stamps[:c], steps[:c])
+        if whole is None:
+            return
+        # What differs for some seconds is little of the whole.
+        starts = range(0, c, _UNEVEN_PART // 2)
+        parts = [self._uneven_rate(messages.stamps[first:first + _UNEVEN_PART][:c - first],
+                                   steps[first:first + _UNEVEN_PART][:c - first])
+                 for first in starts]
+        for rate in (SECOND / self._decision.pace.interval_ns, whole, *parts):
+            if rate is not None:
                 counts.lowest_rate_hz = min(counts.lowest_rate_hz or rate, rate)
                 counts.highest_rate_hz = max(counts.highest_rate_hz, rate)
+
+    def _uneven_rate(self, stamps: Stamps, steps: Ints) -> float | None:
+        """Give the rate of messages, None where it is that so far, or they are too few."""
+        passed, counted, unbroken = self._passed(stamps, steps)
+        if counted < _LATELY or passed <= 0 or not self._disagree(passed, counted, unbroken):
+            return None
+        return SECOND / self._decision.pace.interval_ns * counted / passed
 
     def _rate_uncertain(self, messages: Messages, steps: Ints) -> bool:
         c = messages.consumed
         if c < 2:
             return False
-        passed, counted, unbroken = self._passed(messages, steps)
+        passed, counted, unbroken = self._passed(messages.stamps[:c], steps[:c])
         if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
             return True
         # Half the rate for a part of the messages looks like every second one lost.

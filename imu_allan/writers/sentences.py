@@ -200,8 +200,9 @@ def _malformed_messages(f: Any) -> str:
 
 def _short_recording(f: Any) -> str:
     if 'samples' in f:
-        return (f'{f.samples} samples in {_time(f.duration_s)} are too few for any coefficient: '
-                f'at least {f.needed} are needed')
+        are = 'is' if f.samples == 1 else 'are'
+        return (f'{counted(f.samples, "sample")} in {_time(f.duration_s)} {are} too few for any '
+                f'coefficient: at least {f.needed} are needed')
     return (f'{TERMS[f.coefficient].symbol} is not visible in {_time(f.duration_s)}: only an '
             'upper bound is given')
 

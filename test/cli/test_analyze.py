@@ -59,6 +59,18 @@ def test_a_table_whose_times_do_not_go_on_is_told_of_its_times(tmp_path, fails_w
                'sample rate (analyze --rate)', 'analyze', tmp_path / 'imu.csv')
 
 
+@pytest.mark.parametrize(('rows', 'options', 'says'), [
+    (1, (), 'no usable sample; see what it holds with imu_allan info'),
+    (500, ('--duration', '1ms'),
+     'no usable sample in the chosen part; --start and --duration choose another')])
+def test_one_sample_at_time_zero_is_no_fault_of_the_times(
+        tmp_path, fails_with, rows, options, says):
+    path = tmp_path / 'imu.csv'
+    path.write_text('time_s,gyro_x,gyro_y,gyro_z\n' + ''.join(
+        f'{0.01 * row:.2f},{row % 7},{row % 5},{row % 3}\n' for row in range(rows)))
+    fails_with(f'{path}: {says}', 'analyze', path, *options)
+
+
 def test_output_folder_holds_result_curve_plot_report_and_configurations(
         recording, tmp_path, output_of):
     output = tmp_path / 'with' / 'parents'

@@ -23,3 +23,7 @@ def test_without_a_code_all_are_listed(output_of: Callable[..., str]) -> None:
 def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with):
     fails_with('bias_stop: no finding has this code; did you mean bias_step? (all: imu_allan '
                'explain)', 'explain', 'bias_stop')
+
+
+def test_an_empty_code_is_shown_as_such(fails_with):
+    fails_with("'': no finding has this code (all: imu_allan explain)", 'explain', '')

@@ -100,6 +100,8 @@ CENTURY = 'argument {}: {} is more than a hundred years'
     ('analyze bag --rate nan', NO_RATE.format('nan')),
     ('analyze bag --rate 1e9', FAST.format('rate')),
     ('analyze bag --accel-rate 1e9', FAST.format('accel-rate')),
+    ('analyze bag --rate 1e-320', 'argument --rate: 1e-320: no IMU gives so few samples a second; '
+     'give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
     ('analyze bag --force-rate', '--force-rate needs --rate'),
     ('analyze bag --clock wall', 'argument --clock: ' + CHOICE.format("'wall'")),

@@ -488,6 +488,7 @@ EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_mes
          'noise_changes', 'tilt', 'half_rate_vibration'}
 """Faults beside which missing samples can be counted to the last one."""
 _SHORT_S = 4.0
+_TILT_S = 6.5
 _LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
@@ -520,8 +521,9 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
         truth.faults.append(fault.__name__)
         messages = fault(messages, truth, rng)
     truth.exact = EXACT.issuperset(truth.faults)
-    if 'tilt' in truth.faults and np.ptp(messages.header) < _SHORT_S:
-        # By its stamps the record is so short that a turn of some seconds is the larger part.
+    if 'tilt' in truth.faults and np.ptp(messages.header) < _TILT_S:
+        # By its stamps the record is so short that the turn, and where its means are held against
+        # those of two seconds before, and a second on each side, are all of it.
         truth.told.add('refused')
     if 'noise_changes' in truth.faults and len(messages.place) < _LONG_S * rate_hz:
         # It takes a minute to tell a louder sensor from an engine, of what no outage takes away.

@@ -636,6 +636,24 @@ def test_a_short_part_at_twice_the_rate_is_cut_out_and_told():
     assert change['at_s'] is None
 
 
+def test_another_rate_is_told_where_messages_are_dropped_in_turn_as_well():
+    messages, _, _ = rest(duration_s=40)
+    rows = np.concatenate([np.arange(700), np.arange(700, len(messages.place), 2)])
+    result, _ = run(lose(messages.pick(rows), '11100').block())
+    change = told(result, 'rate_changed').values
+    assert (change['from_hz'], change['to_hz']) == pytest.approx((100, 50), rel=1e-3)
+
+
+def test_another_rate_too_brief_for_uneven_stamps_to_cut_it_out_is_told_as_high_as_it_is():
+    messages, truth, _ = rest(5.0, 900)
+    kept = lose(messages, '111100')
+    kept = kept.pick(np.concatenate([np.arange(228), np.arange(228, len(kept.place), 2)]))
+    result, _ = run(kept.block())
+    uneven = told(result, 'uneven_rate').values
+    # Four of six messages come at first: in the mean of the recording it is a tenth of that more.
+    assert uneven['highest_hz'] == pytest.approx(truth.rate_hz * 4 / 6, rel=0.15)
+
+
 def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
     messages, truth, _ = gyro(duration_s=300)
     time = np.cumsum(np.where(messages.place < 15_000, 1.0, 1 / 1.018)) / truth.rate_hz
@@ -695,6 +713,16 @@ def test_an_exact_grid_on_which_the_other_clock_does_not_lie_is_a_tick(pattern):
     result, _ = run(kept.block())
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     assert result.timeline.missing == pytest.approx(missed(kept), abs=2)
+    assert 'receive_clock' in codes(result)
+
+
+def test_a_tick_of_less_than_half_the_interval_gives_way_to_the_other_clock():
+    messages, truth, _ = rest(23.8, 60)
+    messages.header = np.floor((messages.header + 0.123456789) / 0.02) * 0.02
+    kept = keep(messages, messages.place % 5 != 0)
+    result, _ = run(kept.block())
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert result.timeline.missing == missed(kept)
     assert 'receive_clock' in codes(result)
 
 
