@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
     from imu_allan.noise.axis_fit import AxisFit
 
-_WHOLE_PART = 0.99
-"""Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
 
 AnyPath = str | PathLike[str]
 Progress = Callable[[int], None] | None
@@ -362,7 +360,8 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
         if part_s < 0:
             raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
                                 f'{duration(start_s)} leaves nothing of it')
-        if duration_s is not None and part_s < _WHOLE_PART * duration_s:
+        # Who asks for 20 min of 19 min 59 s has the whole.
+        if duration_s is not None and part_s < 0.99 * duration_s:
             shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
 
     if start_s <= 0 and duration_s is None:

@@ -37,8 +37,6 @@ _TEXT_LENGTH_AT = 12  # behind encapsulation, sec and nanosec, of 4 bytes each
 _TEXT_AT = 16         # behind its length, a uint32
 _DOUBLES = 37         # 4 + 9 + 3 + 9 + 3 + 9: a quaternion, two vectors, three covariances
 _NANOSECONDS = 1_000_000_000  # in a second
-_SHORT = 32
-"""Bytes up to which texts are compared as numbers: five passes cost what one copy does."""
 
 
 class MalformedImu(ImuAllanError):
@@ -393,7 +391,8 @@ def rows_like_first(
     """
     like: NDArray[np.bool_] | None = None
     for start, stop in spans:
-        if stop - start > _SHORT:
+        # Short texts are compared as numbers: five passes cost what one copy does.
+        if stop - start > 32:
             items = rows[:, start:stop].view(f'V{stop - start}')
             if items.tobytes() != items[0].tobytes() * len(rows):
                 same = (rows[:, start:stop] == rows[0, start:stop]).all(axis=1)

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 Kind = TypeVar('Kind')
 State = dict[str, NDArray[Any]]
-_LARGEST = 1e100
-"""Far beyond any sum of samples; sums of such numbers are infinite."""
 
 
 class Record:
@@ -120,7 +118,8 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
         array = arrays[path]
         if array.dtype != np.dtype(get_args(parts[1])[0]):
             raise TypeError(f'{path} is of {array.dtype}')
-        if array.dtype.kind == 'f' and np.any((np.abs(array) > _LARGEST) & np.isfinite(array)):
+        # Far beyond any sum of samples; sums of such numbers are infinite.
+        if array.dtype.kind == 'f' and np.any((np.abs(array) > 1e100) & np.isfinite(array)):
             raise ValueError(f'{path} holds larger numbers than samples add up to')
         return array.copy()
     make: Any = kind

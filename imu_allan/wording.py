@@ -22,8 +22,6 @@ NO_TOPIC = 'csv'
 """What stands for the topic of a table, which has none."""
 
 _LETTERS = 'xyz'
-_MOST_LISTED = 1000
-"""`LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`, which this floor knows nothing of."""
 _FEWEST, _MOST = 2, 6
 """Significant digits of a value, however wide or narrow its interval is."""
 _PLAIN = (-4, 6)
@@ -309,6 +307,8 @@ def faults_of(timeline: Timeline) -> list[str]:
         if spans:
             total = sum(span.duration_s for span in spans)
             # No more are listed: a remark has the number of all.
-            first = 'the first ' if len(spans) >= _MOST_LISTED else ''
+            # `LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`, which this floor knows
+            # nothing of.
+            first = 'the first ' if len(spans) >= 1000 else ''
             faults.append(f'{first}{counted(len(spans), one, many)} ({duration(total)})')
     return faults

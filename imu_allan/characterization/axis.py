@@ -17,6 +17,7 @@ from imu_allan.noise.faults import axis_fault, Constant, CutOff, sample_noise, S
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.answer import Estimate
+from imu_allan.noise.posterior.judgments import POSSIBLE
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
@@ -205,9 +206,8 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
     if fitted.power_law is not None:
         # A longer record would know a power law better, too: of that there is no forecast.
         return {}
-    # From such a presence on there is something that a longer record may show.
     forecast = outlook(
-        {key: e.value if e.presence > 0.25 else 0.0 for key, e in fitted.estimates.items()},
+        {key: e.value if e.presence > POSSIBLE else 0.0 for key, e in fitted.estimates.items()},
         {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
     if fitted.high_pass_hz is not None:
         return forecast | dict.fromkeys(SLOW_TERMS, (None, None))

@@ -21,20 +21,8 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
 
 
-_UNKNOWN_FLOOR = 0.05
-"""What is left of a warm-up that is over, where no floor says when: three time constants."""
-_COARSE = 1 / 8
-"""Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
-_HALVES_CHANCE = 1.35e-3
-"""Of a difference of the halves as large by chance, either way: 3 standard errors. A judgment."""
-_HALVES_STEPS = 25
-"""Innovations of a half: of fewer their model knows less than they do, and alarms are false."""
-_AGREES = 2.0
-"""Standard errors from what its sensor's axes say together, within which it holds for an axis."""
 _LEAST_CHANGE = log(1.3)
 """Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
-_STEP_SHARE = 0.7
-"""Share of the spread between segments from which it is reported as one step."""
 
 
 def tone_findings(axes: Mapping[str, AxisResult]) -> list[Finding]:
@@ -85,7 +73,8 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
     gain, cut = max((cut * (count - cut) * (level[:cut].mean() - level[cut:].mean())**2, cut)
                     for cut in range(1, count))
     total = count * float(((level - level.mean())**2).sum())
-    if gain > _STEP_SHARE * total:
+    # Share of the spread between segments from which it is reported as one step.
+    if gain > 0.7 * total:
         ratio = float(level[:cut].mean() / level[cut:].mean()) - 1
         return [finding('not_steady', **band, change_share=abs(ratio),
                         higher='first' if ratio > 0 else 'then',
@@ -110,12 +99,14 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
         sensor = [other for beside, other in changes.items()
                   if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
         ratio, steps, interval = np.mean(sensor, axis=0)
-        if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
+        # What the axes of a sensor say together holds for one within two of its standard errors.
+        if abs(change[0] - ratio) <= 4 / change[1]**0.5:
             candidates.append((ratio, steps * len(sensor), interval))
         for log_ratio, known, over in candidates:
             # A mean square of n innovations has n degrees of freedom, and what the model of the
             # other half predicts for it is known about as well: their ratio follows F.
-            by_chance = log(fdtri(known, known, 1 - _HALVES_CHANCE))
+            # Either way as rare as three standard errors: a judgment.
+            by_chance = log(fdtri(known, known, 1 - 1.35e-3))
             if abs(log_ratio) > max(by_chance, _LEAST_CHANGE):
                 tested = axes[name].backtest
                 reported[name] = finding(
@@ -132,7 +123,8 @@ def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
     if axis.backtest is None:
         return None
     for row in reversed(axis.backtest.innovations):
-        if row.steps >= 2 * _HALVES_STEPS and row.of_halves is not None and min(row.of_halves) > 0:
+        # Of fewer than 25 innovations in a half their model knows less than they do.
+        if row.steps >= 50 and row.of_halves is not None and min(row.of_halves) > 0:
             first, second = row.of_halves
             # Each half is the measure of the other: the ratio is there twice.
             return log(first / second) / 2, row.steps / 2, row.interval_s
@@ -146,8 +138,9 @@ def steady_after_s(trend: Trend | None, flicker: float) -> float:
     Where the floor is not known (zero), until a twentieth of the amplitude is left.
     """
     parts = () if trend is None else (trend.warm_up, trend.second_warm_up)
+    # Where no floor says when, a warm-up is over after three time constants.
     return max((part.time_constant_s * max(log(abs(part.amplitude) / (
-        FLICKER_FLOOR * flicker / 3 or _UNKNOWN_FLOOR * abs(part.amplitude))), 0.0)
+        FLICKER_FLOOR * flicker / 3 or 0.05 * abs(part.amplitude))), 0.0)
         for part in parts if part is not None and part.amplitude), default=0.0)
 
 
@@ -183,7 +176,8 @@ def thermometer_remarks(seen: Temperature) -> list[Finding]:
         return [finding('thermometer', fault='constant')]
     remarks = []
     span = seen.series.highest - seen.series.lowest
-    if seen.step > span * _COARSE:
+    # With larger steps of the thermometer the mean follows it in jumps.
+    if seen.step > span / 8:
         remarks.append(finding('thermometer', fault='coarse', step_k=seen.step, range_k=span))
     if seen.gaps:
         remarks.append(finding('thermometer', fault='gaps', gaps=seen.gaps))

@@ -50,10 +50,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SAME_RATE = 0.005
-"""Relative difference of rates that a clock may have; a setting differs by more."""
-_SAME_BAND = 0.2
-"""Relative difference at the fast end of the spectra beyond error: another filter, not noise."""
 _CONTRADICTION = 1e-3
 """Probability below which the spread of a coefficient is no chance, over all that are compared."""
 
@@ -134,7 +130,8 @@ def _agree(parts: Sequence[_Part]) -> None:
     first = parts[0]
     for part in parts[1:]:
         rate, other = first.record.rate_hz, part.record.rate_hz
-        if abs(other / rate - 1) > _SAME_RATE:
+        # Clocks differ by less, settings by more.
+        if abs(other / rate - 1) > 0.005:
             raise ImuAllanError(f'{part.path}: sampled at {other:.6g} Hz, {first.path} at '
                                 f'{rate:.6g} Hz; analyze recordings of different rates apart')
         frames = first.result.source.frame_id, part.result.source.frame_id
@@ -162,7 +159,8 @@ def _same_band(first: _Part, part: _Part, name: str) -> None:
     if one is None or other is None:
         return
     (a, error_a), (b, error_b) = one, other
-    if abs(log(b / a)) > _SAME_BAND + 4 * sqrt(error_a**2 + error_b**2):
+    # A larger difference at the fast end, beyond error, is another filter and not noise.
+    if abs(log(b / a)) > 0.2 + 4 * sqrt(error_a**2 + error_b**2):
         raise ImuAllanError(
             f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
             f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')

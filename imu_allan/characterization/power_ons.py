@@ -20,8 +20,6 @@ from imu_allan.state import Record
 
 MOST = 1000
 """Power-ons that are remembered, the latest ones: three years of a robot switched on daily."""
-_SHORTEST_S = 10.0
-"""Where the robot rests for less after a power-on, its mean is the noise's."""
 _ABSURD = 2.0**62
 """More samples do not come in a life time, and no sensor's mean is so large."""
 
@@ -81,9 +79,10 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     """
     found: dict[str, TurnOnBias] = {}
     for name, axis in axes.items():
+        # The mean of less than ten seconds at rest is that of the noise.
         means = [(mean, samples / record.rate_hz) for mean, samples
                  in _of_each(name, (*ended, mark_of(record, ended)))
-                 if samples >= _SHORTEST_S * record.rate_hz]
+                 if samples >= 10.0 * record.rate_hz]
         if len(means) > 1 and mean_is_known(axis):
             found[name] = turn_on_bias(
                 [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])

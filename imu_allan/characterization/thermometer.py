@@ -21,21 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SHORTEST_CELL = 1 << 26
-"""In ns, 0.07 s: no sensor follows its temperature any faster."""
 _SECOND = 1_000_000_000  # in ns
 _SCALE = 1_000_000
 """Readings are kept in millionths of a degree: sums of integers do not depend on their order."""
-_BEYOND = 1e6
-"""In degrees: no temperature, and far from what the integers hold."""
-_TYPICAL_GAPS = 10         # of usual intervals ...
-_LONGEST_GAP_S = 300.0
-"""A gap of so many usual intervals, or so long, is interpolated by a line: a sensor's temperature
-settles in several minutes."""
 COVERED = 0.9
 """Share of the record that the readings have to cover; the rest keeps the nearest."""
-_SHOWN = 128
-"""Most segments of the temperature in a result."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +53,8 @@ class Thermometer(Record):
 
     """
 
-    width: int = _SHORTEST_CELL    # of a cell, in nanoseconds
+    # Of a cell, in ns: 0.07 s at first, no sensor follows its temperature any faster.
+    width: int = 1 << 26
     step: int = 0    # smallest change from one reading to the next; 0 where there is none
     shown: int = 0    # places of the signal that have samples
     keys: Ints = field(init=False)    # (cells,): stamps over `width`
@@ -94,7 +85,8 @@ class Thermometer(Record):
         values = np.asarray(celsius, dtype=np.float64).reshape(-1)
         if len(stamps) != len(values):
             raise ValueError(f'{len(stamps)} stamps for {len(values)} temperatures')
-        usable = np.abs(values) < _BEYOND
+        # A million degrees are no temperature, and far from what the integers hold.
+        usable = np.abs(values) < 1e6
         values, stamps = values[usable], stamps[usable]
         if not len(values):
             return
@@ -174,7 +166,8 @@ class Thermometer(Record):
     def _reach(self) -> float:
         """Longest gap, in ns, over which a line is drawn."""
         usual = float(np.median(np.diff(self.keys))) if len(self.keys) > 1 else 0.0
-        return max(_TYPICAL_GAPS * usual * self.width, _LONGEST_GAP_S * _SECOND)
+        # Ten usual intervals, or five minutes: a sensor's temperature settles in several.
+        return max(10 * usual * self.width, 300.0 * _SECOND)
 
     def temperature(self, series: Cells, size: int, dt: float) -> Temperature | None:
         """
@@ -222,7 +215,8 @@ class Thermometer(Record):
         """
         if not len(self.keys) or not len(self.runs) or not len(columns.counts):
             return None
-        count = -(-len(columns.counts) // _SHOWN)
+        # At most 128 segments of the temperature are shown.
+        count = -(-len(columns.counts) // 128)
         width = columns.width * count
         segments = -(-len(columns.counts) // count)
         edges = np.minimum(np.arange(segments + 1.0) * width, self.shown)

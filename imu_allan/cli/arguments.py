@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from imu_allan.sensor.noise_model import NoiseModel
 
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
-_FASTEST_HZ = 1e6
-"""Thirty times what the fastest IMUs give."""
-_SLOWEST_HZ = 1e-3
-"""Slower than any, and samples of many days still have times in nanoseconds."""
 _META = ('serial', 'operator', 'station')
 _HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
@@ -50,10 +46,12 @@ def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), _HERTZ, f'{text!r} is no rate: write Hz (100), or a '
                                                 'number with Hz or kHz (2kHz)')
-    if value > _FASTEST_HZ:
+    # Thirty times what the fastest IMUs give.
+    if value > 1e6:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
                                          'the rate in Hz')
-    if 0 < value < _SLOWEST_HZ:
+    # Slower than any, and samples of many days still have times in nanoseconds.
+    if 0 < value < 1e-3:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so few samples a second; give the '
                                          'rate in Hz')
     return _above_zero(value, text)

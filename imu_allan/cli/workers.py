@@ -36,8 +36,6 @@ Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
 Answer = tuple[Any, tuple[BaseException, str] | None]
 """What a function returned, or what it raised and where: one of the two is None."""
 
-_PATIENCE_S = 15.0
-"""How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
 
 @contextmanager
@@ -159,7 +157,8 @@ class WorkerProcesses(Executor):
             tasks, answers = _pipes(process)
             tasks.close()
             try:
-                process.wait(_PATIENCE_S)
+                # It may remove what it unpacked first, and waits 10 s for its own reader.
+                process.wait(15.0)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

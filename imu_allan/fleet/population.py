@@ -30,8 +30,6 @@ FEWEST_UNITS = 3
 """Of two, the 95 % interval of a spread reaches up to 32 times of it, of three to 6."""
 _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities are normal about their mean; the others spread by factors."""
-_CHANCE = 0.01
-"""Probability with which a fleet without a bad unit names one."""
 _VAGUE = 10.0
 """A limit so many times above nearly all units is no limit: too few units are known."""
 
@@ -153,8 +151,9 @@ def population(results: Mapping[str, Result]) -> Population:
                    if key in LASTING_TERMS and len(sample.values) < FEWEST_UNITS <= sample.units)
     samples = {quantity: sample for quantity, sample in samples.items()
                if len(sample.values) >= FEWEST_UNITS}
+    # A fleet without a bad unit names one with a probability of 0.01.
     alone = {quantity: {name for name, out in zip(sample.values, outliers(
-        list(sample.values.values()), list(sample.errors.values()), _CHANCE / len(samples)),
+        list(sample.values.values()), list(sample.errors.values()), 0.01 / len(samples)),
         strict=True) if out} for quantity, sample in samples.items()}
     together = list(_together(samples, {(name, key) for (_, key), names in alone.items()
                                         for name in names}))

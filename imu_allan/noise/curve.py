@@ -30,8 +30,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_LAGS = 64
-"""In clusters: differences further apart are taken for unrelated. More costs a fit its time."""
 _FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
 """The fourth difference: shifts in clusters, and weights."""
 
@@ -141,7 +139,8 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in SPECTRAL_TERMS]) ** 2 * scales
     if not squares.any() and power_law is None:
         squares[1] = 1.0
-    lags = min(count, int(_LAGS * size / stride))
+    # Differences more than 64 clusters apart are taken for unrelated: more costs a fit its time.
+    lags = min(count, int(64 * size / stride))
     # Every fit of a growing record asks for more lags: of powers of two few tables serve all.
     shared = gcd(size, stride)
     table = _difference_covariance(size // shared, stride // shared, 1 << (lags - 1).bit_length())

@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_RANDOM_WALK_TIME = 100.0
-"""Lengths of the record: a process of this correlation time is a random walk within it."""
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
 """Levels in units of the variance seen: 6 % apart, so that an end is known to 3 %."""
 _OUTSIDE = 0.025
@@ -38,7 +36,8 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     after the mean of all is taken off: a random walk has no other covariance.
     """
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
-    slowest = _RANDOM_WALK_TIME * parts * part_s
+    # A process whose correlation time is a hundred records is a random walk within one.
+    slowest = 100.0 * parts * part_s
     walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
     covariance = np.zeros(lag.shape)
     for process in (*model.processes, walk):

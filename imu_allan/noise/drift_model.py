@@ -34,15 +34,7 @@ Array = NDArray[np.float64]
 MOST_PROCESSES = 4
 """States of a filter cost time; a fifth process gains nothing on any recording tried."""
 _EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # above: vibration, low-passes, quantizer tones
-_EDGES_FROM_HZ = 20.0   # sample rate below which the edges shrink with it
-_JUDGED = 6             # half-octaves below the edge that have to be described
-_EDGE_MISFIT = 0.2      # of the logarithm of their power, beyond chance ...
-_EDGE_CHANCE = 2.6      # ... at 1 % for each
-_MISFIT = 0.1           # a relative misfit that may not decide what happens at the slow end
-_PRIOR_DOF = 4.0        # pseudo-observations a half-octave: fewer lets a short record invent
 _PER_DECADE = 2         # correlation times to choose from
-_LONGEST_SHARE = 3.0    # of the record: what is slower is a random walk to it
-_CLOSE = 1 / 3          # of a decade: neighbours that are one process
 _ROUGH = 1e-2
 """Loss to which a choice of processes is tried first; the best are then fitted to the end."""
 _FEWEST_GROUPS = 8
@@ -79,7 +71,8 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     """
     if len(groups.dof) < _FEWEST_GROUPS:
         return None
-    longest = 1 / (2 * float(groups.frequency[0])) / _LONGEST_SHARE
+    # What is slower than a third of the record is a random walk to it.
+    longest = 1 / (2 * float(groups.frequency[0])) / 3
     expected = groups
     if correlation_time_s is not None:
         expected = groups.with_design(np.column_stack(
@@ -147,7 +140,8 @@ def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
 
 def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
     """Highest frequency up to which N, B and K describe the spectrum; the rest."""
-    scale = min(1.0, 1 / (dt * _EDGES_FROM_HZ))
+    # Below 20 Hz the edges shrink with the sample rate.
+    scale = min(1.0, 1 / (dt * 20))
     edge, band, terms = 0.0, groups, None
     for hz in _EDGES_HZ:
         below = groups.below(hz * scale)
@@ -158,10 +152,12 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
         octave, dof = _half_octaves(below)
         ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)
         mean = np.bincount(octave, below.dof * ratio) / dof
-        allowed = _EDGE_MISFIT + _EDGE_CHANCE * np.sqrt(2 / dof)
+        # A fifth of the power beyond what chance does in 1 % of half-octaves.
+        allowed = 0.2 + 2.6 * np.sqrt(2 / dof)
         # Without noise the mean is zero.
         off = np.abs(np.log(np.maximum(mean, 1e-300)))
-        if np.all(off < allowed, where=np.arange(len(dof)) >= len(dof) - _JUDGED):
+        # The six half-octaves below the edge have to be described.
+        if np.all(off < allowed, where=np.arange(len(dof)) >= len(dof) - 6):
             break
     assert terms is not None
     return edge, band, terms
@@ -170,7 +166,8 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
 def capped(groups: Groups) -> Groups:
     """Count each half-octave for no more than a misfit of 10 % leaves it worth."""
     octave, dof = _half_octaves(groups)
-    return _with(groups, groups.dof / (1 + dof[octave] * _MISFIT**2 / 2), groups.power)
+    # A misfit of 10 % may not decide what happens at the slow end.
+    return _with(groups, groups.dof / (1 + dof[octave] * 0.1**2 / 2), groups.power)
 
 
 def _with(groups: Groups, dof: Array, power: Array) -> Groups:
@@ -182,7 +179,8 @@ def _shrunk(band: Groups, terms: Solution) -> Groups:
     most = _most_random_walk(band, terms)
     prior = band.design @ (terms.theta + most.theta) / 2
     octave, dof = _half_octaves(band)
-    pseudo = _PRIOR_DOF * band.dof / dof[octave]
+    # Four pseudo-observations a half-octave: with fewer a short record invents.
+    pseudo = 4.0 * band.dof / dof[octave]
     counted = band.dof + pseudo
     return _with(band, counted, (band.dof * band.power + pseudo * prior) / counted)
 
@@ -231,7 +229,8 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
         return of[seen[2:]], replace(found, theta=found.theta[seen])
 
     times, solution = there(times, fitted(times))
-    close = np.flatnonzero(np.diff(np.log10(times)) < _CLOSE)
+    # Neighbours within a third of a decade are one process.
+    close = np.flatnonzero(np.diff(np.log10(times)) < 1 / 3)
     if len(close):
         times, start = _joined(times, solution.theta, int(close[0]))
         times, solution = there(times, fitted(times, start))

@@ -25,36 +25,8 @@ from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-_COARSE_STEP = 2.0
-"""In noise of a sample: with coarser steps a mean between two borders often gives one value, and
-the noise changes with the place of the mean between them."""
-_LEAST_ZEROED = 0.01
-"""A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
-_LEAST_FILL = 0.6
-"""
-Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about 1,
-one value among its two neighbours 0.5, an output that is rounded twice 0.25. A judgment.
-"""
-_LEAST_STEPS = 0.7
-"""Of the step, which is the width of a wide deadband; below lie sums that rarely come out."""
 _WIDEST_EMPTY, _EMPTY = 3, 0.05
 """Bins in a row, and of their mean count: of 3, 4, 5 steps 3 bins are empty. A judgment."""
-_LEAST_CUT_OFF = 0.005
-"""At either end: clipped at 2.58 sigma, white noise loses 1 % of its density."""
-_COARSEST_STEP = 0.5
-"""
-In noise of a sample: beyond it the last cell holds a good part of the record by nature. A knock
-makes noise seem up to four times as large: steps of two sigma are still distinguished from it.
-"""
-_SURE = 3.0
-"""Standard errors that a count of samples is off by at most."""
-_SHAKEN = 4.0
-"""
-Ratio of the noise by some averaging time to that by another from which on it is a vibration, whose
-values crowd at both ends by nature. Of what is cut off at rest it is 1.4 at most.
-"""
-_SHAKEN_OCTAVES = 7
-"""Averaging times looked at for that: up to 64 samples, where drift does not show yet."""
 
 
 class Constant(NamedTuple):
@@ -108,7 +80,8 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     """
     census = finished.census
     zeros, sizes = int(census.zeros[axis]), census.sizes[axis]
-    if (finished.reference is None or zeros < max(1, _LEAST_ZEROED * finished.measured)
+    # A deadband of a fiftieth of sigma holds 1 %, and takes next to nothing off the noise.
+    if (finished.reference is None or zeros < max(1, 0.01 * finished.measured)
             or not census.lowest[axis] < -finished.reference[axis] < census.highest[axis]):
         return None
     first = end_of_hole(sizes)
@@ -117,8 +90,11 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     # Of an output that steps, the second value lies an octave above the first; either may lie
     # next to the border of a bin.
     octave = sizes[first:first + BINS_PER_OCTAVE]
-    if (int(octave[2:-1].sum()) <= FEWEST or zeros < _LEAST_FILL * octave.sum()
-            or lower_edge(first) < _LEAST_STEPS * census.step[axis]):
+    # Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about
+    # 1, one value among its two neighbours 0.5, an output that is rounded twice 0.25. A step is
+    # the width of a wide deadband; below 0.7 of it lie sums that rarely come out. Judgments.
+    if (int(octave[2:-1].sum()) <= FEWEST or zeros < 0.6 * octave.sum()
+            or lower_edge(first) < 0.7 * census.step[axis]):
         return None
     # Mixed axes of few values each leave lines, far apart.
     taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())
@@ -150,17 +126,24 @@ def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool
     Noise and steps are those of the whole record.
     """
     census = finished.census
-    if (count < max(1, _LEAST_CUT_OFF * samples)
+    # At either end: clipped at 2.58 sigma, white noise loses 1 % of its density.
+    if (count < max(1, 0.005 * samples)
             or census.lowest[axis] == census.highest[axis]):
         return False
     noises = _noise_over_times(finished, axis)
     # A vibration is less of it in means over its periods, and none in the long run.
     noise = float(noises.min(initial=np.inf))
     step = float(census.step[axis])
-    if (not len(noises) or not step <= _COARSEST_STEP * noise
-            or noises[:_SHAKEN_OCTAVES].max() > _SHAKEN * noise):
+    # With larger steps the last one holds a good part of the record by nature. A knock makes noise
+    # seem up to four times as large: steps of two sigma are still distinguished from it. Noise
+    # that differs so much between averaging times (up to 64 samples, where drift does not show
+    # yet) is a vibration, whose values crowd at both ends; of what is cut off at rest the ratio
+    # is 1.4.
+    if (not len(noises) or not step <= 0.5 * noise
+            or noises[:7].max() > 4.0 * noise):
         return False
-    share = max(count - _SURE * np.sqrt(count), 0.0) / samples
+    # At most three standard errors of a count are chance.
+    share = max(count - 3.0 * np.sqrt(count), 0.0) / samples
     # So many samples are expected beyond the end: that there are none happens once in e^20
     # records.
     return bool(samples * ndtr(ndtri(share) - step / noise) >= 20.0)
@@ -179,7 +162,9 @@ def _noise_over_times(finished: Estimator, axis: int) -> Array:
 
 def steps_hide_noise(finished: Estimator) -> NDArray[np.bool_]:
     """Return of every axis whether its output steps by more than its noise shows."""
-    return np.asarray(finished.census.step > _COARSE_STEP * sample_noise(finished))
+    # With steps of more than two sigma a mean between two borders often gives one value, and the
+    # noise changes with the place of the mean between them.
+    return np.asarray(finished.census.step > 2.0 * sample_noise(finished))
 
 
 def sample_noise(finished: Estimator) -> Array:

@@ -25,9 +25,6 @@ from imu_allan.noise.trends.regressors import side_by_side
 from imu_allan.result import TemperatureDependence, Tone, Trend
 import numpy as np
 
-_SAME_LINE = 2e-3
-"""Relative distance below which lines of two records are one: a sensor's lines drift that much."""
-
 
 def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     """
@@ -119,7 +116,8 @@ def _lines(records: Sequence[AxisFit]) -> list[Tone]:
     kept: list[Tone] = []
     for line in sorted((line for one in records for line in one.lines),
                        key=lambda line: -line.amplitude):
-        if all(abs(line.frequency_hz - other.frequency_hz) > _SAME_LINE * other.frequency_hz
+        # The lines of a sensor drift that much from record to record.
+        if all(abs(line.frequency_hz - other.frequency_hz) > 2e-3 * other.frequency_hz
                for other in kept):
             kept.append(line)
     return kept

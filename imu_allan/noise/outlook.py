@@ -12,10 +12,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Forecasts = dict[str, tuple[float | None, float | None]]
 
-_OBSERVABLE = 5.5
-"""Likelihood ratio at which a slow term is likely enough to be reported."""
-_OCTAVES = 12
-"""A forecast beyond 4096 records, half a year for one of an hour, helps nobody to plan."""
 _SINGLE = 32
 """Modes taken one by one, 120 bands hold the rest: with 8 or 2048 a bound moves by 0.02 %."""
 
@@ -35,7 +31,8 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
         return dict.fromkeys(LASTING_TERMS, (None, None))
-    lengths: Array = duration_s * np.exp2(np.arange(_OCTAVES + 1))
+    # A forecast beyond 4096 records, half a year for one of an hour, helps nobody to plan.
+    lengths: Array = duration_s * np.exp2(np.arange(13))
     errors = _standard_errors(theta, dt, lengths)
     for i, key in enumerate(LASTING_TERMS):
         if theta[i] <= 0:
@@ -44,7 +41,8 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
             reached = errors[:, i] <= errors[0, i] / 2
             found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
         else:
-            wanted = theta[i] / np.sqrt(_OBSERVABLE)
+            # At this likelihood ratio a slow term is likely enough to be reported.
+            wanted = theta[i] / np.sqrt(5.5)
             reached = errors[:, i] <= wanted
             found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
     return found

@@ -29,8 +29,6 @@ from scipy.special import chdtri, log_ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-_FINEST = 1e-6
-"""Smallest spread that is looked for, as a share of the scatter of the measured values."""
 _STEPS = 97
 """Spreads that are tried before the best is refined: 16 a decade."""
 
@@ -97,7 +95,8 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     if len(y) < 2 or y.shape != e.shape:
         raise ValueError('at least two units are needed, each with its error')
     scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
-    spreads = scatter * np.geomspace(_FINEST, 10.0, _STEPS)
+    # A millionth of the scatter of the measured values is the smallest spread that is tried.
+    spreads = scatter * np.geomspace(1e-6, 10.0, _STEPS)
     profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
     best = int(np.argmin(profile))
     # A spread at the lower end of what was tried is none.

@@ -31,8 +31,6 @@ Array = NDArray[np.float64]
 
 _SMALLEST_P = 1e-3
 """Of equal noise; 1 steady record in 1000 goes on to the question of size."""
-_SHORT_P = 1e-4
-"""The same in a short record: with 1e-3 a deep low-pass, which leaks, alarms in 2 of 100."""
 _LEAST_SPREAD = 0.05
 """Relative spread of the power between segments that a user cares about, beyond sampling error."""
 _SPLITS_HZ = (0.03, 0.3, 3.0)
@@ -41,18 +39,10 @@ _DEPTH = 40
 """Octaves below the sample rate that bands are counted from: 30 years at 1 kHz."""
 _FEWEST = 4.0
 """Degrees of freedom of a band in a segment, on average, from which its logarithm is of use."""
-_WEAKEST = 0.1
-"""Share of the median density below which a band is behind a low-pass and only leaks."""
-_SMOOTH = 0.7
-"""Octaves over which the spread is averaged: neighbouring half-octaves change together."""
 _SHORT_PARTS, _SHORT_CELLS = 8, 64
 """Parts of a short record, and their shortest: its power is known to a fifth, a doubling to 4."""
-_WHITE_RATIO = 2.0
-"""Over the fastest octave: beyond, drift and its bends are in a part of a short record."""
 SEGMENT_PARTS = 16
 """Parts of a segment whose means have the spread that is called its drift. A judgment."""
-_WHITE_SHARE = 0.8
-"""Share of the white noise in a band from which the band speaks for its density."""
 
 
 @dataclass(frozen=True)
@@ -231,18 +221,22 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     if keep.any():
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
-            keep &= level < _WHITE_RATIO * np.average(level[fastest],
+            # Beyond twice the fastest octave, drift and its bends are in a part of a short record.
+            keep &= level < 2.0 * np.average(level[fastest],
                                                       weights=dof.sum(axis=0)[fastest])
-        keep &= level > _WEAKEST * np.median(level[keep])
+        # A band with less is behind a low-pass and only leaks.
+        keep &= level > 0.1 * np.median(level[keep])
     ratio = power / np.maximum(level, 1e-300)
     half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
     if half is None:
         nothing = np.array([1.0])
         return Steadiness(True, False, 1.0, (), nothing, np.zeros(1), nothing)
     at, middle, count = half
-    p_value, least = equal_variances(at, count), _SHORT_P if white_alone else _SMALLEST_P
+    # In a short record 1e-3 lets a deep low-pass, which leaks, alarm in 2 of 100.
+    p_value, least = equal_variances(at, count), 1e-4 if white_alone else _SMALLEST_P
     spread = _spread(at, count)
-    weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (_SMOOTH / 2))**2) \
+    # Neighbouring half-octaves change together: the spread is averaged over 0.7 octaves.
+    weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
     smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
     edges = (0.0, *_SPLITS_HZ, np.inf)
@@ -273,7 +267,8 @@ def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
     terms, squared. `below`, shape (bands,): where the spectrum is not bent. Returns: ratio and its
     relative standard error, shape (segments,).
     """
-    keep = below & (white > _WHITE_SHARE * density) & (powers.dof > 0).all(axis=0)
+    # A band speaks for the density of the white noise where that is most of it.
+    keep = below & (white > 0.8 * density) & (powers.dof > 0).all(axis=0)
     if not keep.any():
         return None
     dof, power = powers.dof[:, keep], powers.power[axis][:, keep]

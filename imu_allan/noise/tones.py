@@ -27,21 +27,11 @@ Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
 """Bins of the median: wide enough for a line to be few of them. A judgment: more blurs a knee."""
-_FALSE_ALARM = 1e-4
-"""Probability that a part of the spectrum shows a line by chance: shared among all its bins."""
 _LEAKS = (0.02, 0.3, 4.0)
 """
 Share of the floor above which a side lobe still spoils a bin, which is then left out. The next one
 is taken where the one before leaves too little: of 80 lines of three times N half a spectrum.
 """
-_WIDEST_SHARE = 0.3
-"""Where more bins than that rise, it is the shape of the spectrum, not lines. A judgment."""
-_LEAST_RISE = 1.3
-"""A long record shows the smallest rise by more than chance; less is no line. A judgment."""
-_LEAST_BROAD_RISE = 1.5
-"""The same for a broad line, which a bend of the spectrum resembles: a judgment."""
-_STOPPED = 0.1
-"""Share of the largest floor below which a hump is a side lobe of a filter's response."""
 _SCALES = (1, 32, 8)
 """Bins averaged: sharp lines first, then humps as broad as the idle tones of a quantizer."""
 _LOWEST_INDEX = 32
@@ -50,20 +40,6 @@ NAMED = 32
 """So many lines, the strongest, have their own frequency and amplitude in a result."""
 _MANY = 8
 """Blocks from which on an average is smooth enough for broad lines and few neighbours."""
-_OFF = 1.5
-"""Spacings of coefficients, by which the frequency of a weak line may be off."""
-_CYCLE_OFF = 0.02
-"""Of the frequency of a cycle, by which a harmonic may be, as its period is not known better."""
-_FIRST_HARMONICS = 2
-"""A cycle may have them without a line: the second, where it is symmetric, is none ..."""
-_NEXT_HARMONIC = 2
-"""... and the next one is at most so many times the last: a vibration lies far beyond."""
-_LEAST_LEFT = 0.5
-"""With less of the spectrum left than that, no line is left out and the fit says what is wrong."""
-_LOBE_MARGIN = 2.0
-"""So many times its side lobe a line beside a stronger one has to be: a judgment ..."""
-_LOBE_MARGIN_OF_ONE = 4.0
-"""... and so many in a few blocks, where side lobes scatter."""
 
 
 def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float,
@@ -77,7 +53,8 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     """
     for leak in _LEAKS:
         lines, keep = _find_lines(sections, bins, axis, dt, first, leak)
-        if keep.mean() >= _LEAST_LEFT:
+        # With less than half of the spectrum left, no line is left out and the fit is poor.
+        if keep.mean() >= 0.5:
             return lines, keep
     # What is left is no spectrum to fit: the fit shall see all of it and say so.
     return lines, np.ones(len(bins.frequency), dtype=bool)
@@ -110,13 +87,16 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[
     """
     if cycle_s is None:
         return list(lines)
-    last, harmonics = _FIRST_HARMONICS, set()
+    # The second harmonic of a symmetric cycle is no line.
+    last, harmonics = 2, set()
     for line in sorted(lines, key=lambda line: line.frequency_hz):
         order = round(line.frequency_hz * cycle_s)
         spacing = min((section.spacing_hz(dt) for section in sections
                        if line.frequency_hz < section.last * section.spacing_hz(dt)), default=0.0)
         off = abs(line.frequency_hz - order / cycle_s)
-        if 1 <= order <= _NEXT_HARMONIC * last and off < _OFF * spacing + _CYCLE_OFF / cycle_s:
+        # A weak line is known to 1.5 coefficients, a period to 2 %. A vibration lies beyond twice
+        # the last harmonic.
+        if 1 <= order <= 2 * last and off < 1.5 * spacing + 0.02 / cycle_s:
             last = max(last, order)
             harmonics.add(line)
     return [line for line in lines if line not in harmonics]
@@ -205,8 +185,10 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
             lobes = sum(top / (1 + (np.pi * (place - at) / 2) ** 2)
                         for other, top in main for at in (other, 2 * len(power) - other))
             # The side lobes of a single block scatter; those of an average do not.
+            # Beside a stronger line it has to be twice its side lobe, in a few blocks, where side
+            # lobes scatter, four times: judgments.
             if scale == 1 and height < lobes * (
-                    _LOBE_MARGIN if blocks >= _MANY else _LOBE_MARGIN_OF_ONE):
+                    2.0 if blocks >= _MANY else 4.0):
                 continue
             main.append((place, height))
             found.append((part, excess))
@@ -231,8 +213,11 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
     mean = np.nansum(cells, axis=1) / np.maximum(known, 1)
     empty = known < (scale + 1) // 2
     middle = float(chi_square.lower(0.5, dof)) / dof
-    chance = float(chi_square.upper(_FALSE_ALARM / count, dof)) / dof
-    least = _LEAST_RISE if scale == 1 else _LEAST_BROAD_RISE
+    # A part of the spectrum shows a line by chance in one of 10,000 records.
+    chance = float(chi_square.upper(1e-4 / count, dof)) / dof
+    # A long record shows the smallest rise by more than chance: less is no line. A bend of the
+    # spectrum resembles a broad one. Judgments.
+    least = 1.3 if scale == 1 else 1.5
     hit = np.zeros(count, dtype=bool)
     floor = mean
     for _ in range(4):
@@ -248,11 +233,13 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         floor = np.maximum(floor, 1e-9 * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
         if scale > 1:
-            found &= mean > _STOPPED * floor.max()
+            # Below a tenth of the largest floor a hump is a side lobe of a filter's response.
+            found &= mean > 0.1 * floor.max()
         if (found == hit).all():
             break
         hit = found
-    if not hit.any() or hit.mean() > _WIDEST_SHARE:
+    # Where more bins rise, it is the shape of the spectrum and no line: a judgment.
+    if not hit.any() or hit.mean() > 0.3:
         return []
     places = np.flatnonzero(hit)
     groups = np.split(places, np.flatnonzero(np.diff(places) > 4) + 1)

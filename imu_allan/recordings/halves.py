@@ -25,37 +25,19 @@ Half = Literal['gyro', 'accel']
 
 _COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
 _OTHER: dict[Half, Half] = {'gyro': 'accel', 'accel': 'gyro'}
-_LOOKED_AT = 4096
-"""Messages that are looked at: some seconds, which two rates show plainly."""
 _ENOUGH = 64
 """Messages: the share of repeats is known to 0.06 (one sigma), a fifth of `_REPEATED`."""
-_MOST_TOPICS = 16
-"""Topics whose beginnings are looked at in search of halves; a robot has fewer IMUs."""
 _REPEATED = 0.3
 """Share of messages that repeat a half: 400 Hz over 250 Hz, the closest pair of a RealSense,
 repeats 0.38 of them."""
-_IN_TURN = 0.9
-"""Share of messages with news of one half alone: all, unless one is lost or both come at once."""
-_STRAIGHT = 0.2
-"""Share of bends that are none: 400 Hz over 100 Hz leaves half of them straight. Three samples
-span two steps, so of two rates closer than 2 : 1 none is."""
-_BENT = 1e-4
-"""Bend, as part of the usual one, below which three samples lie on a line."""
 _BAND = 64
 """Bins of a spectrum that share one level; lines that stand sixteen times above it are cut out."""
 _BEAT = (0.17, 0.43)
 """Amplitude of the beat of two rates, relative to the mean square: 2 (1 - f + f^2) - 1 of a phase
 f that takes all values has 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4."""
-_SHARED = 0.2
-"""Correlation of the beats of two axes from which on both are one vibration: of its power
-the part that beats. That of a sensor interpolated from 63 to 400 Hz is 0 +- 0.06."""
 _TWICE = (0.1, 0.8)
 """Twice the amplitude at twice the rate, of the variance or of the covariance of neighbours: where
 f is decides which of them goes up and down, one at least by 0.15; 0.09 where f wanders."""
-_CLEAR = 16.0
-"""Power of that beat over its level in white noise, of which 4096 samples reach 7 by chance."""
-_CLEAR_TWICE = 10.0
-"""The same of one frequency alone, which is not searched for: one in 100,000 by chance."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +120,8 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             return [Stream(recording.preferred[0], 'gyro'),
                     Stream(recording.preferred[1], 'accel')]
         [topic] = recording.preferred
-    if topic is None and 1 < len(recording.topics) <= _MOST_TOPICS:
+    # A robot has fewer IMUs.
+    if topic is None and 1 < len(recording.topics) <= 16:
         halves = [(half_of(recording, imu.name), imu.name) for imu in recording.topics
                   if imu.count != 0]
         if sorted(half or '' for half, _ in halves) == ['accel', 'gyro']:
@@ -225,7 +208,8 @@ def _alternate(samples: NDArray[np.float64]) -> bool:
     """
     new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
            for columns in _COLUMNS.values()]
-    return bool((new[0] != new[1]).mean() > _IN_TURN)
+    # All messages have news of one half alone, unless one is lost or both come at once.
+    return bool((new[0] != new[1]).mean() > 0.9)
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
@@ -235,7 +219,8 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
         for block, _ in apart.decoded(topic):
             yield block
             seen += len(block)
-            if seen >= _LOOKED_AT:
+            # Some seconds show two rates plainly.
+            if seen >= 4096:
                 break
 
 
@@ -259,7 +244,9 @@ def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
     if not same.any() and (steps > 0).all():
         bends = np.abs(np.diff(news / steps[:, np.newaxis], axis=0)).max(axis=1)
         usual = np.percentile(bends, 90)
-        if usual > 0 and (bends < _BENT * usual).mean() >= _STRAIGHT:
+        # Next to no bend is a line: 400 Hz over 100 Hz leaves half of all triples straight. Three
+        # samples span two steps, so of two rates closer than 2 : 1 none is.
+        if usual > 0 and (bends < 1e-4 * usual).mean() >= 0.2:
             return 'interpolated'
     return 'interpolated' if _is_cyclostationary(half) else None
 
@@ -278,14 +265,18 @@ def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     if noise is None:
         return False
     correlation = np.atleast_2d(np.corrcoef(noise.T))[np.triu_indices(3, 1)]
-    if np.abs(correlation).max() > _SHARED:
+    # Two axes that beat together are one vibration: the correlation is the part of its power that
+    # beats. That of a sensor interpolated from 63 to 400 Hz is 0 +- 0.06.
+    if np.abs(correlation).max() > 0.2:
         return False
     variance, covariance = _spectrum_of_products(noise, 0), _spectrum_of_products(noise, 1)
     last = len(variance) - 1
     peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
     # A vibration at a quarter of the rate beats there, too, but leaves the upper band as it is.
-    beats = _stands_out(variance, peak, _BEAT, _CLEAR)
-    twice = any(_stands_out(each, last, _TWICE, _CLEAR_TWICE) for each in (variance, covariance))
+    # In white noise the beat of 4096 samples reaches seven times its level by chance.
+    beats = _stands_out(variance, peak, _BEAT, 16.0)
+    # One frequency alone, which is not searched for, reaches ten times once in 100,000.
+    twice = any(_stands_out(each, last, _TWICE, 10.0) for each in (variance, covariance))
     return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 

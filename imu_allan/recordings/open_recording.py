@@ -14,8 +14,6 @@ from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 
 _WHOLE = ('.bag', '.ulg', '.bin')
 """How the names of files end that are a recording each, whatever lies beside them."""
-_HEAD = 64
-"""Bytes: the longest mark, that of git-LFS, has 40."""
 
 
 def open_recording(
@@ -128,7 +126,8 @@ def read_head(path: Path) -> bytes:
     if not path.is_file():
         raise ImuAllanError(f'{printable(path)}: not a file')
     with path.open('rb') as file:
-        head = file.read(_HEAD)
+        # The longest mark, that of git-LFS, has 40 bytes.
+        head = file.read(64)
     if not head:
         raise ImuAllanError(f'{printable(path)}: the file is empty')
     if head.startswith(b'version https://git-lfs.github.com/spec/'):

@@ -36,8 +36,6 @@ few kilobytes of zstd hold hundreds of megabytes of them."""
 _MOST_SEARCHED, _SEARCHED_CHARACTERS = 1000, 1 << 21
 """Definitions that are searched for an IMU or a thermometer, and characters in all of them, which
 take seconds: fifty times the largest of ROS itself. A robot has a dozen."""
-_MOST_THERMOMETERS = 64
-"""Topics that may hold the temperature; a robot has a few."""
 
 
 class Recording(ABC):
@@ -146,8 +144,9 @@ class Recording(ABC):
                         for name, messages in found.items()]
         for name, messages in found.items():
             self.list_own_thermometer(ImuTopic(name, count, messages, topic))
+        # A robot has a few topics that may hold the temperature.
         if (normal_name(type_name) in TEMPERATURE_TYPES
-                and len(self.thermometers) < _MOST_THERMOMETERS):
+                and len(self.thermometers) < 64):
             with suppress(ImuAllanError):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))

@@ -18,16 +18,8 @@ from numpy.typing import NDArray
 _MOST = 1 << 15
 """Messages that are kept before only half of them are, 1.8 MB: of an hour at 200 Hz one in 32, so
 that 1.3 s in common are seen."""
-_LEAST_BITS = 10
-"""One message of 2^10 is kept at least: 5 MB of 100 million."""
-_LIMIT = 1 << 18
-"""Beyond, nothing more is kept, 15 MB: stamps that are all equal are chosen all or none."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
-_SAME_SHARE = 0.9
-"""Of the messages of times in common: a part may begin within a batch, or have lost some."""
-_MOST_IN_BATCH = 8
-"""Messages of one time: among more, one of coarse values is found by chance."""
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 """2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly."""
 
@@ -89,12 +81,14 @@ class Fingerprint:
         for block in blocks:
             # A driver that stamps nothing leaves what the recorder knows.
             stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
-            if self.kept < _LIMIT:
+            # At most 15 MB: stamps that are all equal are chosen all or none.
+            if self.kept < 1 << 18:
                 chosen = is_kept(stamps, self._bits)
                 self._stamps.append(stamps[chosen])
                 self._samples.append(block.samples[chosen])
                 self.kept += len(self._stamps[-1])
-            while self.kept > _MOST and self._bits < _LEAST_BITS:
+            # One message of 2^10 is kept at least: 5 MB of 100 million.
+            while self.kept > _MOST and self._bits < 10:
                 self._thin()
             yield block
 
@@ -115,14 +109,16 @@ class Fingerprint:
         both = np.intersect1d(times, other_times)
         mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
         common = int(np.count_nonzero(np.isin(mine, others)))
+        # A part may begin within a batch, or have lost some.
         return (common >= min(_FEWEST, self.kept, other.kept)
-                and common >= _SAME_SHARE * min(len(mine), len(others)))
+                and common >= 0.9 * min(len(mine), len(others)))
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
         """Give times, without those that too many messages share, and times and values."""
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
         _, which, count = np.unique(stamps, return_inverse=True, return_counts=True)
-        few = count[which] <= _MOST_IN_BATCH
+        # Among many messages of one time one of coarse values is found by chance.
+        few = count[which] <= 8
         stamps, samples = stamps[few], samples[few]
         rows = np.column_stack((stamps, (samples + 0.0).view(np.int64)))
         return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]

@@ -12,10 +12,6 @@ from imu_allan.recordings.recording import Recording
 import numpy as np
 from numpy.typing import NDArray
 
-_KELVIN = 273.15  # 0 degrees Celsius
-_HOTTEST_CELSIUS = 180.0
-"""Beyond what an IMU stands, and below every temperature in kelvin that it meets."""
-
 
 def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     """
@@ -142,7 +138,8 @@ def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
     [26.850000000000023, nan, 21.5]
 
     """
-    return np.where(readings > _HOTTEST_CELSIUS, readings - _KELVIN, readings)
+    # More degrees Celsius than an IMU stands, and fewer kelvin than it meets.
+    return np.where(readings > 180.0, readings - 273.15, readings)
 
 
 def _frame_id(recording: Recording, name: str) -> str:

@@ -23,8 +23,6 @@ Storage = Literal['mcap', 'sqlite3']
 Compression = Literal['', 'lz4', 'zstd']
 
 _IMU_TYPE = 'sensor_msgs/msg/Imu'
-_CHUNK_BYTES = 786_432
-"""The chunk size of rosbag2's own MCAP storage."""
 
 
 def write_recording(
@@ -192,7 +190,8 @@ def _write_mcap(
     definition, digest = _imu_type()
     with file.open('wb') as out:
         kind = CompressionType[compression.upper() or 'NONE']
-        writer = Writer(out, chunk_size=_CHUNK_BYTES, compression=kind)
+        # The chunk size of rosbag2's own MCAP storage.
+        writer = Writer(out, chunk_size=786_432, compression=kind)
         writer.start('ros2', 'imu_allan')
         schema = writer.register_schema(_IMU_TYPE, 'ros2msg', definition.encode())
         channel = writer.register_channel(

@@ -19,15 +19,10 @@ from numpy.typing import NDArray
 
 _SPAN = 32
 """Messages that are judged at once: what is steady for so long stands still, or nearly."""
-_AGREEING = 8
-"""Spans that must look like g, and none unlike it: a driver's first messages, or a steady push on
-what has gravity taken out, may lie near 1 for a while."""
 _LONGEST_WAIT = 2048
 """Messages that wait at most: ten seconds at 200 Hz in which somebody sets the sensor down."""
 _NEAR_ONE = (0.9, 1.1)
 """Median magnitude: ten per cent are bias and scale of the poorest sensors."""
-_STEADY = 0.2
-"""Spread of the magnitude (5 to 95 %): what moves freely without gravity varies more."""
 _NO_G = (0.5, 2.0)
 """What nearly all of a span in g lies between, however it is held; gravity in m/s^2 lies above,
 what somebody has taken gravity out of below."""
@@ -44,7 +39,8 @@ def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
 def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
     """Whether a span is in g; None where it may be, but does not stand still."""
     low, middle, high = np.percentile(magnitudes, [5, 50, 95])
-    if _NEAR_ONE[0] <= middle <= _NEAR_ONE[1] and high - low <= _STEADY:
+    # What moves freely without gravity varies more.
+    if _NEAR_ONE[0] <= middle <= _NEAR_ONE[1] and high - low <= 0.2:
         return True
     return False if high < _NO_G[0] or low > _NO_G[1] else None
 
@@ -120,7 +116,9 @@ class AccelerationUnit:
             verdict = _verdict(usable[first:first + _SPAN])
             first += _SPAN
             self._agreeing += verdict is True
-            if verdict is False or self._agreeing == _AGREEING:
+            # A driver's first messages, or a steady push on what has gravity taken out, may lie
+            # near 1 for a while: eight spans must look like g, and none unlike it.
+            if verdict is False or self._agreeing == 8:
                 self._decision = verdict
         self._unjudged, self._latest = len(usable) - first, usable[-_SPAN:]
         if self._decision is None:

@@ -39,8 +39,6 @@ Array = NDArray[np.float64]
 INTERVALS_S = (1.0, 10.0, 60.0)    # between corrections
 COASTS_S = (10.0, 60.0, 300.0)
 """Without any: from satellites that miss some beats to a tunnel. Judgments, as the intervals."""
-_SHORTEST_S = 600.0     # of a record: half of it has to hold some coasts
-_FEWEST_STEPS = 10      # of a filter in one half
 MOST_STEPS = 4096       # in one half: a filter step costs time
 _ROUNDING = 1e-9        # of a quotient of times that are multiples of one
 
@@ -58,10 +56,11 @@ class Met:
     def of(self, filters: slice) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:
         """Put some of the filters together, where enough was seen."""
         lanes = len(range(*filters.indices(1 << 30)))
+        # At least ten steps of a filter in one half.
         scores = tuple(Innovations(step_s, float(z[filters].sum()) / (lanes * steps),
                                    lanes * steps)
                        for step_s, (z, steps) in self.innovations.items()
-                       if steps >= _FEWEST_STEPS - 1)
+                       if steps >= 10 - 1)
         # In each half: of fewer the observed deviation says little of the predicted one.
         coasts = tuple(Coast(horizon_s, *(float(np.sqrt(sums[filters].sum() / (lanes * outages)))
                                           for sums in (predicted, squared)))
@@ -84,7 +83,8 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
                   round(INTERVALS_S[0] / cell_s))
     rows, cell_s = _averaged(rows, coarsen), cell_s * coarsen
     half = rows.shape[1] // 2
-    if 2 * half * cell_s < _SHORTEST_S:
+    # Half of a record has to hold some unaided spans.
+    if 2 * half * cell_s < 600.0:
         return [None] * axes
     found: list[Backtest | None] = [None] * axes
     parts = rows[:, :half], rows[:, half:2 * half]

@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
 """From the beat of satellites to an hour without them, as a terminal of 80 columns holds."""
-_SMALL = 0.05
-"""Of h/T: the series errs by 1e-8 there, the formula, which cancels, by 1e-9 at a quarter."""
 
 
 @dataclass(frozen=True)
@@ -149,4 +147,5 @@ def _double_integral(time: float, h: Array) -> Array:
     """Variance of the integral of the integral over h of a process of unit variance."""
     x = h / time
     exact = 2 * time**4 * (x**3 / 3 - x**2 / 2 - np.expm1(-x) - x * np.exp(-x))
-    return np.where(x < _SMALL, h**4 / 4 * (1 - 4 * x / 15 + x**2 / 18 - x**3 / 105), exact)
+    # There the series errs by 1e-8, the formula, which cancels, by 1e-9 at a quarter.
+    return np.where(x < 0.05, h**4 / 4 * (1 - 4 * x / 15 + x**2 / 18 - x**3 / 105), exact)

@@ -5,6 +5,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     FREE,
@@ -33,14 +34,6 @@ from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
-OBSERVABLE = 0.5
-"""Presence from which a term is reported: below 1 in 100 clean records has a false one."""
-REPORTED = 0.8
-"""The same of what kind of noise it is, of a filter, and of what moves the mean."""
-CERTAIN_RAMP = 0.005
-"""Probability that a ramp has the other sign below which it is reported."""
-_LEAST_BOUND = 1.4
-"""Least bound, in amplitudes that the record can just see."""
 _ENDS = (0.025, 0.5, 0.975)
 """Shares at the lower end, the value and the upper end of a 95 % interval."""
 _KEYS = [shape.key for shape in TERMS]
@@ -48,10 +41,6 @@ _FLICKER, _WALK = _KEYS.index('bias_instability'), _KEYS.index('rate_random_walk
 _OUTPUT = _KEYS.index(OUTPUT_NOISE)
 _SLOWER = [_WALK, _KEYS.index(SMOOTH_DRIFT), PLAIN, PLAIN + 2]
 """Slots of what is slower than flicker, and of another exponent."""
-_REGRESSED = 64
-"""Draws of a model about which the mean is regressed."""
-_FAINT = -10.0
-"""Logarithm of an amplitude that is far too weak to be seen."""
 _QUANTILE = -float(ndtri(_ENDS[0]))
 """Standard errors that an interval has to either side."""
 _QUANTILES = ndtri((np.arange(16) + 0.5) / 16)
@@ -236,7 +225,8 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
         # The flicker that is as strong where most of it is seen.
         beside, x_beside = best.row.has.copy(), best.row.x.copy()
         if not beside[0, _FLICKER]:
-            beside[0, _FLICKER], x_beside[0, _FLICKER] = True, _FAINT
+            # Far too weak to be seen.
+            beside[0, _FLICKER], x_beside[0, _FLICKER] = True, -10.0
         lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), x_beside)
         seen = slopes[np.searchsorted(used, _FLICKER), 0] / lam[0]
         known = np.cumsum(spectra.dof[of] * seen**2)
@@ -277,7 +267,8 @@ def _estimate(values: Array, there: NDArray[np.bool_], weight: Array, least: flo
     presence = float(weight[there].sum())
     low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
                         else (0.0, 0.0, 0.0))
-    return Estimate(presence > least, value, low, high, max(high, _LEAST_BOUND * seen), presence)
+    # No bound is lower than 1.4 of what the record can just see.
+    return Estimate(presence > least, value, low, high, max(high, 1.4 * seen), presence)
 
 
 def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
@@ -298,7 +289,8 @@ def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[
 
 def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     """Sizes and standard errors of all regressors in draws of a model, and their weights."""
-    most = np.argsort(-model.share, kind='stable')[:_REGRESSED]
+    # The mean is regressed about the 64 heaviest draws.
+    most = np.argsort(-model.share, kind='stable')[:64]
     rows = model.row.take(np.zeros(len(most), np.int64))
     lam, _, _ = spectrum(model.spectra, rows, model.x[most], slopes=False)
     below = np.arange(lam.shape[1]) < rows.edge[:, None]

@@ -17,18 +17,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from imu_allan.noise.posterior.evidence import evenly
+from imu_allan.noise.posterior.judgments import CHANGE_MEDIAN, CHANGE_SPREAD, STEADY_LEVEL
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
-STEADY_PRIOR = 0.9
-"""Probability that the level stays the same."""
-_MEDIAN, _SPREAD = 0.05, 0.8
-"""Of the change where it does not, log-normal: real accelerometers have .04 to .06."""
-_SLOW = 4.0
-"""By how much more than tau^2 the level of the record varies, as the change is slow."""
 _TAUS = np.concatenate(([0.0], np.geomspace(0.003, 1.0, 40)))
 
 
@@ -58,7 +53,8 @@ class Change:
         uniform = _points(count)
         tau = _TAUS[np.minimum(np.searchsorted(np.cumsum(self.weight), uniform[:, 0]),
                                len(_TAUS) - 1)]
-        return np.asarray(np.exp(0.5 * np.sqrt(_SLOW) * tau * ndtri(uniform[:, 1])))
+        # The change is slow: the level of the whole record varies by 4 tau^2.
+        return np.asarray(np.exp(0.5 * np.sqrt(4.0) * tau * ndtri(uniform[:, 1])))
 
 
 STEADY = Change(np.concatenate(([1.0], np.zeros(len(_TAUS) - 1))))
@@ -99,7 +95,7 @@ def change_of(level: Array, error: Array) -> Change:
     mean = (level / variance).sum(axis=1) / known
     loss = 0.5 * (np.log(variance).sum(axis=1) + np.log(known)
                   + ((level - mean[:, None])**2 / variance).sum(axis=1))
-    prior = np.exp(-0.5 * (np.log(_TAUS[1:] / _MEDIAN) / _SPREAD)**2)
-    prior = np.concatenate(([STEADY_PRIOR], (1 - STEADY_PRIOR) * prior / prior.sum()))
+    prior = np.exp(-0.5 * (np.log(_TAUS[1:] / CHANGE_MEDIAN) / CHANGE_SPREAD)**2)
+    prior = np.concatenate(([STEADY_LEVEL], (1 - STEADY_LEVEL) * prior / prior.sum()))
     weight = prior * np.exp(loss.min() - loss)
     return Change(weight / weight.sum())

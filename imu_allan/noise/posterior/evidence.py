@@ -13,6 +13,7 @@ factors, importance sampling. R. E. Kass and A. E. Raftery, JASA 90 (1995): Lapl
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from imu_allan.noise.posterior.judgments import LEAST_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     AMPLITUDES,
@@ -47,8 +48,6 @@ _FEWEST_DRAWS = 10.0
 """Effective draws below which one of them carries everything: weights are then evened out."""
 _PASSED = float(np.log(0.5))
 """Logarithm of the response from which on a group lies in the pass band."""
-_LEAST_KNOWN = 16.0
-"""Information about the white noise in a pass band: four standard errors."""
 _SAME, _LEAST_ERROR = 0.7, 0.15
 """Standard errors within which two rows are one, and the least error that counts."""
 _AT_END = 0.02
@@ -156,7 +155,7 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
         share = slopes[np.searchsorted(used, ALWAYS)] / 2 / lam * (passed > _PASSED)
         inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
         seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
-        found[filtered[part]] = seen > _LEAST_KNOWN
+        found[filtered[part]] = seen > LEAST_KNOWN
     return found
 
 

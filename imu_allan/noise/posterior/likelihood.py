@@ -19,6 +19,12 @@ P. Whittle, Ark. Mat. 2 (1953). H. D. Patterson and R. Thompson, Biometrika 58 (
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.noise.posterior.judgments import (
+    EXPONENT_ODDS,
+    EXPONENT_SPREAD,
+    UNSEEN_LEVEL,
+    WITHOUT_FLICKER,
+)
 from imu_allan.noise.posterior.regression import RIDGE
 from imu_allan.noise.posterior.shapes import (
     cubic,
@@ -57,12 +63,8 @@ _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that a batch is computed the faster without."""
-_SOME = 1e-3
-"""Degrees of freedom of a group that is there at all."""
 _FEW, _BATCH = 24, 192
 """Rows of one batch: more than what every batch costs anew, and no more than stay in the cache."""
-UNSEEN_LEVEL = 0.2
-"""Prior density of the logarithm of the level of a half-octave that no model explains."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,8 @@ def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
     band = np.cumsum(new | np.concatenate(([False], np.diff(eighth) != 0))) - 1
     own = np.empty_like(dof)
     for row, known, each in zip(own, dof, power, strict=True):
-        shared = np.maximum(np.bincount(band, known), _SOME)
+        # A thousandth stands for no degrees of freedom at all.
+        shared = np.maximum(np.bincount(band, known), 1e-3)
         level = np.bincount(band, known * each) / shared
         # A level of its own gains a band so much in the mean, half a nat where it is well known.
         gain = np.log(shared / 2) - digamma(shared / 2)
@@ -418,10 +421,6 @@ def beyond(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
     return np.asarray((outwards & rows.has[:, NUISANCES]).any(axis=1))
 
 
-EXPONENT_SPREAD = 0.35
-"""Standard deviation of the exponent of slow noise about 1 in real sensors."""
-
-
 def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> float:
     """Logarithm of the prior of having some shapes, the density of their nuisances included."""
     total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
@@ -441,9 +440,3 @@ def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> fl
             last = gentle if slot == LOW and one == GENTLE_FAMILY else table.last[one]
             total += np.log(shapes[one].density / max(last - table.first[one], 0.5))
     return float(total)
-
-
-EXPONENT_ODDS = 0.1
-"""Of slow noise with another exponent, against flicker."""
-WITHOUT_FLICKER = 0.3
-"""Of a process where no flicker is: every sensor has some."""

@@ -43,10 +43,6 @@ _CLEARLY = 0.005
 Gain over distance from the limit at which no further steps get there. Of 298 records 0.02 decides
 as steps to the end do, 0.1 lets four terms pass for observable.
 """
-_SHORTEST_STEP = 1e-3
-"""Share of a scoring step below which halving it on gains nothing."""
-_MOST_STEPS = 60
-"""Of the scoring: an end for a search that does not settle."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,8 @@ def maximise(groups: Groups, start: Solution | None = None, *,
         value = search.loss(current)
     else:
         current, value = search.unfitted(), np.inf
-    for _ in range(_MOST_STEPS):
+    # An end for a search that does not settle.
+    for _ in range(60):
         if search.follow(current) and np.isfinite(value):
             value = search.loss(current)
         reached, new = search.step(current, value)
@@ -229,7 +226,8 @@ class _Search:
         reached = self.at(goal)
         new = self.loss(reached)
         share = 1.0
-        while new > value + 1e-12 * abs(value) and share > _SHORTEST_STEP:
+        # Halving the step on gains nothing.
+        while new > value + 1e-12 * abs(value) and share > 1e-3:
             share /= 2
             reached = self.at(current.part + share * (goal - current.part))
             new = self.loss(reached)

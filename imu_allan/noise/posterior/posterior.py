@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.evidence import sample
+from imu_allan.noise.posterior.judgments import DESCRIBED, NAMED, UNNAMED
 from imu_allan.noise.posterior.likelihood import (
     half_octaves,
     LOW,
@@ -43,14 +44,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SMALLEST_P = 0.01
-"""Chi-square probability of the residuals above which they are chance."""
-_SMOOTH = 1.5
-"""Half-octaves over which the misfit of a model is averaged: it is worth that much less there."""
 _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
-_NAMED, _UNNAMED = 0.01, 0.2
-"""Share of what it takes to which a filter is known, with a name and without one."""
 _MISFIT = 1.1
 """By how much less a group is worth where an axis is searched again."""
 _MOST = 10
@@ -220,15 +215,16 @@ def _misfit(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
     """By how much less every group is worth where the best model does not describe the record."""
     spectra, row = best
     factor = np.ones(spectra.dof.shape[1])
-    if judged.p_value < _SMALLEST_P:
+    if judged.p_value < DESCRIBED:
         place = np.arange(len(judged.normal))
-        weight = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTH)**2)
+        # The misfit is averaged over 1.5 half-octaves: the record is worth that much less there.
+        weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
         local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[judged.octave]
-    taken, known = np.zeros(len(factor)), _NAMED
+    taken, known = np.zeros(len(factor)), NAMED
     if judged.edge is not None:
         taken = np.minimum((spectra.frequency / spectra.frequency[judged.edge])**2, 1.0)
-        known = _UNNAMED
+        known = UNNAMED
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
     left_to_itself,
@@ -35,18 +36,10 @@ _COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERMS]
 """Of a design, by term: its own, or that of the term it is like."""
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
-_LEAK_KNOWN = 2e-4
-"""Share of the pass band to which power in a stop band is known: notches are narrow."""
 _STOPPED = 0.5
 """Share of the pass band below which a group lies behind a filter."""
-_ROUNDING = 1e-24
-"""Share of the largest density below which there is nothing but rounding."""
-_LEAST_LEVEL = 1e-100
-"""Power whose square is a number."""
 _PRIOR_DOF = 4.0
 """Degrees of freedom that the terms count for in the smoothed spectrum."""
-_LEAST_SEEN = 1.5
-"""Where a climb begins at the least, in squared units of what can be seen."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +81,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         expected = np.maximum(one.design @ first.theta, 1e-300)
         explained = explained_by_regressors(one, one.dof / expected, True)
         white = one.design[:, _WHITE]
-        rounding = white * max(_ROUNDING * float((one.power / white).max()), _LEAST_LEVEL)
+        # Below lies nothing but rounding, or what has no square.
+        rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
         power.append(np.maximum(about_blocks(one, slope_of(one, explained.trend)), rounding))
         levels.append(np.maximum(smoothed(one, residual_power(one, first.theta), expected),
                                  rounding))
@@ -99,7 +93,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
     passed = _passed(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
-    uncertainty = np.where(passed < _STOPPED, _LEAK_KNOWN / passed, 0.0)
+    uncertainty = np.where(passed < _STOPPED, LEAK_KNOWN / passed, 0.0)
     dof = whole / (1 + whole * uncertainty**2 / 2)
     # Behind a filter noise of the sensor falls with what hides it, that of the output does not.
     information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
@@ -186,6 +180,7 @@ def _start(groups: Groups, unit: Array, level: Array) -> Start:
     white = level / groups.design[:, _WHITE]
     theta = slower.theta[_COLUMNS]
     theta[_WHITE] = max(theta[_WHITE], float(np.quantile(white, 0.05)))
-    x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, _LEAST_SEEN))
+    # A climb begins above what can just be seen.
+    x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
     x[PLAIN + 1] = 1.0
     return Start(x, white)

@@ -13,23 +13,20 @@ from dataclasses import dataclass, field, replace
 
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.posterior.answer import answer, Estimate, ramp_beside, Reported
+from imu_allan.noise.posterior.judgments import (
+    DESCRIBED,
+    LEAST_DESCRIBED,
+    OBSERVABLE,
+    REPORTED,
+    TOLERATED_MISFIT,
+    WIDEST,
+)
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
 import numpy as np
-
-_DESCRIBED = 0.01
-"""Chi-square probability of the residuals above which they are chance."""
-_TOLERATED_MISFIT = 0.05
-"""A million samples reject a misfit of 1 %, which no user cares about; at 5 % some do."""
-_WIDEST = 3.0
-"""Ratio of the ends of an interval of the noise density beyond which no flat part was seen."""
-_LEAST_DESCRIBED = 1 / 64
-"""Edge in cycles per sample below which the larger part of the noise is not described."""
-_DRIFTS = 0.8
-"""Probability of noise or drift slower than flicker from which it is reported, whichever it is."""
 
 
 @dataclass(frozen=True)
@@ -91,13 +88,13 @@ class AxisReport:
     @property
     def acceptable(self) -> bool:
         """Whether enough is described, with residuals too small for a user to care."""
-        return not self.shallow and (self.p_value > _DESCRIBED
-                                     or self.misfit <= _TOLERATED_MISFIT)
+        return not self.shallow and (self.p_value > DESCRIBED
+                                     or self.misfit <= TOLERATED_MISFIT)
 
     @property
     def values(self) -> dict[str, float]:
         """Return the terms of the likeliest description by key, zero for those that are not."""
-        likely = {key: one.value if one.presence > 0.5 else 0.0
+        likely = {key: one.value if one.presence > OBSERVABLE else 0.0
                   for key, one in self.estimates.items()}
         if not self.estimates['rate_ramp'].observable:
             likely['rate_ramp'] = 0.0
@@ -156,7 +153,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         posterior, record)
     terms = {**said.terms, 'rate_ramp': ramp}
     density = terms['noise_density']
-    if said.flat_part > _WIDEST:
+    if said.flat_part > WIDEST:
         terms['noise_density'] = replace(density, observable=False)
     if said.exponent.observable:
         terms['bias_instability'] = replace(terms['bias_instability'], observable=False)
@@ -169,7 +166,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                   key=lambda one: -abs(one.amplitude))
     found = AxisReport(
         terms, posterior.p_value, posterior.misfit,
-        said.window_s if said.low_pass > 0.5 else None, said.edge_hz,
+        said.window_s if said.low_pass > OBSERVABLE else None, said.edge_hz,
         gauss_markov=GaussMarkov(
             said.sigma.value, said.correlation_time_s.value, (said.sigma.low, said.sigma.high),
             (said.correlation_time_s.low, said.correlation_time_s.high))
@@ -178,7 +175,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             said.exponent.value, (said.exponent.low, said.exponent.high),
             said.law.value**2 / (2 * np.pi)**said.exponent.value)
         if said.exponent.observable else None,
-        random_walk_unclear=not identified and said.drift > _DRIFTS,
+        random_walk_unclear=not identified and said.drift > REPORTED,
         trend=Trend(
             Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
             warm[0] if warm else None,
@@ -188,7 +185,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             1 / cycle.value if cycle is not None else None),
         bias_step=BiasStep(step.value, step.columns[0][0]) if step is not None else None,
         between={'noise_density': density.value * change / 2} if change > 0 else {},
-        shallow=said.edge_hz is not None and said.edge_hz * dt < _LEAST_DESCRIBED)
+        shallow=said.edge_hz is not None and said.edge_hz * dt < LEAST_DESCRIBED)
     corner = said.high_pass_hz
     return found.behind_high_pass(corner.value) if corner.observable else found
 

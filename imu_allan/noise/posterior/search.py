@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from imu_allan.noise.posterior.evidence import climb, distinct, inside, sees_pass_band
+from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
 from imu_allan.noise.posterior.likelihood import (
     GENTLE_FAMILY,
     half_octaves,
@@ -30,8 +31,6 @@ Array = NDArray[np.float64]
 
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
-_TOP, _PER_HALF_OCTAVE = float(np.log(0.02)), -0.2
-"""Logarithm of the prior of a top that no filter explains, and its change per half-octave."""
 _FIRST_HALVES, _MOST_HALVES = 5, 20
 """Half-octaves from the top that may be an edge: the first each, then every other."""
 _KEPT_FAST, KEPT = 12.0, 9.0
@@ -157,7 +156,7 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
     unit = float(spectra.unit[axis, N])**2
     _filtered(own, spectra, axis, start, dt, (*slow, LOW))
     for half, edge in _edges(nu):
-        prior = _TOP + _PER_HALF_OCTAVE * half
+        prior = TOP + PER_HALF_OCTAVE * half
         below = _with(x, white=0.5 * np.log(
             start.white[int(np.searchsorted(nu, nu[edge] / 3))] / unit))
         own.add(slow, below, edge=edge, prior=prior)

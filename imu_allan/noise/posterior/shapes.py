@@ -31,8 +31,6 @@ _EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
 _SLOWEST = LOWEST_CORNER / 4
 """In cycles per sample: of what is slower, nothing leaks."""
-_FOLDED = 0.02
-"""Of the rate of means of samples, from which on what they fold counts."""
 _FOLDS = 4
 """How often a frequency is folded, at most: beyond lie 2 % of the power."""
 
@@ -272,7 +270,8 @@ class Response:
 def _folded(nu: float, means: float) -> tuple[Array, Array]:
     """Give places whose power means over a band see, and how much of it."""
     inside = np.minimum(nu * _EIGHTH, 0.4999)
-    if nu * means < _FOLDED:
+    # Below a fiftieth of their rate, means of samples fold next to nothing.
+    if nu * means < 0.02:
         return inside, _GAUSS
     fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
     places = inside[:, None] + fold / means

@@ -42,34 +42,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_LEAST_POWER = 1e-200
-"""Of a noise, so that one over it times anything is a number."""
 _SLOWEST = 128
 """Coefficients of the record in which a trend is looked for."""
 _MOST = 2
 """Trends at once: nothing distinguishes what a third explains from noise."""
-_HALVINGS = 24
-"""Of the distance between values of a nuisance, about the best, at most, ..."""
-_KNOWN = 0.02
-"""... or until the gain changes by so little from one to the next."""
-_TURNS = 6
-"""In which the nuisances of several trends are fitted, each beside the others."""
 _LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Of a thermometer behind the sensor or ahead of it; below, both are one."""
-_LONGEST_LAG = 1 / 8
-"""Of the record: a longer lag cannot be distinguished from the ramp."""
 CI95 = 3.841
 """Likelihood ratio at the ends of a 95 % interval (Wilks)."""
-_WORTH_FITTING = 9.0
-"""Gain of a regression from which a trend is fitted beside the noise."""
 _NEAR = 30.0
 """Nats within which a noise counts as one that a trend may stand beside."""
-_COARSE = 0.5
-"""Nats to which a noise is fitted about which a trend is looked at more closely."""
-_RIDGE = 1e-9
-"""Share of a trend that has to be left beside others; below, it repeats them."""
-_CLEARER = 2.0
-"""Nats by which a trend has to beat what is there before another is looked for beside it."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +116,8 @@ TRENDS = (
 
 def lags_of(temperature: TemperatureSeries) -> Array:
     """Return the lags of a thermometer behind the sensor that a record can show, in seconds."""
-    longest = _LONGEST_LAG * temperature.duration_s
+    # A lag of more than an eighth of the record cannot be distinguished from the ramp.
+    longest = temperature.duration_s / 8
     return np.sort([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
 
 
@@ -243,7 +226,8 @@ class AxisBank:
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
         """Prepare the gains about noises of some spectra, over the ramp and other trends."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
-        root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], _LEAST_POWER))
+        # One over it, times anything, is a number.
+        root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
         others = [self._slow.ramp[:, None]]
         if self.record.trends or beside:
             others.append(self._slow.regressors([*self.record.trends, *self.trends(beside)]))
@@ -290,7 +274,8 @@ class Whitened:
         products = np.einsum('vin,vjn->vijn', columns, columns)
         gram = np.tensordot(self.root**2, products, (1, 3))
         # A trend that nothing of the record sees, a step between two runs, explains nothing.
-        ridge = (_RIDGE * np.trace(gram, axis1=2, axis2=3)
+        # A trend of which less is left beside others repeats them.
+        ridge = (1e-9 * np.trace(gram, axis1=2, axis2=3)
                  + np.finfo(np.float64).tiny)[:, :, None, None]
         gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
         if columns.shape[1] == 1:
@@ -374,7 +359,8 @@ class _Search:
                 continue
             gains = self.bank.gains(self._about, number).max(axis=1)
             best = int(np.argmax(gains))
-            if gains[best] < _WORTH_FITTING:
+            # A trend of a lower gain is not worth fitting.
+            if gains[best] < 9.0:
                 continue
             one = likeliest(self.bank, number, self._about.one(best))
             found.append((self, (*self.chosen, one)))
@@ -387,7 +373,8 @@ class _Search:
             return
         leader = max(own, key=lambda one: float(one.rows.evidence.max()))
         top = float(leader.rows.evidence.max())
-        if top > self._top + _CLEARER:
+        # Another is looked for only beside a trend that is better by two nats.
+        if top > self._top + 2.0:
             self._top, self.chosen = top, leader.found
             best = np.array([int(np.argmax(leader.rows.evidence))])
             self._look(leader.spectra, leader.rows.take(best))
@@ -406,7 +393,8 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
         same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
         tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
                              for number, (search, _) in enumerate(same)])
-        beside, rows = _climbed(spectra, same, tried, _COARSE)
+        # Half a nat is close enough to see where the trend is.
+        beside, rows = _climbed(spectra, same, tried, 0.5)
         # Until a strong trend is fitted, its residual passes for noise: then the start is nearer.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
@@ -435,7 +423,8 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     search, found = candidate
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
     lam = expected_powers(beside, best)[0]
-    turns = _TURNS if len(found) > 1 else 1
+    # The nuisances of several trends are fitted in turns, each beside the others.
+    turns = 6 if len(found) > 1 else 1
     for _ in range(turns * len(found)):
         first, *others = found
         about = search.bank.about(beside.frequency, lam, others)
@@ -491,7 +480,8 @@ def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array
     values, gains = bank.bank.grids[number], bank.gains(about, number)[0]
     if not bank.kinds[number].continuous or len(values) < 3:
         return values, gains
-    for _ in range(_HALVINGS):
+    # The distance between values about the best is halved until the gain hardly changes.
+    for _ in range(24):
         best = int(np.argmax(gains))
         low, high = values[max(best - 1, 0)], values[min(best + 1, len(values) - 1)]
         more = np.array([(low + values[best]) / 2, (values[best] + high) / 2])
@@ -502,7 +492,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array
             (values, more), (gains, bank.gains(about, number, more)[0])))
         order = np.argsort(values)
         values, gains = values[order], gains[order]
-        if float(np.ptp(np.sort(gains)[-3:])) < _KNOWN:
+        if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
             break
     return values, gains
 

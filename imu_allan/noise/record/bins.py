@@ -14,10 +14,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SINGLE = 48
-"""Coefficients of a whole record that stay single: where the slow terms are distinguished."""
-_PER_OCTAVE = 8
-"""Bands to an octave: over one of them the spectrum of the terms changes by a few percent."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +49,10 @@ class Bins:
     @cached_property
     def band(self) -> NDArray[np.int64]:
         """Return the number of the narrow band of each bin: the same for every axis."""
-        single = self.whole & (self.index <= _SINGLE)
-        band = np.floor(_PER_OCTAVE * np.log2(self.frequency)).astype(np.int64)
+        # The 48 slowest stay single: there the slow terms are distinguished.
+        single = self.whole & (self.index <= 48)
+        # Over an eighth of an octave the spectrum of the terms changes by a few percent.
+        band = np.floor(8 * np.log2(self.frequency)).astype(np.int64)
         # The key keeps apart what must not be averaged: single coefficients, and the whole-record
         # part, whose ramp has a sign, from the blocks, and those of one step from the others.
         apart = (64 * band + np.log2(self.step).astype(np.int64)) * 2 + self.whole

@@ -29,17 +29,8 @@ _LOWEST_OCTAVE, _OCTAVES = -40, 64
 _BINS = BINS_PER_OCTAVE * _OCTAVES
 FEWEST = 20
 """Samples beyond a hole about zero, and fewer in it: so many are no chance, nor strays."""
-_MANY = 0.01
-"""Share of zeros in a chunk from which on magnitudes are looked at, which takes its time."""
 _REACH = BINS_PER_OCTAVE + 2
 """Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
-_STEPS = 10_000
-"""Samples next to zero, and none within the octave beyond: an output of steps, without a hole."""
-_OFF_STEPS = 0.05
-"""
-Share of the changes that may lie off the steps, as those to a few odd readings do; smooth noise
-seems to step by a tenth of it then, which is far below what a step matters from.
-"""
 
 
 @dataclass(eq=False)
@@ -115,10 +106,13 @@ class Census(SideBySide):
                                              strict=True):
             here = np.count_nonzero(row == nothing)
             self.zeros[axis] += here
-            if here < _MANY * len(row):
+            # Magnitudes are looked at only where zeros are many, as it takes its time.
+            if here < 0.01 * len(row):
                 continue
             ends = end_of_hole(sizes)
-            if ends is not None and sizes[ends:ends + 2].sum() > _STEPS and not sizes[
+            # So many next to zero, and none within the octave beyond: an output of steps, which
+            # has no hole.
+            if ends is not None and sizes[ends:ends + 2].sum() > 10_000 and not sizes[
                     ends + 2:ends + BINS_PER_OCTAVE - 1].any():
                 continue
             farthest = np.inf if ends is None else lower_edge(ends + _REACH)
@@ -164,7 +158,9 @@ def _step_of(rows: Array) -> Array:
     there = changes >= _ROUNDING * np.maximum(1, np.abs(rows[:, 1:]))
     for axis, count in enumerate(there.sum(axis=1).tolist()):
         if count:
-            place = int(_OFF_STEPS * count)
+            # A few odd readings lie off the steps. Smooth noise seems to step by a tenth of its
+            # size then, far less than matters.
+            place = int(0.05 * count)
             steps[axis] = np.partition(changes[axis, there[axis]], place)[place]
     return steps
 

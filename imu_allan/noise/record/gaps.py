@@ -22,18 +22,12 @@ from scipy.ndimage import uniform_filter1d
 Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-_FEWEST = 4
-"""Cells on each side of a gap over which the level there is averaged, at least ..."""
-_MOST = 256
-"""... and at most: beyond, the level has changed."""
-_SHORT_ISLAND = 8
-"""Fewer cells in a row beyond a longer gap do not distinguish a level from chance."""
+_FEWEST, _MOST = 4, 256
+"""Cells on each side of a gap over which the level there is averaged: beyond, it has changed."""
 _EXACT = 64
 """Coefficients that are worked out one by one; above, a few to an octave, over all phases."""
 _PER_OCTAVE = 12
 """Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
-_EVENED = 5
-"""Of these are averaged for the slow terms."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +125,8 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
     # A single index above meets the pattern of gaps in phase or not; about it they even out.
     if span > _EXACT:
-        slow[:, ~single] = uniform_filter1d(slow[:, ~single], _EVENED, mode='nearest')
+        # Five neighbours are averaged for the slow terms.
+        slow[:, ~single] = uniform_filter1d(slow[:, ~single], 5, mode='nearest')
     slow[:, 0] = slow[:, 1]
     return Gaps(1 - len(cells) / span, np.interp(every, index, power),
                 np.interp(every, index, slow[0]), np.interp(every, index, slow[1]))
@@ -161,7 +156,8 @@ def without_islands(cells: Cells) -> Cells:
         lengths = np.diff(edges)
         gap = np.diff(cells.keys)[cuts - 1] - 1
         beside = np.maximum(np.append(0, gap), np.append(gap, 0))
-        small = (lengths < _SHORT_ISLAND) & (lengths < beside)
+        # Fewer cells in a row beyond a longer gap do not distinguish a level from chance.
+        small = (lengths < 8) & (lengths < beside)
         if not small.any() or small.all():
             break
         cells = cells.take(np.repeat(~small, lengths))

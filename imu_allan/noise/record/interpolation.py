@@ -23,9 +23,6 @@ Array = NDArray[np.float64]
 LAGS = 256
 """Places apart: with two of three lost, interpolated samples share no noise beyond some 100."""
 
-_LEAST = 1e-3
-"""Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
-nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +54,8 @@ class Interpolation:
         even = dct(x * (1 - np.arange(length + 1) / length), type=1)[:length]
         odd = dst(x[1:-1], type=1)
         even[1:] -= odd / (length * np.sin(np.pi * np.arange(1, length) / length))
-        return np.maximum(even, _LEAST)
+        # Where covariances cut off at the last lag leave less, the fit would divide by nothing.
+        return np.maximum(even, 1e-3)
 
 
 NO_INTERPOLATION = Interpolation()

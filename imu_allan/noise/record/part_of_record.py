@@ -29,8 +29,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ENOUGH = 0.5
-"""Share of the samples that the slower transform has to have seen, to stand for all."""
 
 
 def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
@@ -94,7 +92,8 @@ class Part:
         slow = layout(*TRANSFORMS[0])
         seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
         samples = min(self.last * segments.width, segments.samples) - self.first * segments.width
-        whole = seen * SHORTEST_SEGMENT > _ENOUGH * samples
+        # The slower transform stands for all samples where it has seen half of them.
+        whole = seen * SHORTEST_SEGMENT > 0.5 * samples
         return float(min(highest, 2.0**-OCTAVES if whole else 1 / 256))
 
     def _banded(self, axis: int) -> Groups:

@@ -54,8 +54,6 @@ HIGHEST_OF_MEANS = 0.25
 """Of their own rate: means fold what is faster, the more the nearer to half of it."""
 _LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
 """Of the blocks, from the longest to the shortest."""
-_COARSEST = 1 << 36
-"""Samples in a cell, beyond which thousands of runs are a few samples each: the oldest go."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +244,8 @@ class Periodogram(SideBySide):
 
     def _bound_series(self) -> None:
         """Make the cells larger until they are few enough."""
-        while len(self.series) > SERIES and self.cell <= _COARSEST:
+        # With larger cells each run would be one: of thousands of runs the oldest go.
+        while len(self.series) > SERIES and self.cell <= 1 << 36:
             self.series = coarser(self.series, 1)
             self.cell *= 2
         self.series = self.series.take(slice(-SERIES, None))

@@ -19,12 +19,8 @@ Array = NDArray[np.float64]
 
 COLUMNS = 512
 """Most columns: finer than a figure across a page shows, and 60 KB of JSON for six axes."""
-_STILL_SAMPLES = 16
-"""To a segment at least: as many equal samples in a row say something in all but coarse steps."""
 _FEWEST_STILL = 3
 """Such segments in a row: the first and the last may be still in part alone."""
-_BY_CHANCE = 1e-4
-"""Probability of a false word in a record; coarse steps repeat one value by nature."""
 
 
 class Columns(NamedTuple):
@@ -47,7 +43,8 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     resolution is so coarse that chance repeats values as long.
     """
     known = np.flatnonzero(columns.counts)
-    together = -(-_STILL_SAMPLES // columns.width)
+    # Sixteen equal samples in a row say something in all but coarse steps.
+    together = -(-16 // columns.width)
     starts = np.arange(0, len(known), together)
     if len(starts) <= _FEWEST_STILL:
         return None
@@ -63,7 +60,8 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     if run < _FEWEST_STILL or run == len(still):
         return None
     chance = (np.count_nonzero(still) - run + 1) / (len(still) - run + 1)
-    if len(still) * chance**run > _BY_CHANCE:
+    # Coarse steps repeat one value by nature.
+    if len(still) * chance**run > 1e-4:
         return None
     last = min(int(ends[longest]) * together, len(known)) - 1
     first = int(known[starts[begins[longest]]])

@@ -32,16 +32,8 @@ Array = NDArray[np.float64]
 
 KNOWN = 13.8
 """Likelihood ratio above which a harmonic of a known frequency is there (0.1 %)."""
-_BEYOND = 2
-"""Times the last harmonic that shows: those behind add up to what passes for a process."""
 HARMONICS = (32, 96)
 """So many are fitted, and more where all of these show: a jagged cycle of a hundred times B."""
-_STEPS = 8
-"""Most steps to the frequency: two or three are the rule."""
-_NEAR = 0.02
-"""A step in standard errors from which on no other is worth its time."""
-_REACH = 1.25
-"""Times the highest harmonic: up to there its side lobes count, ..."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +86,11 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     """
     # Beyond a quarter of a cycle over the record the derivative no longer says where it lies.
     longest = 0.25 / (frequency_hz * record.duration_s)
-    for _ in range(_STEPS):
+    # Two or three steps are the rule.
+    for _ in range(8):
         found = _cycle(record, variance, frequency_hz, harmonics)
-        if abs(found.off) < _NEAR * found.error:
+        # Another step is not worth its time.
+        if abs(found.off) < 0.02 * found.error:
             break
         frequency_hz *= float(np.exp(np.clip(found.off, -longest, longest)))
     return found
@@ -124,7 +118,8 @@ def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
 def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
     """Count the harmonics up to the last that stands above the noise, and as many again."""
     there = ratios(record, variance, frequency_hz, most) >= KNOWN
-    return min(_BEYOND * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
+    # As many again as show: those behind add up to what passes for a process.
+    return min(2 * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
 
 
 def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int
@@ -157,8 +152,8 @@ class _Slow:
         bins, self._record = record.bins, record
         harmonics = min(harmonics, most_harmonics(record, frequency_hz))
         self.middle_s = record.duration_s / 2
-        highest = _REACH * harmonics * frequency_hz
-        # The side lobes of that count, and of at least so many coefficients.
+        # Up to a quarter beyond the highest harmonic its side lobes count, and 64 coefficients.
+        highest = 1.25 * harmonics * frequency_hz
         self._last = int(np.ceil(2 * record.duration_s * highest)) + 64
         self.here = bins.whole & (bins.index <= self._last)
         self._root = 1 / np.sqrt(variance[self.here])

@@ -32,24 +32,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_OUTLIER_CHANCE = 1e-5
-"""Probability of a slow coefficient so large that a search for a cycle is worth its time."""
 _COMB = 8
-"""Harmonics that are asked together, where all of them may have passed for a random walk ..."""
-_COMB_CHANCE = 1e-3
-"""... and the probability of so large ones from where on they are taken out to see."""
+"""Harmonics that are asked together: all of them may have passed for a random walk."""
 _CERTAIN_COMB = 1e-11
-"""The same in the noise that is left: of frequencies many are tried."""
-_NO_VIBRATION_S = 30.0
-"""From this period on a line is a slow cycle: nothing on the ground swings so slowly."""
+"""Probability of so large ones in the noise that is left: many frequencies are tried."""
 _MOST_CYCLES = 32.0
 """In the record: of more, each has little to do with a random walk."""
-_FEWEST_CYCLES = 2.0
-"""Below, a strong one cannot be distinguished from a mean that bends."""
 _FEW = (1, 4)
 """Harmonics by which the frequency is fitted first."""
-_FEWEST_GROUPS = 24
-"""Bands of which the slow noise is fitted, at least."""
 
 _KIND = TrendKind('slow_cycle', 0.0, lambda duration: np.arange(
     1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
@@ -82,7 +72,8 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     variance = _variance(record, noise)
     for few in _FEW:
         frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
-    if (_chance(record, variance, frequency_hz) > _COMB_CHANCE
+    # Harmonics that are rarer by chance are taken out to see.
+    if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
         return None
     # Most are chance, which shows already where as few harmonics are out as are asked.
@@ -92,7 +83,8 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
         return None
     found = _taken_out(record, variance, frequency_hz)
     left = _no_less_than_left(record, found.record)
-    if (record.duration_s < _FEWEST_CYCLES * found.period_s
+    # Below, a strong one cannot be distinguished from a mean that bends.
+    if (record.duration_s < 2 * found.period_s
             or _chance(record, left, 1 / found.period_s) >= _CERTAIN_COMB):
         return None
     return found
@@ -112,7 +104,8 @@ def _noise(record: RecordSpectrum) -> Solution:
     """Fit the terms to the slower half of the band: a low-pass bends the other."""
     groups = record.groups()
     last = len(groups.frequency) - 1
-    below = groups.below(float(groups.frequency[min(max(_FEWEST_GROUPS, last // 2), last)]))
+    # Of fewer than 24 bands the slow noise is not known.
+    below = groups.below(float(groups.frequency[min(max(24, last // 2), last)]))
     return maximise(below, fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-2)
 
 
@@ -139,8 +132,9 @@ def _has_outlier(record: RecordSpectrum, noise: Solution) -> bool:
     groups = record.groups()
     ratio = residual_power(groups, noise.theta) / np.maximum(groups.design @ noise.theta, 1e-300)
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
+    # A coefficient that is rarer by chance is worth a search for a cycle.
     if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
-              < _OUTLIER_CHANCE):
+              < 1e-5):
         return True
     slow_bins = record.bins.whole & (record.bins.frequency < _fastest(record))
     return record.keep is not None and not record.keep[slow_bins].all()
@@ -148,7 +142,8 @@ def _has_outlier(record: RecordSpectrum, noise: Solution) -> bool:
 
 def _fastest(record: RecordSpectrum) -> float:
     """Return the frequency, in Hz, up to which a line may be a slow cycle."""
-    return min(_MOST_CYCLES / record.duration_s, 1 / _NO_VIBRATION_S)
+    # A line of half a minute is a slow cycle: nothing on the ground swings so slowly.
+    return min(_MOST_CYCLES / record.duration_s, 1 / 30)
 
 
 def _likeliest(record: RecordSpectrum, noise: Solution, bank: Bank) -> float:

@@ -10,11 +10,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SMOOTHED = 1 / 4
-"""
-Of a lag, over which a thermometer is smoothed to either side before its slope is taken: a body
-that is so much faster is as good as one without any lag, and readings in steps have a slope.
-"""
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,10 @@ class TemperatureSeries:
 
 def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
     """Undo a lag: the temperature and its slope, both smoothed to either side."""
-    count = min(max(round(_SMOOTHED * lag_s / step), 1), len(celsius) - 1)
+    # The thermometer is smoothed over a quarter of the lag to either side before its slope is
+    # taken: a body that is so much faster is as good as one without any lag, and readings in
+    # steps have a slope.
+    count = min(max(round(lag_s / 4 / step), 1), len(celsius) - 1)
     # A slope at the end goes on beyond it.
     total = np.concatenate(([0.0], np.cumsum(
         np.pad(celsius, count, mode='reflect', reflect_type='odd'))))

@@ -13,11 +13,6 @@ from imu_allan.recordings.formats.temporary_folder import make_folder, remove_fo
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
-_READ_BYTES = 1 << 22
-"""So much is held at a time, and written before a bound is seen to be overrun."""
-_LONGEST_FRAME_HEAD = 18
-"""Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
-
 
 class CompressedRecording(Recording):
     """A zstd-compressed file; raises ImuAllanError where there is no room to unpack it."""
@@ -61,11 +56,13 @@ class CompressedRecording(Recording):
         written = 0
         reason = ''
         with self.path.open('rb') as file, stored.open('wb') as out:
-            declared = declared_size(file.read(_LONGEST_FRAME_HEAD))
+            # Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1).
+            declared = declared_size(file.read(18))
             file.seek(0)
             read = decompressing(file)
             try:
-                while data := read(_READ_BYTES):
+                # So much is held at a time, and written before a bound is seen to be overrun.
+                while data := read(1 << 22):
                     written += len(data)
                     if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:
                         raise ImuAllanError(

@@ -44,18 +44,12 @@ _READ_BYTES = 1 << 20
 """Some 10,000 lines, so that numpy works on many at once; longer than any line."""
 _LONGEST_HEADER = 1 << 20
 """30,000 columns with names of 30 characters: all topics of a robot in one export."""
-_NAMED_COLUMNS = 10
-"""Of those left out: more take more than a line or two."""
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FIRST_LINES = 64
 """By which fields are counted and times without a unit judged: two batches of a FIFO of 32."""
-_LATEST_S = 9.2e9
-"""Seconds that still fit into 64 bits of nanoseconds."""
 _MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
 """From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
-_FEWEST_STEPS = 8
-"""Below, a table is no record of anything."""
 _SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
 """Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
@@ -220,8 +214,9 @@ class CsvRecording(FileRecording):
                   if cell and cell not in lookalikes and not is_rest_of_imu(cell)]
         for cells in (columns.lookalikes, others):
             if cells:
+                # More than ten names take more than a line or two.
                 self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
-                            columns=[printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]])
+                            columns=[printable(cell[:40]) for cell in cells[:10]])
 
 
 def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
@@ -273,7 +268,8 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     if time_unit_s is None and known.any():
         time_unit_s = convert(1.0, columns.time_unit or _apparent_unit(times[known][0]), 's')
     unit = time_unit_s or 1.0
-    timely = np.abs(times * unit) < _LATEST_S
+    # More seconds do not fit into 64 bits of nanoseconds.
+    timely = np.abs(times * unit) < 9.2e9
     if columns.nanoseconds is not None:
         # Of a total, the first second looks like nanoseconds since a whole one.
         timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
@@ -386,7 +382,8 @@ def _with_known_times(columns: Columns, rows: Sequence[str], rate_hz: float | No
     finite = [time for time in times if np.isfinite(time)]
     # A clock that is set back says nothing of the rate.
     steps = np.sort([after - before for before, after in pairwise(finite) if after >= before])
-    if len(steps) < _FEWEST_STEPS:
+    # A table of fewer rows is no record of anything.
+    if len(steps) < 8:
         return columns
     unit = _apparent_unit(finite[0])
     # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.

@@ -27,8 +27,6 @@ QUOTES = ' \t\r\n"'
 """What may stand about the text of a cell."""
 _LOOKED_AT = 1 << 14
 """Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
-_LONGEST_CELL = 200
-"""Characters of a column name."""
 
 _SENSORS = {
     'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
@@ -355,7 +353,8 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
 def name_and_unit(cell: str) -> tuple[str, str | None]:
     """Take a cell apart; blanks in a name count as underscores."""
     # Runs of blanks are what an expression goes through over and over.
-    plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
+    # A column name is no longer.
+    plain = ' '.join(cell.split()) if len(cell) <= 200 else ''
     match = _COLUMN.fullmatch(plain)
     if match is None:
         return '', None

@@ -13,8 +13,6 @@ from imu_allan.recordings.formats.decompress import DamagedData
 
 PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
 """Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
-_CHUNKS = 10
-"""Chunks of any size that may take all the steps that a chunk may."""
 _BYTES_PER_STEP = 4
 """Bytes of the file for one more record in it: the smallest, compressed, takes more."""
 
@@ -39,7 +37,8 @@ class Effort:
         self._at_least = at_least
         self._bytes_per_step = bytes_per_step
         self._left = 0
-        self._steps = _CHUNKS * at_least + size // _BYTES_PER_STEP
+        # Ten chunks, of any size, may take all the steps that one may.
+        self._steps = 10 * at_least + size // _BYTES_PER_STEP
         self._bytes = PLAIN_BYTES + MOST_RATIO * size
 
     def begin(self, stored: int) -> None:

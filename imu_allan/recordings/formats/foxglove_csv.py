@@ -27,10 +27,6 @@ HEADER = b'receive time,header.stamp,topic,value'
 
 _LONGEST_LINE = 4096
 """Bytes: a value, two stamps and a message path; the rest of a longer line is another one."""
-_MOST_PATHS = 1000
-"""Series that are kept; a plot has a dozen."""
-_LATEST_S = 1 << 33
-"""Of a stamp: its nanoseconds fit into 63 bits, and the year is 2242."""
 _BLOCK = 1 << 14
 """Rows at a time, 1 MB: 16 s at 1 kHz."""
 
@@ -88,7 +84,8 @@ class FoxgloveCsv(FileRecording):
                 cells = line.strip().rsplit(b',', 4)
                 try:
                     _, received, stamped, path, value = cells
-                    if path not in known and len(known) < _MOST_PATHS:
+                    # A plot has a dozen series.
+                    if path not in known and len(known) < 1000:
                         place = _place(path.decode('utf-8', 'replace').strip('"'))
                         known[path] = None if place is None else series.setdefault(
                             place, (array('q'), array('q'), array('d')))
@@ -117,7 +114,8 @@ def _nanoseconds(text: bytes) -> int:
     """Read seconds with nine decimals exactly: a double has not enough digits."""
     seconds, _, fraction = text.strip(b'"').partition(b'.')
     number = int(seconds)
-    if not 0 <= number < _LATEST_S:
+    # Up to the year 2242 the nanoseconds of a stamp fit into 63 bits.
+    if not 0 <= number < 1 << 33:
         raise ValueError('no time')
     return number * 10**9 + int(fraction[:9].ljust(9, b'0'))
 

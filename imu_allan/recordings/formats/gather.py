@@ -32,12 +32,8 @@ _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8
 _LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
-_STEPS_WITHOUT_INDEX = 32
-"""Records that are stepped through before the message index is asked for."""
 _BATCH_BYTES = 1 << 24
 """Of messages that are copied at a time: 20 chunks of rosbag2, where one may be a thousand."""
-_BATCH_BYTES = 1 << 10
-"""Bytes of a batch beside those of its messages, about."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
@@ -84,7 +80,8 @@ def gather(
     batches: list[Iterable[MessageBatch]] = []
     scattered: list[int] = []
     at, end = 0, len(buffer)
-    steps_left = _STEPS_WITHOUT_INDEX
+    # After so many records that are stepped through, the message index is asked for.
+    steps_left = 32
     while end - at >= RECORD_HEAD:
         opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
         stride = RECORD_HEAD + length
@@ -144,7 +141,8 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     try:
         for batch in batches:
             held.append(batch)
-            left -= batch.rows.nbytes + _BATCH_BYTES
+            # A batch takes about 1 kB beside its messages.
+            left -= batch.rows.nbytes + 1024
             if left < 0:
                 yield held
                 held, left = [], _BATCH_BYTES

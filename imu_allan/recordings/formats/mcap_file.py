@@ -59,20 +59,15 @@ _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage, and not kept in memory."""
 _LARGEST_DESCRIPTION = 1 << 22
 """Bytes of a Channel or Schema record that are still taken for one."""
-_MOST_DESCRIPTIONS = 1 << 18
-"""Channel and Schema records that are read; there are 65,536 numbers of each."""
-_LARGEST_SUMMARY = 1 << 28
-"""Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead."""
 WINDOW = 1 << 22
 """Bytes taken at a time of what stands outside of chunks."""
-_STEPS_AT_LEAST = 100_000
-"""Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
 
 
 class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
-    _effort = (_STEPS_AT_LEAST,)
+    # Of a chunk of any size so many records are stepped through, in a fifth of a second.
+    _effort = (100_000,)
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
@@ -118,7 +113,8 @@ class McapRecording(ChunkedRecording):
         footer = _parsed(Footer.read, tail[_FRAME.size:_FOOTER_SIZE])
         if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
             return False
-        if footer_at - footer.summary_start > _LARGEST_SUMMARY:
+        # Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead.
+        if footer_at - footer.summary_start > 1 << 28:
             return False
         file.seek(footer.summary_start)
         summary = file.read(footer_at - footer.summary_start)
@@ -152,7 +148,8 @@ class McapRecording(ChunkedRecording):
         if number in known or len(body) > _LARGEST_DESCRIPTION:
             return None
         self._described += 1
-        if self._described > _MOST_DESCRIPTIONS or not self.keeps(len(body)):
+        # There are 65,536 numbers of channels, and of schemas.
+        if self._described > 1 << 18 or not self.keeps(len(body)):
             return None
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)

@@ -19,8 +19,6 @@ _ZSTD = b'\x28\xb5\x2f\xfd'
 """No message begins like this: CDR begins with a zero."""
 _LARGEST_MESSAGE = 1 << 16
 """An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more."""
-_TOGETHER = 1 << 8
-"""Messages that are decompressed into one batch, however large they are."""
 
 
 def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[MessageBatch]:
@@ -31,7 +29,8 @@ def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[Messag
             continue
         rows = ((row.tobytes(), stamp) for batch in group
                 for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True))
-        while some := list(islice(rows, _TOGETHER)):
+        # However large they are, 256 messages are decompressed into one batch.
+        while some := list(islice(rows, 256)):
             messages, stamps = zip(*some, strict=True)
             yield from starmap(MessageBatch, rows_of(
                 [_unpacked_message(message, effort) for message in messages],

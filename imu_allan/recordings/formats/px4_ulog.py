@@ -44,10 +44,6 @@ _TYPES = {
 _PARTNER = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
 _HEAD, _FLAGS = 16, 40
 """Bytes: mark, version and time; the body of the flags."""
-_READ = 1 << 20
-"""Bytes that are read at a time: some 10,000 messages, and more than any message has."""
-_LARGEST = 10_000
-"""Bytes of a message; larger ones are taken for damage, as pyulog does."""
 _MARK = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
 _MESSAGE = Struct('<HBH')
 """Size, kind, and the beginning of the body, which is the number of a topic in data."""
@@ -96,7 +92,8 @@ class UlogRecording(TableLog):
             for start, stop in _segments(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
                 file.seek(start)
                 rest, at = b'', start
-                while at < stop and (more := file.read(min(_READ, stop - at))):
+                # A megabyte is some 10,000 messages, and more than any message has.
+                while at < stop and (more := file.read(min(1 << 20, stop - at))):
                     at += len(more)
                     data = rest + more
                     rest = data[reader.through(data):]
@@ -164,7 +161,8 @@ class _LogReader:
         while at + 5 <= size:
             length, kind, number = unpack(data, at)
             after = at + 3 + length
-            if not 0 < length <= _LARGEST or not 65 <= kind <= 90:
+            # A larger message is taken for damage, as pyulog does.
+            if not 0 < length <= 10_000 or not 65 <= kind <= 90:
                 mark = data.find(_MARK, at + 1)
                 # Its beginning may be the end of what is there.
                 behind = mark if mark >= 0 else max(at + 1, size - len(_MARK) + 1)

@@ -41,14 +41,10 @@ MAGIC = b'#ROSBAG V2.0\n'
 
 _MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 4, 5, 6, 7))
 """What a record is: its field `op`."""
-_LARGEST_HEADER = 1 << 20
-"""It holds a topic and a few numbers; more is damage, and not allocated."""
 _LARGEST_DEFINITION = 1 << 22
 """As in MCAP, far more than any definition has."""
 _MOST_CONNECTIONS = 1 << 16
 """One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
-_REMEMBERED_HEADS = 16
-"""Connections whose messages are known by a comparison; they are tried in turn."""
 _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
 """Records of a chunk that are stepped through whatever its size, and bytes for one more.
 
@@ -306,7 +302,8 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
     """Read the header of the record at `at`; None where no whole record is there."""
     file.seek(at)
     size = int.from_bytes(file.read(4), 'little')
-    if size > min(_LARGEST_HEADER, end - at - 8):
+    # It holds a topic and a few numbers; more is damage, and not allocated.
+    if size > min(1 << 20, end - at - 8):
         return None
     with suppress(DamagedData):
         fields = _fields_of(file.read(size))
@@ -356,7 +353,8 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
         buffer[time_at + 8:header_end + 4], header_end + 4 + length - at)
     if not head.stands_at(buffer, at):
         raise DamagedData(f'the message at byte {at} of it is cut short')
-    if len(known) < _REMEMBERED_HEADS:
+    # Connections are tried in turn: few are known by a comparison.
+    if len(known) < 16:
         known.append(head)
     return head
 

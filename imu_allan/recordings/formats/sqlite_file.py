@@ -40,16 +40,8 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_FETCH = 64
-"""Rows fetched at a time: few enough to be held where each is as large as it may be."""
 _DECODE, _HELD_BYTES = 1 << 11, 1 << 24
 """Messages decoded at a time, which stay in the cache, and their bytes where they are large."""
-_SEGMENTS = 200
-"""Statements for all rows, so that it is known how far reading has come."""
-_SEARCHED_BYTES = 1 << 26
-"""Bytes of a file in which a message of each topic is sought on opening."""
-_MOST_PLACES = 1000
-"""Damaged places behind which reading goes on."""
 _MOST_TOPICS = 1 << 16
 """Topics that are listed: as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
@@ -211,7 +203,8 @@ class SqliteRecording(FileRecording):
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
         """Whether a topic has messages; in vain the whole file is gone through, if it is small."""
         numbers = self._numbers[imu.topic][:_MOST_NUMBERS]
-        only = '' if self._tolerant or self.size_bytes > _SEARCHED_BYTES else (
+        # In a larger file no message of each topic is sought on opening.
+        only = '' if self._tolerant or self.size_bytes > 1 << 26 else (
             f'WHERE topic_id IN ({",".join(map(str, numbers))}) ')
         return bool(database.execute(
             f'SELECT rowid FROM messages NOT INDEXED {only}LIMIT 1').fetchall())
@@ -263,7 +256,8 @@ class SqliteRecording(FileRecording):
                         f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
                     pass
         first, last = sorted(ends)
-        span = (last - first) // _SEGMENTS + 1
+        # In 200 statements, so that it is known how far reading has come.
+        span = (last - first) // 200 + 1
         # In a damaged file rows may lie beyond its ends.
         edges = [first, *range(first + span, last + 1, span), 2**63]
         read = places = 0
@@ -271,8 +265,10 @@ class SqliteRecording(FileRecording):
         reason: sqlite3.Error | None = None
         for place, (start, stop) in enumerate(pairwise(edges)):
             position = self.size_bytes * place // (len(edges) - 1)
-            most = _FETCH
-            while start < stop and places < _MOST_PLACES and not budget.exhausted:
+            # Few enough rows to be held where each is as large as it may be.
+            most = 64
+            # Reading goes on behind a thousand damaged places.
+            while start < stop and places < 1000 and not budget.exhausted:
                 seen = False
                 try:
                     cursor = database.execute(query, (start, stop - 1))

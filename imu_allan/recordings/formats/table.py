@@ -18,9 +18,6 @@ from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
-_THIN_HZ = 20.0
-"""Below it, messages are logged for show: no IMU is as slow."""
-
 Records = NDArray[np.void]
 
 
@@ -29,7 +26,8 @@ class TableLog(FileRecording):
 
     def list_at(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
         """Enter an IMU among `topics`, or say why it is not read and what to do."""
-        if rate_hz < _THIN_HZ:
+        # No IMU is as slow: such messages are logged for show.
+        if rate_hz < 20.0:
             self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
             self.other_topics[imu.name] = imu.messages.type_name
         else:

@@ -17,8 +17,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import duration, SENSORS
 
-_MOST_TABLES = 64
-"""Files that are looked into; a phone has some thirty sensors."""
 _REPORTED = 2
 """Files of which it is reported why none is read."""
 _CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
@@ -43,7 +41,8 @@ class TableFolder(Recording):
         self._files: dict[str, Path] = {}
         halves: dict[str, list[str]] = {sensor: [] for sensor in SENSORS}
         whole: list[str] = []
-        for file in tables_in(path)[:_MOST_TABLES]:
+        # A phone has some thirty sensors.
+        for file in tables_in(path)[:64]:
             try:
                 sensors = self._table(file).sensors
             except ImuAllanError as error:

@@ -31,10 +31,6 @@ _LIMITS = {
     'SQLITE_LIMIT_FUNCTION_ARG': 8,
     'SQLITE_LIMIT_ATTACHED': 0,
 }
-_HEAP_BYTES = 1 << 28
-"""Memory of SQLite where a single value cannot be limited, which is before Python 3.11."""
-_SCHEMA_STEPS = 50_000
-"""For the schema, before anything else is read: some 2,000 entries, of which rosbag2 writes 6."""
 _STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
 """For the rest: a row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least."""
 _STEPS_AT_A_TIME = 1000
@@ -77,7 +73,8 @@ def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *
             for name, limit in _LIMITS.items():
                 database.setlimit(getattr(sqlite3, name), limit)
         else:
-            database.execute(f'PRAGMA hard_heap_limit = {_HEAP_BYTES}')
+            # Before Python 3.11 a single value cannot be limited, but all memory can.
+            database.execute(f'PRAGMA hard_heap_limit = {1 << 28}')
         if tolerant:
             database.execute('PRAGMA writable_schema = ON')
         _require_plain_schema(database)
@@ -100,7 +97,8 @@ def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> 
 
 
 def _require_plain_schema(database: sqlite3.Connection) -> None:
-    schema = Budget(_SCHEMA_STEPS)
+    # Enough for a schema of some 2,000 entries, of which rosbag2 writes 6.
+    schema = Budget(50_000)
     database.set_progress_handler(schema.spend, _STEPS_AT_A_TIME)
     try:
         for name, beginning in database.execute(

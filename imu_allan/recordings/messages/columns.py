@@ -20,10 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _NANOSECONDS = 1_000_000_000  # in a second
-_LATEST = 2**62
-"""Stamps in nanoseconds beyond this are no time."""
-_LONGEST_STEP_NS = 1e9
-"""A second: what samples a burst at a slower rate is no IMU, but a damaged number."""
 
 Columns = dict[str, NDArray[Any]]
 """Of each sample: 'stamps' (one a column), 'receive_ns', 'samples', 'absent' and, of bursts, the
@@ -79,8 +75,9 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
     width = messages[vector.paths[0]].shape[1]
     filled = messages[burst.samples].astype(np.int64)
     step_ns = messages[burst.step_us].astype(np.float64) * 1e3
+    # What samples a burst at less than 1 Hz is no IMU, but a damaged number.
     sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
-        step_ns < _LONGEST_STEP_NS)
+        step_ns < 1e9)
     if not sound.all():
         error = MalformedImu(
             f'{burst.samples} is not 1 to {width}, or {burst.step_us} is no time')
@@ -156,7 +153,8 @@ def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
     # Through doubles where the field is one, else exactly.
     exact = number.dtype.kind in 'iu'
     rough = number.astype(np.float64) * stamp.unit_ns
-    sound = np.isfinite(rough) & (np.abs(rough) < _LATEST)
+    # Larger numbers of nanoseconds are no time.
+    sound = np.isfinite(rough) & (np.abs(rough) < 2**62)
     whole = number.astype(np.int64) * stamp.unit_ns if exact else np.rint(
         np.where(sound, rough, 0)).astype(np.int64)
     return np.where(sound, whole, -1)

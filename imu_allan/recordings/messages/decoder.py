@@ -24,8 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _NANOSECONDS = 1_000_000_000  # in a second
-_ENOUGH = 16
-"""Messages from which on it is decided which of several stamps is used."""
 
 
 class Decoder(Protocol):
@@ -181,7 +179,8 @@ class FieldsDecoder:
         clock = 0
         if self._clock is None:
             clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
-            if len(stamps) >= _ENOUGH:
+            # From so many messages it is decided which of several stamps is used.
+            if len(stamps) >= 16:
                 self._clock = clock
         times: NDArray[np.int64] = np.maximum(stamps[:, clock], 0)
         return times

@@ -29,8 +29,6 @@ _DIRECTIVE = re.compile(r'^[ \t]*#.*$', re.MULTILINE)
 """A line for the preprocessor, such as an include; the parser knows none."""
 _LARGEST = 1 << 20
 """Bytes of a definition that are parsed; the largest of ROS itself has 40,000."""
-_MOST_FOLDERS = 100_000
-"""Folders that are gone through in search of definitions: a large workspace has a tenth."""
 _BASE = {
     'bool': 'u1', 'byte': 'u1', 'octet': 'u1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1',
     'int16': 'i2', 'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8',
@@ -217,7 +215,8 @@ def _sourced(type_name: str) -> Path | None:
 
 def _message_files(folder: Path) -> Iterable[Path]:
     for seen, (parent, _, names) in enumerate(os.walk(folder)):
-        if seen > _MOST_FOLDERS:
+        # A large workspace has a tenth of as many folders.
+        if seen > 100_000:
             return
         yield from (Path(parent, name) for name in sorted(names) if name.endswith('.msg'))
 

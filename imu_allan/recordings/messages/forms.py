@@ -22,8 +22,6 @@ Spans = tuple[tuple[int, int], ...]
 
 _REMEMBERED = 64
 """Layouts of each of as many sizes that are kept."""
-_FORMS = 16
-"""So many forms of messages at a time are separated by comparing all with one after the other."""
 _WINDOW = 256
 """Messages that are compared at a time where there are more forms than that."""
 
@@ -99,7 +97,8 @@ class Forms:
                 break
             found.append((left[like], form))
             left = left[~like]
-            if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // _FORMS:
+            # Of more forms than sixteen, each is too few to compare all others with it.
+            if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // 16:
                 # To compare each of many with all the others would take the square of the time.
                 for start in range(0, len(left), _WINDOW):
                     part = left[start:start + _WINDOW]

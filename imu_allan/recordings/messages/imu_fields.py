@@ -17,10 +17,6 @@ _MOST_IMUS = 16
 """Imus that are looked for in one message."""
 _MOST_VISITED = 1000
 """Messages within a message that are looked into; a robot's state has some fifty."""
-_DEEPEST = 8
-"""Messages in messages: nobody nests as deep, and a hostile definition may without end."""
-_LONGEST_PATH = 1000
-"""Characters: eight levels of names of 100, and room."""
 _TIME = ('sec', 'nanosec')
 _PATH = re.compile(r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*')
 _SLICE = re.compile(r'(.*)\[(\d{1,6}):(\d{1,6})\]')
@@ -208,7 +204,8 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
         what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
         found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=heat))
         return
-    if depth == _DEEPEST:
+    # Nobody nests messages as deep, and a hostile definition may without end.
+    if depth == 8:
         return
     for field in fields.values():
         if not field.is_message or field.count == 0:
@@ -324,7 +321,8 @@ def number_at(types: Types, type_name: str, path: str, what: str) -> None:
 
 def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
     """Find a field by its dotted path; ImuAllanError names those that there are."""
-    if len(path) > _LONGEST_PATH or _PATH.fullmatch(path) is None:
+    # Eight levels of names of 100 characters, and room.
+    if len(path) > 1000 or _PATH.fullmatch(path) is None:
         raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
     kind = type_name
     parts = path.split('.')

@@ -47,10 +47,6 @@ _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
     ('samples', np.float64, (6, SLOT_MESSAGES)), ('absent', np.bool_, (2, SLOT_MESSAGES))])
 _FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
-_PATIENCE_S = 10.0
-"""It removes what it unpacked first, which a slow disk takes seconds for; then it is killed."""
-_LARGER_THAN_BLOCKS = 1 << 24
-"""Above any block, below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD, mallopt(3))."""
 
 
 class ReadingProcess:
@@ -137,7 +133,8 @@ class ReadingProcess:
         # The pipes stay open until it has tidied up: asked twice to end, it would not finish that.
         self._process.terminate()
         try:
-            self._process.wait(_PATIENCE_S)
+            # It removes what it unpacked first, which takes a slow disk seconds.
+            self._process.wait(10.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -208,7 +205,8 @@ def _keep_memory() -> None:
     when they are freed, until it has seen a larger one come and go. Here is one, of which no page
     is ever used.
     """
-    np.empty(_LARGER_THAN_BLOCKS, np.uint8)
+    # Above any block, below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD, mallopt(3)).
+    np.empty(1 << 24, np.uint8)
 
 
 class _Slots:
