@@ -105,6 +105,45 @@ def test_an_interval_is_scored_by_width_and_miss(peers: Any) -> None:
     assert score(peers.recorded.Estimate(1.0, 0.9, 1.1), 1.2) == pytest.approx(0.2 / 1.2 + 40 / 12)
 
 
+def test_whatever_another_tool_does_better_comes_first(peers: Any) -> None:
+    figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
+
+    def first() -> str:
+        return str(peers.page.page(figures).partition('## Tools')[0])
+
+    mine, theirs = (figures['accuracy']['a']['tools'][tool]['coefficients']
+                    for tool in ('ours', 'readings'))
+    mine['rate_random_walk'] |= {'reported': 0.5, 'over_bound': 1.0}
+    theirs['rate_random_walk'] |= {'reported': 0.4, 'over_bound': 1.0}
+    assert not re.search(r'on more axes.*allantools K of `a`', first())
+    theirs['rate_random_walk']['reported'] = 0.6
+    assert re.search(r'on more axes.*allantools K of `a`', first())
+
+    assert not re.search(r'not there.*allantools', first())
+    for case in figures['accuracy'].values():
+        for tool, share in (('ours', 0.1), ('readings', 0.05)):
+            score = case['tools'][tool]['coefficients']['bias_instability']
+            score |= {'false': share} if 'false' in score else {}
+    assert re.search(r'not there.*allantools B', first())
+
+    for tool, ratio in (('ours', 0.2), ('readings', 0.3)):
+        for axis in figures['published']['tools'][tool]['filter']['log_ratio'].values():
+            axis['noise_density'] = ratio
+    assert not re.search(r'differs less.*allantools N', first())
+    for axis in figures['published']['tools']['readings']['filter']['log_ratio'].values():
+        axis['noise_density'] = -0.1
+    assert re.search(r'differs less.*allantools N', first())
+
+
+def test_the_page_shows_every_length_that_was_timed(peers: Any) -> None:
+    figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
+    row = next(iter(figures['speed'].values()))
+    figures['speed'] = dict.fromkeys(('100000', '1000000', '3000000'), row)
+    text = peers.page.page(figures)
+    for length in ('100,000', '1,000,000', '3,000,000'):
+        assert f'| {length} | imu_allan analyze |' in text
+
+
 def test_the_page_is_the_one_the_command_wrote(peers: Any) -> None:
     figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
     assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)

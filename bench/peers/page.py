@@ -79,9 +79,16 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
                 how, {}).items()) or '–' for how in HOW)] for name, found in rows.items()])
     else:
         yield 'Nowhere in what was measured.\n'
-    small = smaller(figures.get('speed', {}))
-    if small:
-        yield f'Faster, or smaller in memory: {", ".join(small)} (the last table).\n'
+    others = {
+        f'reports a term on more axes, with an error at most {_AS_GOOD - 1:.0%} larger':
+            reported_more(figures),
+        'reports fewer terms that are not there': fewer_false(figures),
+        'differs less between the halves of the telephone, which shows no truth':
+            repeats(figures),
+        'is faster, or smaller in memory': smaller(figures.get('speed', {}))}
+    if any(others.values()):
+        yield table(['what else is better', 'tools'], [
+            [what, '; '.join(found)] for what, found in others.items() if found])
     ratios = [case['tools']['wavelets']['coefficients'][key]['over_bound'] / mine
               for name in IDEAL if name in figures.get('accuracy', {})
               for case in [figures['accuracy'][name]] for key in case['bound']
@@ -104,6 +111,63 @@ def compared(case: Mapping[str, Any], key: str, tool: str) -> str:
     return HOW[1] if error <= mine * _AS_GOOD else ''
 
 
+def reported_more(figures: Mapping[str, Any]) -> list[str]:
+    """Return the tools that give a term on more axes than ours does, and no worse."""
+    found: dict[str, list[str]] = {}
+    for title, case in figures.get('accuracy', {}).items():
+        for key in case['bound']:
+            for tool, name in names(figures).items():
+                mine, theirs = (case['tools'][each]['coefficients'][key]['reported']
+                                for each in (OURS, tool))
+                if theirs > mine and compared(case, key, tool):
+                    found.setdefault(name, []).append(f'{SYMBOLS[key]} of `{title}`')
+    return [f'{name} {", ".join(terms)}' for name, terms in found.items()]
+
+
+def false_shares(figures: Mapping[str, Any], key: str) -> dict[str, float]:
+    """Return by tool the share of axes with a term that is not there, over the cases without."""
+    cases = [case for case in figures.get('accuracy', {}).values()
+             if 'false' in case['tools'][OURS]['coefficients'][key]]
+    return {tool: fmean(case['tools'][tool]['coefficients'][key]['false'] for case in cases)
+            for tool in names(figures) if cases}
+
+
+def fewer_false(figures: Mapping[str, Any]) -> list[str]:
+    """Return the tools that invent a term less often than ours, of those that look for it."""
+    found = []
+    for tool, name in names(figures).items():
+        better_at = [
+            symbol for key, symbol in SYMBOLS.items()
+            for shares in [false_shares(figures, key)]
+            if shares and shares[tool] < shares[OURS]
+            and any(case['tools'][tool]['coefficients'][key].get(share)
+                    for case in figures['accuracy'].values() for share in ('reported', 'false'))]
+        if better_at:
+            found.append(f'{name} {", ".join(better_at)}')
+    return found
+
+
+def between_halves(figures: Mapping[str, Any], tool: str) -> dict[str, list[float]]:
+    """Return by coefficient the ratios, as logarithms, of the halves of the telephone."""
+    axes = figures['published']['tools'][tool]['filter']['log_ratio'].values()
+    return {key: [abs(axis[key]) for axis in axes if axis[key] is not None]
+            for key in _ENGINEERING}
+
+
+def repeats(figures: Mapping[str, Any]) -> list[str]:
+    """Return the tools whose numbers of both halves are nearer to each other than ours."""
+    if 'published' not in figures:
+        return []
+    mine = between_halves(figures, OURS)
+    found = []
+    for tool, name in names(figures).items():
+        better_at = [SYMBOLS[key] for key, ratios in between_halves(figures, tool).items()
+                     if ratios and (not mine[key] or median(ratios) < median(mine[key]))]
+        if better_at:
+            found.append(f'{name} {", ".join(better_at)}')
+    return found
+
+
 def smaller(rows: Mapping[str, Any]) -> list[str]:
     """Return the tools that read a recording in less time, or in less memory, than ours."""
     return list(dict.fromkeys(
@@ -118,8 +182,11 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     yield '\n'.join(f'- {tool["name"]}: {tool["origin"]}'
                     for tool in figures['tools'].values()) + '\n'
     yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
-           'defaults. One number a sensor is compared with each of its axes. Not here: GMWM, '
-           'which needs R, MATLAB itself, tools that need ROS 1.\n')
+           'defaults. One number a sensor is compared with each of its axes. Not here: MATLAB '
+           'itself, and tools that need ROS 1.\n')
+    yield ('GMWM was not run. In R, after `install.packages("simts")`, this fits an axis: '
+           '`library(simts); gmwm_imu(WN() + RW(), samples)`. '
+           'N is `sqrt(SIGMA2 / rate)`, K `sqrt(GAMMA2 * rate)`.\n')
 
 
 def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -163,12 +230,11 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
            'cases without it.\n')
     rows = []
     for key, symbol in SYMBOLS.items():
-        cases = [case for case in figures['accuracy'].values()
-                 if 'false' in case['tools'][OURS]['coefficients'][key]]
-        if cases:
-            shares = [fmean(case['tools'][tool]['coefficients'][key]['false'] for case in cases)
-                      for tool in called]
-            rows.append([symbol, str(len(cases)), *(f'{share:.0%}' for share in shares)])
+        shares = false_shares(figures, key)
+        if shares:
+            cases = sum('false' in case['tools'][OURS]['coefficients'][key]
+                        for case in figures['accuracy'].values())
+            rows.append([symbol, str(cases), *(f'{share:.0%}' for share in shares.values())])
     yield table(['term', 'cases', *called.values()], rows)
 
 
@@ -217,9 +283,7 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     rows = []
     for tool, name in called.items():
         of = found['tools'][tool]['filter']
-        ratios = {key: [abs(axis[key]) for axis in of['log_ratio'].values()
-                        if axis[key] is not None]
-                  for key in ('noise_density', 'bias_instability', 'rate_random_walk')}
+        ratios = between_halves(figures, tool)
         nis = [value for axis in of['nis'].values() for value in axis if value is not None]
         rows.append([name, *(f'{math.exp(median(values)):.2f}'
                              + (f' ({len(values)} of 6)' if len(values) < 6 else '') if values
@@ -270,8 +334,7 @@ def speed(rows: Mapping[str, Any]) -> Iterator[str]:
            if row['status'] == 0 else
            (f'{row["wall_s"]:.1f} s, then refused', f'{row["cpu_s"]:.1f} s',
             f'{row["memory_mb"]:.0f} MB'))]
-        for messages, found in list(rows.items())[::len(rows) - 1 or 1]
-        for tool, row in found.items()])
+        for messages, found in rows.items() for tool, row in found.items()])
 
 
 def repeating() -> Iterator[str]:
