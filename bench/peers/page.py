@@ -293,7 +293,8 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
     yield ('**What each says** of the gyroscope, the quietest axis to the noisiest: N in '
            'deg/√h, B in deg/h, K in deg/h/√h. The telephone smooths near 0.2 Hz; the tag is '
-           f'coarse, and {_warmth(found["rests"])}. A dash is no number.\n')
+           f'coarse, and {_warmth(found["rests"])}. Its thermometer lies beside it as '
+           '`sensor_msgs/Temperature`, which imu_allan alone reads. A dash is no number.\n')
     yield table(['tool', *(f'{where}: {symbol}' for where in ('telephone', 'tag')
                            for symbol in ('N', 'B', 'K'))],
                 [[name, *_said(found['tools'][tool]['answers'])] for tool, name in called.items()])

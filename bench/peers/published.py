@@ -33,6 +33,8 @@ from recorded import (
     N,
     Recorded,
 )
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
 from simulated import START_NS
 
 WHEEL = 'scikit-diveMove==0.4.0'
@@ -58,6 +60,27 @@ def written(samples: Array, rate_hz: float, path: Path) -> Recorded:
     block = ImuBlock(stamps, stamps, np.ascontiguousarray(samples),
                      np.zeros((len(samples), 2), np.bool_), 'imu_link')
     return Recorded(write_recording(path, [block], storage='mcap'), samples, rate_hz)
+
+
+def with_thermometer(recording: Recorded, warmth: Array) -> Recorded:
+    """Return a recording with a temperature in degrees C beside each message of the IMU."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = store.types
+    path = recording.path.with_name(f'{recording.path.name}_warmth')
+    with (Reader(recording.path) as reader,
+          Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer):
+        [imu] = reader.connections
+        both = [writer.add_connection(topic, kind, typestore=store)
+                for topic, kind in ((imu.topic, imu.msgtype),
+                                    ('/imu/temperature', 'sensor_msgs/msg/Temperature'))]
+        for (_, stamp, data), celsius in zip(reader.messages(), warmth.tolist(), strict=True):
+            writer.write(both[0], stamp, data)
+            header = kinds['std_msgs/msg/Header'](
+                stamp=kinds['builtin_interfaces/msg/Time'](*divmod(stamp, 10**9)),
+                frame_id='imu_link')
+            message = kinds[both[1].msgtype](header=header, temperature=celsius, variance=0.0)
+            writer.write(both[1], stamp, store.serialize_cdr(message, both[1].msgtype))
+    return Recorded(path, recording.samples, recording.rate_hz)
 
 
 def telephone(data: Path) -> tuple[Array, float]:
@@ -135,6 +158,8 @@ def run(tools: Sequence[str]) -> dict[str, Any]:
                            'warmest_c': float(warmth.max())} for samples, warmth, hz in rests]
         recordings = {part: written(samples, hz, folder / part.replace(' ', '_'))
                       for part, (samples, hz) in parts.items()}
+        recordings |= {f'rest {number}': with_thermometer(recordings[f'rest {number}'], warmth)
+                       for number, (_, warmth, _) in enumerate(rests, 1)}
         for tool in tools:
             answers: dict[str, Any] = {}
             for part, recording in recordings.items():
