@@ -20,9 +20,8 @@ HOW = ('nearer', 'as near')
 _MARKS = {'nearer': '**', 'as near': '*', '': ''}
 _HEAD = """# Allan tools compared
 
-Which tool's numbers are right, for sensors whose truth is known? And what does each say about
-recordings that anybody can fetch? `make bench-peers` wrote this page, with pinned versions, in an
-hour or two. `bench/peers/figures.json` has every figure.
+`make bench-peers` wrote this page, with pinned versions, in about an hour.
+`bench/peers/figures.json` has every figure.
 """
 
 
@@ -80,14 +79,12 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
     else:
         yield 'Nowhere in what was measured.\n'
     others = {
-        f'reports a term on more axes, with an error at most {_AS_GOOD - 1:.0%} larger':
-            reported_more(figures),
-        'reports fewer terms that are not there': fewer_false(figures),
-        'differs less between the halves of the telephone, which shows no truth':
-            repeats(figures),
-        'is faster, or smaller in memory': smaller(figures.get('speed', {}))}
+        'share of axes, if near': reported_more(figures),
+        'false terms': fewer_false(figures),
+        'halves of the telephone (of unknown truth)': repeats(figures),
+        'time or memory': smaller(figures.get('speed', {}))}
     if any(others.values()):
-        yield table(['what else is better', 'tools'], [
+        yield table(['better in', 'tools'], [
             [what, '; '.join(found)] for what, found in others.items() if found])
     ratios = [case['tools']['wavelets']['coefficients'][key]['over_bound'] / mine
               for name in IDEAL if name in figures.get('accuracy', {})
@@ -113,14 +110,14 @@ def compared(case: Mapping[str, Any], key: str, tool: str) -> str:
 
 def reported_more(figures: Mapping[str, Any]) -> list[str]:
     """Return the tools that give a term on more axes than ours does, and no worse."""
-    found: dict[str, list[str]] = {}
-    for title, case in figures.get('accuracy', {}).items():
+    found: dict[str, dict[str, None]] = {}
+    for case in figures.get('accuracy', {}).values():
         for key in case['bound']:
             for tool, name in names(figures).items():
                 mine, theirs = (case['tools'][each]['coefficients'][key]['reported']
                                 for each in (OURS, tool))
                 if theirs > mine and compared(case, key, tool):
-                    found.setdefault(name, []).append(f'{SYMBOLS[key]} of `{title}`')
+                    found.setdefault(name, {})[SYMBOLS[key]] = None
     return [f'{name} {", ".join(terms)}' for name, terms in found.items()]
 
 
@@ -182,10 +179,9 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     yield '\n'.join(f'- {tool["name"]}: {tool["origin"]}'
                     for tool in figures['tools'].values()) + '\n'
     yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
-           'defaults. One number a sensor is compared with each of its axes. Not here: MATLAB '
-           'itself, and tools that need ROS 1.\n')
-    yield ('GMWM was not run. In R, after `install.packages("simts")`, this fits an axis: '
-           '`library(simts); gmwm_imu(WN() + RW(), samples)`. '
+           'defaults. One number a sensor is compared with each of its axes.\n')
+    yield ('GMWM was not run; in R: '
+           '`install.packages("simts"); library(simts); gmwm_imu(WN() + RW(), samples)`. '
            'N is `sqrt(SIGMA2 / rate)`, K `sqrt(GAMMA2 * rate)`.\n')
 
 
@@ -226,8 +222,7 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show how often a term is reported that is not there."""
     called = names(figures)
     yield '## Terms that are not there\n'
-    yield ('Share of axes of which a tool reports a term that the sensor does not have, over all '
-           'cases without it.\n')
+    yield 'Share of axes on which a tool reports a term that the sensor lacks.\n'
     rows = []
     for key, symbol in SYMBOLS.items():
         shares = false_shares(figures, key)
@@ -243,7 +238,7 @@ def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     yield '## Intervals\n'
     yield ('Share of 95 % intervals that contain the truth, and the interval score: width plus 40 '
            'times the miss, over the width of the best interval, median and worst case. A bound '
-           'counts as an interval from zero. Tools without a row give no intervals.\n')
+           'counts as an interval from zero.\n')
     rows = []
     for tool, name in names(figures).items():
         for key, symbol in SYMBOLS.items():
@@ -266,7 +261,7 @@ def refusals(figures: Mapping[str, Any]) -> Iterator[str]:
         refused = [case['tools'][tool] for case in figures['accuracy'].values()
                    if case['tools'][tool]['refused']]
         if refused:
-            reason = str(refused[0]['reason']).split('. ')[0].replace('|', '\\|')
+            reason = str(refused[0]['reason']).split('. ')[0].split(' (')[0].replace('|', '\\|')
             yield (f'{name} refuses records of {len(refused)} of {len(figures["accuracy"])} '
                    f'cases. Its first reason: `{reason}`.\n')
 
@@ -293,8 +288,8 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
     yield ('**What each says** of the gyroscope, the quietest axis to the noisiest: N in '
            'deg/√h, B in deg/h, K in deg/h/√h. The telephone smooths near 0.2 Hz; the tag is '
-           f'coarse, and {_warmth(found["rests"])}. Its thermometer lies beside it as '
-           '`sensor_msgs/Temperature`, which imu_allan alone reads. A dash is no number.\n')
+           f'coarse, and {_warmth(found["rests"])}. imu_allan alone reads its '
+           'thermometer.\n')
     yield table(['tool', *(f'{where}: {symbol}' for where in ('telephone', 'tag')
                            for symbol in ('N', 'B', 'K'))],
                 [[name, *_said(found['tools'][tool]['answers'])] for tool, name in called.items()])
@@ -319,7 +314,8 @@ def _said(answers: Mapping[str, Any]) -> Iterator[str]:
             values = [scale * axis[key][0] for axis in axes if axis[key][0] is not None]
             bounds = [scale * axis[key][2] for axis in axes if axis[key][2] is not None]
             if values:
-                yield (f'{short(min(values))} to {short(max(values))}'
+                ends = dict.fromkeys((short(min(values)), short(max(values))))
+                yield (' to '.join(ends)
                        + (f' ({len(values)} of 3)' if len(values) < 3 else ''))
             else:
                 yield f'< {short(max(bounds))}' if bounds else '–'
@@ -328,14 +324,13 @@ def _said(answers: Mapping[str, Any]) -> Iterator[str]:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield 'The whole process on an MCAP with zstd chunks at 1 kHz, medians.\n'
-    yield table(['messages', 'tool', 'wall', 'processor', 'memory'], [
-        [f'{int(messages):,}', tool,
-         *((f'{row["wall_s"]:.1f} s', f'{row["cpu_s"]:.1f} s', f'{row["memory_mb"]:.0f} MB')
-           if row['status'] == 0 else
-           (f'{row["wall_s"]:.1f} s, then refused', f'{row["cpu_s"]:.1f} s',
-            f'{row["memory_mb"]:.0f} MB'))]
-        for messages, found in rows.items() for tool, row in found.items()])
+    yield ('The whole process on an MCAP with zstd chunks at 1 kHz: medians of wall and processor '
+           'time, and memory, by number of messages.\n')
+    tools = dict.fromkeys(tool for found in rows.values() for tool in found)
+    yield table(['tool', *(f'{int(messages):,}' for messages in rows)], [
+        [tool, *(f'{row["wall_s"]:.1f} / {row["cpu_s"]:.1f} s, {row["memory_mb"]:.0f} MB'
+                 + ('' if row['status'] == 0 else ', refused')
+                 for found in rows.values() for row in [found[tool]])] for tool in tools])
 
 
 def repeating() -> Iterator[str]:
