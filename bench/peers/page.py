@@ -178,8 +178,8 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     yield '## Tools\n'
     yield '\n'.join(f'- {tool["name"]}: {tool["origin"]}'
                     for tool in figures['tools'].values()) + '\n'
-    yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
-           'defaults. One number a sensor is compared with each of its axes.\n')
+    yield ('Adapters are our own (`bench/peers/adapters/`), with each '
+           'tool at its defaults. One number a sensor is compared with each of its axes.\n')
     yield ('GMWM was not run; in R: '
            '`install.packages("simts"); library(simts); gmwm_imu(WN() + RW(), samples)`. '
            'N is `sqrt(SIGMA2 / rate)`, K `sqrt(GAMMA2 * rate)`.\n')
@@ -271,8 +271,8 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
     yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, of which '
-           'nobody knows the truth. The benchmark fetches the wheel of scikit-diveMove 0.4.0 '
-           '(AGPL) from PyPI, which has both.\n')
+           'nobody knows the truth. Both are fetched with the wheel of scikit-diveMove 0.4.0 '
+           '(AGPL) from PyPI.\n')
     yield ('**Halves of the telephone**: median over the axes of the ratio of both halves. NIS '
            'is that of a filter that is corrected every ten seconds, six axes both ways.\n')
     rows = []
@@ -324,9 +324,8 @@ def _said(answers: Mapping[str, Any]) -> Iterator[str]:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield ('The whole process on an MCAP with zstd chunks at 1 kHz: medians of wall and processor '
-           'time, and memory, by number of messages. Wall time beyond processor time is other '
-           'work of the computer.\n')
+    yield ('The whole process on an MCAP with zstd chunks at 1 kHz: medians of wall / processor '
+           'time and memory, by messages. The difference of the times is other work.\n')
     tools = dict.fromkeys(tool for found in rows.values() for tool in found)
     yield table(['tool', *(f'{int(messages):,}' for messages in rows)], [
         [tool, *(f'{row["wall_s"]:.1f} / {row["cpu_s"]:.1f} s, {row["memory_mb"]:.0f} MB'
