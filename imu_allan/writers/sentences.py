@@ -412,9 +412,8 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'the mean steps by {f.size:.3g} {f.unit} after about '
                        f'{_each(f.after_s, about)}, '
                        'and nowhere else (a knock, or another supply voltage or setting)',
-        do='K is an upper bound; analyze what lies before or behind it with --start and '
-           '--duration',
-        live='K is an upper bound; call ~/reset to characterize what lies behind it alone'),
+        do='analyze what lies before or behind it with --start and --duration',
+        live='call ~/reset to characterize what lies behind it alone'),
     'not_steady': Words(
         'not steady',
         'The noise was not the same all the time: a later recording may differ by as much.',

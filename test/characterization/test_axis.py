@@ -58,7 +58,7 @@ def test_model_is_that_of_the_coefficients_and_describes_the_curve():
 
 def test_no_drift_that_the_table_does_not_report_is_in_the_model():
     # A slow walk in a short record shows in the drift model, not among the coefficients.
-    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 3e-5}, 60_000, RATE, seed=3)
+    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 3e-5}, 60_000, RATE, seed=5)
     axis = characterize(samples, RATE)
     assert [key for key, one in axis.coefficients.items() if one.observable] == ['noise_density']
     assert drift_avar(axis.drift_model, (), 200.0) > 2 * reported_avar(axis)[-1]

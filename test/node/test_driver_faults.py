@@ -95,8 +95,8 @@ def test_one_bad_moment_is_told_once_and_is_no_warning_for_the_rest_of_the_run(
     driver.next += 1
     malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 30 s: '
                         '<words>')
-    meanwhile(driver, lambda: health.message('reception') == malformed)
-    meanwhile(driver, lambda: health.message('timeline') == Varying('<words> in the last 30 s'))
+    meanwhile(driver, lambda: health.told('reception', malformed))
+    meanwhile(driver, lambda: health.told('timeline', Varying('<words> in the last 30 s')))
     meanwhile(driver, lambda: Varying(f'no temperature on {topic} for <number> s') in node.lines)
     publisher.publish(Temperature(temperature=20.0))
     meanwhile(driver, lambda: f'temperatures come on {topic} again' in node.lines)

@@ -103,11 +103,11 @@ def _difference(more: Trend, less: Trend, time: Array) -> Array:
 
 
 TRENDS = (
-    TrendKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 4.0, 19),
+    TrendKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.003, 4.0, 23),
                lambda time, _: (warming(time),), most=2, smooth=True),
     TrendKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
                lambda time, _: (step(time),)),
-    TrendKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
+    TrendKind('slow_cycle', 0.05, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
                lambda frequency, _: cycle(frequency), smooth=True),
     TrendKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
                lambda order, duration: (legendre(int(order), duration),), continuous=False),
@@ -362,7 +362,7 @@ class _Search:
             # A trend of a lower gain is not worth fitting.
             if gains[best] < 9.0:
                 continue
-            one = likeliest(self.bank, number, self._about.one(best))
+            one = likeliest(self.bank, number, self._about.one(best), self.chosen)
             found.append((self, (*self.chosen, one)))
         return found
 
@@ -428,14 +428,15 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     for _ in range(turns * len(found)):
         first, *others = found
         about = search.bank.about(beside.frequency, lam, others)
-        found = (*others, likeliest(search.bank, search.bank.kinds.index(first.kind), about))
+        number = search.bank.kinds.index(first.kind)
+        found = (*others, likeliest(search.bank, number, about, others))
     return search, found
 
 
-def likeliest(bank: AxisBank, number: int, about: Whitened) -> Found:
+def likeliest(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]) -> Found:
     """Find the best value of a nuisance, and what the integral over it adds to the evidence."""
     kind = bank.kinds[number]
-    values, gains = _profile(bank, number, about)
+    values, gains = _profile(bank, number, about, others)
     near, grid = np.exp((gains - gains.max()) / 2), bank.bank.grids[number]
     # Values of the grid are equally likely.
     place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
@@ -475,10 +476,20 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
     return total
 
 
-def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array]:
+def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]
+             ) -> tuple[Array, Array]:
     """Gains along the nuisance of a kind, closer and closer about the best value."""
-    values, gains = bank.bank.grids[number], bank.gains(about, number)[0]
-    if not bank.kinds[number].continuous or len(values) < 3:
+    kind, values = bank.kinds[number], bank.bank.grids[number]
+    same = [one.value for one in others if one.kind.key == kind.key]
+
+    def gained(at: Array, gains: Array) -> Array:
+        # Two nearly equal trends of opposite sign are the derivative of one, not two of a sensor.
+        for value in same:
+            gains = np.where(np.abs(np.log(at / value)) < np.log(2), 0.0, gains)
+        return gains
+
+    gains = gained(values, bank.gains(about, number)[0])
+    if not kind.continuous or len(values) < 3:
         return values, gains
     # The distance between values about the best is halved until the gain hardly changes.
     for _ in range(24):
@@ -489,7 +500,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array
         if not len(more):
             break
         values, gains = (np.concatenate(pair) for pair in (
-            (values, more), (gains, bank.gains(about, number, more)[0])))
+            (values, more), (gains, gained(more, bank.gains(about, number, more)[0]))))
         order = np.argsort(values)
         values, gains = values[order], gains[order]
         if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
