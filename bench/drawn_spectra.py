@@ -15,7 +15,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import FLICKER, WHITE
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.mean_in_blocks import leaks, Trend
+from imu_allan.noise.trends.mean_in_blocks import leaks, Waveform
 from imu_allan.noise.trends.regressors import duration, RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ def shape_of(samples: int) -> list[SpectrumSection]:
 
 
 def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float, records: int,
-         rng: np.random.Generator, trends: Sequence[Trend] = (),
+         rng: np.random.Generator, trends: Sequence[Waveform] = (),
          process: tuple[float, float] | None = None,
          power_law: tuple[float, float] | None = None,
          low_pass: tuple[Sequence[float], Sequence[float]] | None = None
@@ -55,7 +55,7 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
         How many.
     rng : Generator
         Source of the random numbers.
-    trends : sequence of Trend
+    trends : sequence of Waveform
         Their sum is added to the mean of every record.
     process : (float, float), optional
         Standard deviation and correlation time of a Gauss-Markov process besides.

@@ -29,7 +29,7 @@ from imu_allan.noise.stationarity import (
     white_ratio,
 )
 from imu_allan.noise.tones import find_lines, NAMED, vibrations
-from imu_allan.noise.trends.mean_in_blocks import Trend, without_mean
+from imu_allan.noise.trends.mean_in_blocks import Waveform, without_mean
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles
 from imu_allan.noise.trends.temperature import TemperatureSeries
@@ -187,7 +187,7 @@ class _Source:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
-    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Trend) -> '_Source':
+    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Waveform) -> '_Source':
         """Take a mean that moves out of the segments and the quarters, too."""
         turning = None if self.cycle is None else self.cycle.cycle.trend
         calm = without_mean(finished.periodogram, self.axis, record.dt, mean if turning is None
@@ -228,7 +228,7 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     return found
 
 
-def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Trend]
+def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform]
                     ) -> list[_Source]:
     """Take strong cycles out of every axis, and ask it for those of the others."""
     found = strong_cycles([source.record.beside(beside) for source in sources])

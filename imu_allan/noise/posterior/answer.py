@@ -26,7 +26,7 @@ from imu_allan.noise.posterior.shapes import (
 )
 from imu_allan.noise.posterior.trends import TrendKind
 from imu_allan.noise.terms import TERMS as SYMBOLS
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -365,7 +365,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
 class Mean:
     """A mean that moves, over the time of the record, and the noise beside it by group."""
 
-    trend: Trend
+    trend: Waveform
     noise: Array
     frequency: Array
 

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Trend = Literal['restricted', 'likely']
+TrendFit = Literal['restricted', 'likely']
 
 _CLEARLY = 0.005
 """
@@ -71,7 +71,7 @@ class Solution:
 
 def maximise(groups: Groups, start: Solution | None = None, *,
              fixed: dict[int, float] | None = None, ramp: float | None = 0.0,
-             trend: Trend | None = None,
+             trend: TrendFit | None = None,
              tolerance: float = 1e-7, limit: float = np.inf) -> Solution:
     """
     Find the most likely squared coefficients: equation (6) of docs/statistics.md, or (7).
@@ -150,7 +150,7 @@ class _Point(NamedTuple):
 class _Search:
     """The loss as a function of the coefficients that are not held, about a trend that follows."""
 
-    def __init__(self, groups: Groups, fixed: dict[int, float], trend: Trend | None,
+    def __init__(self, groups: Groups, fixed: dict[int, float], trend: TrendFit | None,
                  ramp: float | None, start: Solution | None) -> None:
         columns = groups.design.shape[1]
         self.free = [i for i in range(columns) if i not in fixed]

@@ -37,7 +37,7 @@ from imu_allan.noise.posterior.trends import (
     TrendSet,
 )
 from imu_allan.noise.record.groups import Groups
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class Posterior:
     edge: int | None = None
     change: Change = STEADY
 
-    def trends(self, duration_s: float) -> list[Trend]:
+    def trends(self, duration_s: float) -> list[Waveform]:
         """Return the trends of the mean in the likeliest model."""
         return [trend for one in self.models[0].trends
                 for trend in one.kind.columns(one.value, duration_s)]

@@ -33,7 +33,7 @@ from imu_allan.noise.posterior.search import (
     Proposals,
     TIME,
 )
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.noise.trends.waveforms import cycle, legendre, step, warming
@@ -80,12 +80,12 @@ class TrendKind:
     key: str
     density: float
     grid: Callable[[float], Array]
-    columns: Callable[[float, float], tuple[Trend, ...]]
+    columns: Callable[[float, float], tuple[Waveform, ...]]
     continuous: bool = True
     most: int = 1
     smooth: bool = False
 
-    def slopes(self, value: float, duration_s: float) -> tuple[Trend, ...]:
+    def slopes(self, value: float, duration_s: float) -> tuple[Waveform, ...]:
         """Return the derivatives of the columns by the logarithm of the nuisance."""
         if not self.smooth:
             return ()
@@ -98,7 +98,7 @@ _SLOPE = 0.01
 """Relative change of a nuisance by which a derivative is taken."""
 
 
-def _difference(more: Trend, less: Trend, time: Array) -> Array:
+def _difference(more: Waveform, less: Waveform, time: Array) -> Array:
     return np.asarray((more(time) - less(time)) / (2 * _SLOPE))
 
 
@@ -125,7 +125,7 @@ def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
     """Trends of a record with a thermometer: the temperature with a lag, and its square."""
     lags = lags_of(temperature)
 
-    def of(power: int) -> Callable[[float, float], tuple[Trend, ...]]:
+    def of(power: int) -> Callable[[float, float], tuple[Waveform, ...]]:
         return lambda lag, _: temperature.of_sensor(lag).trends[:power]
 
     return (TrendKind('temperature', 0.15, lambda _: lags, of(1)),
@@ -218,7 +218,7 @@ class AxisBank:
     def _columns(self) -> list[Array]:
         return [columns[:, :, self._slow.which] for columns in self.bank.columns]
 
-    def trends(self, found: Sequence[Found]) -> list[Trend]:
+    def trends(self, found: Sequence[Found]) -> list[Waveform]:
         """Give the trends themselves."""
         return [trend for one in found
                 for trend in one.kind.columns(one.value, self.bank.duration_s)]

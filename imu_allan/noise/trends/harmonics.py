@@ -22,7 +22,7 @@ from functools import partial
 from math import pi
 
 from imu_allan.noise.posterior.regression import RIDGE
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
@@ -166,10 +166,10 @@ class _Slow:
             partial(self._about_middle, wave) for order in range(1, harmonics + 1)
             for wave in cycle(order * frequency_hz)])
 
-    def _about_middle(self, wave: Trend, time: Array) -> Array:
+    def _about_middle(self, wave: Waveform, time: Array) -> Array:
         return wave(time - self.middle_s)
 
-    def transformed(self, trends: Sequence[Trend]) -> Array:
+    def transformed(self, trends: Sequence[Waveform]) -> Array:
         """Transform trends of the mean, shape (coefficients, trends)."""
         return regressors(self._record.sections, self._record.dt, trends, self._last)
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Trend = Callable[[Array], Array]
+Waveform = Callable[[Array], Array]
 """Value at every time, in seconds from the beginning of the record."""
 
 _MOST = 0.2
@@ -27,7 +27,7 @@ _NEAR = 1e-3
 """Of a block: the distance over which a slope is taken."""
 
 
-def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Trend
+def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Waveform
           ) -> tuple[Array, Array]:
     """
     Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
@@ -64,7 +64,7 @@ def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 
 
-def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Trend) -> Periodogram:
+def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform) -> Periodogram:
     """
     Take a mean that moves out of the series and the segments of one axis.
 
@@ -99,7 +99,7 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Trend) ->
     return calm
 
 
-def _slopes(mean: Trend, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
+def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
     """Slopes of a mean at the beginning and at the end of every block."""
     count = max(round((end_s - begin_s) / block_s), 1)
     edges = np.linspace(begin_s, end_s, count + 1)

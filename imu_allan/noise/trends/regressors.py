@@ -15,7 +15,7 @@ from functools import cached_property
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups, joined_groups, regressed
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.mean_in_blocks import is_little, leaks, Trend
+from imu_allan.noise.trends.mean_in_blocks import is_little, leaks, Waveform
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -36,7 +36,7 @@ class SlowCoefficients:
     coefficient: Array
     ramp: Array
 
-    def regressors(self, trends: Sequence[Trend]) -> Array:
+    def regressors(self, trends: Sequence[Waveform]) -> Array:
         """Transform trends of the mean, shape (n, trends), which are slow themselves."""
         return regressors(self.sections, self.dt, trends, self.count)[self.which]
 
@@ -51,7 +51,7 @@ class RecordSpectrum:
     dt: float    # sample interval in seconds
     keep: NDArray[np.bool_] | None = None    # (bins,): False where a line is
     # Regressors that stand in every fit, directly behind the ramp
-    trends: tuple[Trend, ...] = ()
+    trends: tuple[Waveform, ...] = ()
     # Whether bands without a bin stay, worth nothing, so that all axes have the same bands
     aligned: bool = False
 
@@ -69,7 +69,7 @@ class RecordSpectrum:
                                 self.bins.design[which], self.bins.coefficient[self.axis, which],
                                 self.bins.of_ramp[which])
 
-    def groups(self, *trends: Trend) -> Groups:
+    def groups(self, *trends: Waveform) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some trends as regressors."""
         if not trends:
             return self._still
@@ -96,11 +96,11 @@ class RecordSpectrum:
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
 
-    def beside(self, trends: Sequence[Trend]) -> 'RecordSpectrum':
+    def beside(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
         """Return the same spectrum with further trends that stand in every fit."""
         return replace(self, trends=(*self.trends, *trends))
 
-    def mean(self, sizes: Array) -> Trend:
+    def mean(self, sizes: Array) -> Waveform:
         """Return the mean of which a fit beside the trends found the sizes, the ramp's first."""
         def ramp(time: Array) -> Array:
             return time
@@ -108,7 +108,7 @@ class RecordSpectrum:
         return lambda time: np.asarray(sum(size * trend(time) for size, trend in zip(
             sizes.ravel(), (ramp, *self.trends), strict=True)))
 
-    def without_leak(self, mean: Trend, noise: Array) -> 'RecordSpectrum':
+    def without_leak(self, mean: Waveform, noise: Array) -> 'RecordSpectrum':
         """
         Take out of the blocks what a mean that moves leaks into them.
 
@@ -132,7 +132,7 @@ def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
     return joined_groups([record.groups() for record in records])
 
 
-def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Trend],
+def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Waveform],
                slowest: int | None = None) -> Array:
     """
     Transform trends of the mean as the record was transformed: X of (7) in docs/statistics.md.

@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +30,7 @@ class TemperatureSeries:
         return float(self.celsius.max())
 
     @property
-    def trends(self) -> tuple[Trend, Trend]:
+    def trends(self) -> tuple[Waveform, Waveform]:
         """Return the temperature about its mean, in kelvin, and the square of that."""
         about = self.celsius - self.celsius.mean()
 

@@ -2,31 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes that a mean may follow over time: bends, steps, warm-ups, cycles."""
 
-from imu_allan.noise.trends.mean_in_blocks import Trend
+from imu_allan.noise.trends.mean_in_blocks import Waveform
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 
-def legendre(order: int, duration_s: float) -> Trend:
+def legendre(order: int, duration_s: float) -> Waveform:
     """Return a Legendre polynomial over the record."""
     coefficients = [0.0] * order + [1.0]
     return lambda time: np.asarray(
         np.polynomial.legendre.legval(2 * time / duration_s - 1, coefficients))
 
 
-def step(at_s: float) -> Trend:
+def step(at_s: float) -> Waveform:
     """Return a step from 0 to 1."""
     return lambda time: np.asarray(time > at_s, np.float64)
 
 
-def warming(time_constant_s: float) -> Trend:
+def warming(time_constant_s: float) -> Waveform:
     """Return the exponential approach to a steady value, 1 at the beginning of the record."""
     return lambda time: np.exp(-time / time_constant_s)
 
 
-def cycle(frequency_hz: float) -> tuple[Trend, Trend]:
+def cycle(frequency_hz: float) -> tuple[Waveform, Waveform]:
     """Return the two phases of a slow cycle."""
     omega = 2 * np.pi * frequency_hz
     return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)
