@@ -325,7 +325,7 @@ def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
     yield ('The whole process on an MCAP with zstd chunks at 1 kHz: medians of wall / processor '
-           'time and memory, by messages. The difference of the times is other work.\n')
+           'time and memory, by messages.\n')
     tools = dict.fromkeys(tool for found in rows.values() for tool in found)
     yield table(['tool', *(f'{int(messages):,}' for messages in rows)], [
         [tool, *(f'{row["wall_s"]:.1f} / {row["cpu_s"]:.1f} s, {row["memory_mb"]:.0f} MB'
