@@ -30,28 +30,10 @@ Bools = NDArray[np.bool_]
 FROZEN_RUN = 24
 """Repeats in a row that make a sensor frozen: beyond any polling, within the look-ahead."""
 
-_LIVELY_SHARE = 0.8
-"""An axis is lively if so many of its samples differ from the one before: noise of a step."""
-_LIVELY_AXES = 3
-"""Half of the six: single axes may stand still in coarse steps, a frozen sensor stops them all."""
-_HELD_SHARE = 0.2
-"""Share of repeats from which on messages are polled, not now and then delivered twice."""
-_FEWEST_FOR_SPIKES = 8
-"""Messages whose steps measure the noise that a wild value is held against."""
-_FEWEST = 64
-"""Changes from which it is known how lively the axes are."""
 SPARSE = 16
 """Every so many samples go into the mean acceleration, which needs no more."""
 LASTING = 32
 """Messages in a row: more than a slip of the driver, and within the look-ahead."""
-_FOLLOWING = 64
-"""Messages after the first change that decide: as many as are always seen ahead."""
-_FEWEST_FOLLOWING = 8
-"""Of these at least, at the end of a recording."""
-_ALIVE_SHARE = 0.25
-"""Share of them that change: noise of a third of a step does so, drift over a border does not."""
-_LATE = 32
-"""Messages with one value from which an axis is late: fewer change no number that counts."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +102,13 @@ class Content(Record):
     @property
     def lively(self) -> bool:
         """Whether chance does not repeat all axes."""
-        if self.changes < _FEWEST:
+        # Of fewer changes it is not known how lively the axes are.
+        if self.changes < 64:
             return False
-        moving = [count for count in self.changed if count > _LIVELY_SHARE * self.changes]
-        return len(moving) >= min(_LIVELY_AXES, sum(count > 0 for count in self.changed))
+        # Noise of a step changes four of five samples of an axis.
+        moving = [count for count in self.changed if count > 0.8 * self.changes]
+        # Single axes may stand still in coarse steps, a frozen sensor stops them all.
+        return len(moving) >= min(3, sum(count > 0 for count in self.changed))
 
     def check(self) -> None:
         """Refuse values of another number of axes."""
@@ -156,7 +141,8 @@ class Content(Record):
     def _spikes(self, samples: Floats) -> Bools:
         """Find single wild values, as `imu_allan.timeline.foreign_samples.spikes`."""
         known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
-        if len(known) < _FEWEST_FOR_SPIKES or self.is_tame(known):
+        # Fewer do not measure the noise that a wild value is held against.
+        if len(known) < 8 or self.is_tame(known):
             return np.zeros(len(known), dtype=bool)
         # Noise that has changed is looked at closely once.
         self.noise = noise_of_steps(self._steps(known)).tolist()
@@ -201,7 +187,8 @@ class Content(Record):
             return Repeats(none, none, wild)
         woke = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
-        self.held |= self.repeats > _HELD_SHARE * (self.repeats + self.changes)
+        # One in five is polled, not now and then delivered twice.
+        self.held |= self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
         return Repeats(same & ~long if self.held else none, long, wild, woke)
 
@@ -306,10 +293,14 @@ class Presence(Record):
             self.asleep[axis] += len(now)
             return -1
         slept, self.asleep[axis] = self.asleep[axis] + int(other[0]), -1
-        following = values[known[other[0]:other[0] + 1 + _FOLLOWING]]
+        # As many messages as are always seen ahead decide.
+        following = values[known[other[0]:other[0] + 1 + 64]]
         changes = int(np.count_nonzero(following[1:] != following[:-1]))
-        if slept < _LATE or len(following) <= _FEWEST_FOLLOWING or (
-                changes < _ALIVE_SHARE * (len(following) - 1)):
+        # Fewer than 32 messages with one value change no number that counts, and at the end of a
+        # recording eight decide. Noise of a third of a step changes a quarter of them, drift over
+        # a border does not.
+        if slept < 32 or len(following) <= 8 or (
+                changes < 0.25 * (len(following) - 1)):
             return -1
         self.late[axis] = slept
         return int(now[other[0]])

@@ -21,11 +21,7 @@ LOOK_AHEAD = 64
 
 _JUMP_MESSAGES = 16
 """So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
-_STRAY_MESSAGES = 8
-"""At most so many messages far ahead are stray stamps; more are a clock that jumped forward."""
 
-_OVERLAPPING = 0.005
-"""Share of backward stamps: a message in 200 begins a batch of a FIFO, at least."""
 
 
 def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
@@ -124,7 +120,8 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
             break
         at = start + jump
         stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
-        if 0 < len(stray) <= _STRAY_MESSAGES and (newest is None or newest < stamps[at]):
+        # A few messages far ahead are stray stamps; more are a clock that jumped forward.
+        if 0 < len(stray) <= 8 and (newest is None or newest < stamps[at]):
             kept_before = np.flatnonzero(keep[start:stray[0]])
             if len(kept_before) or newest is not None:
                 keep[stray] = False
@@ -181,7 +178,8 @@ def overlaps(stamps: Stamps) -> bool:
     """
     steps = np.diff(stamps)
     back = np.flatnonzero(steps[:-1] < 0)
-    if len(back) < max(8, _OVERLAPPING * len(steps)):
+    # At least a message in 200 begins a batch of a FIFO.
+    if len(back) < max(8, 0.005 * len(steps)):
         return False
     usual = float(np.median(steps))
     return bool(np.mean(steps[back + 1] < 1.5 * usual) > 0.7

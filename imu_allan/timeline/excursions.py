@@ -15,18 +15,8 @@ BLOCK = 8
 LISTED = 10
 """Turns that are reported: more, and the recording is one of motion."""
 
-_REMEMBERED = 32
-"""Blocks: what takes longer than two minutes to come back is drift."""
-_FEWEST = 8
-"""Blocks, half a minute: of fewer the usual change is not known."""
 _LEAST = [0.004] * 3 + [0.04] * 3
 """rad/s and m/s^2: no sensor's bias goes so far and comes back within two minutes. A judgment."""
-_ABRUPT = 14.0
-"""Times the usual change from block to block: a random walk never goes so far at once."""
-_AT_ONCE = 0.7
-"""Share of the excursion within three blocks, at its beginning and at its end."""
-_BACK = 0.3
-"""Share of the excursion within which the level before is reached again."""
 
 
 @dataclass
@@ -79,27 +69,32 @@ class Excursions(Record):
                 begins = start_s + (last - BLOCK) * window_s
                 self.blocks.append([begins, *(total / BLOCK for total in self.sums)])
                 self.sums, self.windows = [0.0] * 6, 0
-                del self.blocks[:-_REMEMBERED]
+                # What takes longer than 32 blocks, two minutes, to come back is drift.
+                del self.blocks[:-32]
                 self._look(BLOCK * window_s)
 
     def _look(self, block_s: float) -> None:
         """Return whether the newest block is back from an excursion."""
         table = np.array(self.blocks)
         level = table[:, 1:]
-        if len(level) < _FEWEST or (np.ptp(level, axis=0) <= _LEAST).all():
+        # Of less than half a minute the usual change is not known.
+        if len(level) < 8 or (np.ptp(level, axis=0) <= _LEAST).all():
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
-        far = np.abs(size) > np.maximum(_LEAST, _ABRUPT * usual)
+        # A random walk never goes 14 times its usual change at once.
+        far = np.abs(size) > np.maximum(_LEAST, 14.0 * usual)
         for axis in np.flatnonzero(far.any(axis=0)).tolist():
             away = np.flatnonzero(far[:, axis])
             peak = float(size[away[np.argmax(np.abs(size[away, axis]))], axis])
-            before = np.flatnonzero(np.abs(size[:away[0], axis]) < _BACK * abs(peak))
+            # The level before is reached again within a third of the excursion.
+            before = np.flatnonzero(np.abs(size[:away[0], axis]) < 0.3 * abs(peak))
             first, last = int(away[0]), int(away[-1])
             edges = (size[min(first + 1, last), axis] - size[max(first - 2, 0), axis],
                      size[max(last - 1, first), axis] - size[min(last + 2, len(size) - 1), axis])
+            # It begins and ends within three blocks.
             if (not len(before) or far[-2, axis]
-                    or min(abs(edge) for edge in edges) < _AT_ONCE * abs(peak)):
+                    or min(abs(edge) for edge in edges) < 0.7 * abs(peak)):
                 continue
             if len(self.found) < LISTED:
                 begins = float(table[first, 0])

@@ -22,36 +22,14 @@ from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 import numpy as np
 
-_GRAVITY_TOLERANCE = 0.5
-"""In m/s^2: usual offsets are less, units of g or removed gravity far more. A judgment."""
-_MANY_MISSING = 0.05
-"""The fit allows for interpolation; so many say that the link is bad. A judgment."""
-_TOO_MANY_MISSING = 0.51
-"""Longer gaps left out, as where 55 % are lost in all: up to there N is right."""
-_OFF_BEYOND = 0.25
-"""Of 36 axes N was off by 13 % at most with 57.5 % lost, by 19 with 60; more are gaps."""
 _MOSTLY = 0.5
 """Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
-_LONG_MOTION_S = 10.0
-"""Less than that is a knock with its margins, whatever its share of a short recording."""
-_SHORTEST_REST_S = 5.0
-"""A stop at a traffic light is longer; a car between two bends is quiet for less."""
 _LEAST_CONTRAST = 0.999 * log(3.0) * 2 / 3
 """A third of the noise: what shakes as much where it does not turn is no rest, but a straight."""
 _NAMED_RESTS = 5
 """As many as fit on two lines of a terminal."""
 _LITTLE_HIDDEN = 0.005
 """Losses up to here move the noise density by less than a tenth of a usual interval."""
-_MANY_ABSENT = 0.01
-"""Share of the messages; fewer are slips of a driver. A judgment."""
-_UNEVEN_RATE = 0.005
-"""Moves the noise density by half of it: a tenth of a usual interval."""
-_FEWEST_FOR_SPEED = 256
-"""Messages, 2.5 s at 100 Hz: in less the lag of the receive stamps hides any difference."""
-_OTHER_SPEED = 0.05
-"""A crystal is off by millionths; a replay or a simulation by more than this. A judgment."""
-_LONGEST_LAG_S = 0.3
-"""Receive stamps lag by tenths of a second: over some seconds that is a few percent."""
 
 
 Facts = dict[str, dict[str, Any]]
@@ -108,8 +86,10 @@ def _short_error(counts: Counts, decision: Decision) -> float:
 
 
 def _interpolation_error(counts: Counts) -> float:
-    many = counts.interpolated >= _TOO_MANY_MISSING * (counts.samples + counts.interpolated)
-    return _OFF_BEYOND if counts.interpolated and many else 0.0
+    # Beside longer gaps, this is where 55 % are lost in all: up to there N is right.
+    many = counts.interpolated >= 0.51 * (counts.samples + counts.interpolated)
+    # Of 36 axes N was off by 13 % at most with 57.5 % lost, by 19 with 60; more are gaps.
+    return 0.25 if counts.interpolated and many else 0.0
 
 
 def _uneven_error(counts: Counts) -> float:
@@ -117,19 +97,22 @@ def _uneven_error(counts: Counts) -> float:
         return 0.0
     rate = counts.paced_steps / counts.paced_ns * SECOND
     off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
-    return off if off >= _UNEVEN_RATE else 0.0
+    # A rate that is .5 % off moves the noise density by half of that.
+    return off if off >= 0.005 else 0.0
 
 
 def mostly_motion(motion: MotionSummary) -> bool:
     """Return whether a recording moves, without a stop to rest that is worth the name."""
-    return _moves(motion) and (motion.kept.longest_s < _SHORTEST_REST_S
+    # A stop at a traffic light is longer; a car between two bends is quiet for less.
+    return _moves(motion) and (motion.kept.longest_s < 5.0
                                or motion.contrast < _LEAST_CONTRAST)
 
 
 def _moves(motion: MotionSummary) -> bool:
     # Margins cut most of a few seconds about a single knock: that is no moving recording.
+    # Less is a knock with its margins, whatever its share of a short recording.
     return motion.seen > 0 and (motion.cut.rows == motion.seen or (
-        motion.cut.total_s > _LONG_MOTION_S
+        motion.cut.total_s > 10.0
         and motion.cut.rows > _MOSTLY * motion.seen
         and motion.struck > 0.5 * _MOSTLY * motion.seen))
 
@@ -151,7 +134,8 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
         facts['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
                                     'listed': len(counts.listed_gaps)}
     places = counts.samples + counts.interpolated
-    if counts.interpolated > _MANY_MISSING * places:
+    # The fit allows for interpolation; one in twenty says that the link is bad. A judgment.
+    if counts.interpolated > 0.05 * places:
         facts['many_missing'] = {'share': counts.interpolated / places,
                                  'density_error_share': _interpolation_error(counts) or None}
     if counts.at_other_rate:
@@ -169,7 +153,8 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
                                    'rejected': list(counts.other_frames.values())}
     if counts.gravity_samples:
         size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
-        if abs(size - STANDARD_GRAVITY) > _GRAVITY_TOLERANCE:
+        # Usual offsets are less, units of g or removed gravity far more. A judgment.
+        if abs(size - STANDARD_GRAVITY) > 0.5:
             facts['gravity'] = {'mean': size}
     return facts | (_motion_facts(motion) if options.motion == 'exclude'
                     else _kept_motion(motion))
@@ -213,15 +198,17 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
             'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:
         facts['spikes'] = {'messages': counts.spikes}
-    if counts.absent > _MANY_ABSENT * counts.messages:
+    # Less than one in a hundred are slips of a driver. A judgment.
+    if counts.absent > 0.01 * counts.messages:
         facts['field_absent'] = {'messages': counts.absent}
     return facts
 
 
 def _clock_facts(counts: Counts, decision: Decision) -> Facts:
     """Compare the speeds of both clocks; a jump of either is no speed."""
+    # In fewer messages the lag of the receive stamps hides any difference.
     if (decision.clock != 'header' or counts.header.last_ns is None
-            or counts.receive.last_ns is None or counts.messages < _FEWEST_FOR_SPEED):
+            or counts.receive.last_ns is None or counts.messages < 256):
         return {}
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND
     receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
@@ -229,8 +216,10 @@ def _clock_facts(counts: Counts, decision: Decision) -> Facts:
         # What the samples take by the header's rate. Where that is less, samples may be missing.
         header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
         header = max(header, receive)
+    # A crystal is off by millionths; a replay or a simulation by more than 5 %: a judgment.
+    # Receive stamps lag by tenths of a second, over some seconds a few percent.
     if not (receive > 0 and header > 0) or (
-            abs(log(header / receive)) < max(_OTHER_SPEED, _LONGEST_LAG_S / receive)):
+            abs(log(header / receive)) < max(0.05, 0.3 / receive)):
         return {}
     return {'clock_speed': {'ratio': header / receive}}
 

@@ -16,16 +16,11 @@ LARGEST = 1e9
 """In SI units: no IMU measures more, so it is not a number but bytes gone wrong."""
 _BLOCK = 64
 """Samples of a transform: drift stays out of its upper half, where neighbours are compared."""
-_FEWEST_BLOCKS = 8
-"""White noise passes on one axis in 0.2 %, on three in 1e-8; of 4 blocks in 2 % and 5e-6."""
 _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
 _SURE, _LOUDER = 5.0, 0.05
 """Standard errors of what alternates in all blocks, and the share of a magnitude: means .16 of a
 standard deviation apart are found among 4,096 messages."""
-_COHERENT = 0.5
-"""Correlation of what alternates in a block with the next one's: a line has 1, less where a gap in
-every few blocks changes whose turn it is, and a spectrum that rises up to there none."""
 _ALTERNATING_AXES = 3
 """Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
 _QUARTER = slice(_BLOCK // 4 - 1, _BLOCK // 4 + 2)
@@ -38,26 +33,10 @@ _FEWEST_IN_TURN, _MOST_IN_TURN = 512, 2048
 """Messages that show whose turn it is: in time it takes no more."""
 _PERIODS = np.linspace(-0.014, 0.014, 5)
 """Shares by which a sensor's interval may be off: jitter of a fifth of it leaves as much."""
-_FEWEST_OF_ONE_SIDE = 32
-"""Steps between messages of one side whose shortest give an interval. A judgment."""
-_IN_TIME = 0.2
-"""Correlation of side and turn: two sensors have .2 to 1, of 289 random scenarios with one none
-had .03, and anti-correlated noise with losses has up to .12."""
-_ABOUT_HALF = 0.4
-"""Of a period: a vibration's sides are half of one apart, but for jitter."""
-_ALSO_IN_TIME = 0.06
-"""The same beside the axes that show it most, where there is less of it."""
 _SPIKE_SIGMAS = 10.0
 """Of the noise of a sample: far beyond chance, and what the remark says. A judgment."""
-_LEAST_STEP = 0.7
-"""Of that: what lies so far from its neighbours is reached by a step as large, on a ramp too."""
-_ROUNDING_NOISE = 1e-12
-"""Of the values: a simulation without noise has the rounding errors of its sums."""
 _ISOLATED, _MOST_WILD = 3, 2
 """Two wild samples within so many of each other may be errors, three are the motion of a knock."""
-_LOUD = 2.3
-"""Times the noise: the samples beside them are louder in one of 10,000 cases by chance, and nearly
-always in a knock, which rings."""
 
 
 def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
@@ -76,7 +55,8 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     """
     blocks = len(samples) // _BLOCK
     there = np.isfinite(samples).all(axis=0)
-    if blocks < _FEWEST_BLOCKS or not there.any():
+    # White noise passes on one axis in 0.2 %, on three in 1e-8; of 4 blocks in 2 % and 5e-6.
+    if blocks < 8 or not there.any():
         return ''
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
     enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
@@ -103,7 +83,9 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     turns = transform[:, -1].real
     scatter = np.mean(turns ** 2, axis=0)
     level = np.median(power[_BLOCK // 4:-2], axis=0)
-    line = ((np.mean(turns[1:] * turns[:-1], axis=0) > _COHERENT * scatter)
+    # What alternates in a block correlates with the next one's: by 1 for a line, less where a gap
+    # in every few blocks changes whose turn it is, not at all for a spectrum that rises.
+    line = ((np.mean(turns[1:] * turns[:-1], axis=0) > 0.5 * scatter)
             & (power[-1] > _ALTERNATING * level))
     # Where no gap changes whose turn it is, all blocks together show a weak one.
     line |= len(turns) * turns.mean(axis=0) ** 2 > _SURE ** 2 * np.maximum(
@@ -141,11 +123,15 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> Literal['', 'half
     kind: Literal['half', 'apart'] = 'half'
     # Hum near half of the rate takes turns as well, and shows in one axis or two.
     for axes in range(min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)):
-        found = _side_in_time(time, known, _ALSO_IN_TIME if axes else _IN_TIME)
+        # Side and turn of two sensors correlate by .2 to 1; of 289 random scenarios with one none
+        # had .03, and anti-correlated noise with losses has up to .12. Beside the axes that show
+        # it most there is less of it.
+        found = _side_in_time(time, known, 0.06 if axes else 0.2)
         if found is None:
             return ''
         side, period = found
-        if _offset(time, side, period) < _ABOUT_HALF:
+        # The sides of a vibration are half a period apart, but for jitter.
+        if _offset(time, side, period) < 0.4:
             kind = 'apart'
         part = np.maximum(np.abs(side @ known), np.abs(side @ (known**2 - 1)))
         known = np.delete(known, int(np.argmax(part)), axis=1)
@@ -161,7 +147,8 @@ def _side_in_time(time: Floats, known: Floats, least: float) -> tuple[Floats, fl
         side = np.where(along > np.quantile(along, (0.1, 0.9)).mean(), 1.0, -1.0)
         one = steps[side[1:] == side[:-1]]
         periods = [float(np.median(time[2:] - time[:-2]))]
-        if len(one) >= _FEWEST_OF_ONE_SIDE:
+        # Of fewer steps of one side the shortest give no interval: a judgment.
+        if len(one) >= 32:
             # One of them, or none may be about as long.
             short = float(np.quantile(one, 0.2, method='lower'))
             shortest = float(one[np.abs(one - short) <= 0.3 * abs(short)].mean())
@@ -234,7 +221,8 @@ def noise_of_steps(steps: Floats) -> Floats:
 
 def may_be_wild(steps: Floats, sigma: Floats) -> bool:
     """Return by a quick look whether there is a step as large as that of a wild value."""
-    largest = _LEAST_STEP * _SPIKE_SIGMAS * sigma
+    # On a ramp, too, what lies so far from its neighbours is reached by a step of .7 of that.
+    largest = 0.7 * _SPIKE_SIGMAS * sigma
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
@@ -260,7 +248,8 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     # Mirrored, so that the first sample and the last are held against others.
     padded = np.pad(known, ((2, 2), (0, 0)), mode='reflect')
     median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
-    sigma = np.maximum(sigma, _ROUNDING_NOISE * np.abs(known).max(axis=0))
+    # A simulation without noise has the rounding errors of its sums.
+    sigma = np.maximum(sigma, 1e-12 * np.abs(known).max(axis=0))
     found: Bools = np.any(np.abs(known - median) > _SPIKE_SIGMAS * sigma, axis=1)[-len(samples):]
     at = np.flatnonzero(found)
     beside = at[:, None] + np.arange(-_ISOLATED, _ISOLATED + 1)
@@ -270,6 +259,8 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     count = np.maximum(others.sum(axis=1), 1)
     values = samples[beside] / sigma
     mean = np.sum(np.where(others, values, 0.0), axis=1) / count
-    loud = np.sum(np.where(others, values - mean[:, None], 0.0)**2, axis=1) > _LOUD**2 * count
+    # The samples beside them are louder in one of 10,000 cases by chance, and nearly always in a
+    # knock, which rings.
+    loud = np.sum(np.where(others, values - mean[:, None], 0.0)**2, axis=1) > 2.3**2 * count
     found[at] = (np.sum(inside & found[beside], axis=1) <= _MOST_WILD) & ~loud.any(axis=1)
     return found

@@ -31,18 +31,12 @@ Ints = NDArray[np.int64]
 EVEN_JITTER = 0.25
 """Stamps that all come within so many intervals of the expected distance need no further look."""
 
-_LONG_STEP = 10.0
-"""Intervals: uneven beyond is a gap, over which a clock drifts by a part of one."""
 _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
 RATE_BLOCK = 64
 """Messages from which a rate is measured."""
-_BETWEEN_PLACES = 0.3
-"""Mean cosine of steps: three times more of 64 jittering ones than chance leaves below zero."""
 _RATE_NEAR = 256
 """Messages on each side within which a change of rate is placed."""
-_BATCHES = 16
-"""From which a rate is measured: one more or less is 6 %."""
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
@@ -73,7 +67,8 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
         whole = np.rint(steps)
         if whole.min() >= 1:
             uneven = np.abs(steps - whole) >= EVEN_JITTER
-            if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
+            # More than ten intervals are a gap, over which a clock drifts by a part of one.
+            if not uneven.any() or bool(np.all(steps[uneven] > 10.0)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
     missing = None if pace.counting else _missing_by_phase(phase, new_run)
@@ -179,7 +174,8 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
     """
     block = RATE_BLOCK
     if pace.counting:
-        block = max(4 * block, round(_BATCHES * sqrt(12) * pace.spread))
+        # Of 16 samples one more or less is 6 % of a rate.
+        block = max(4 * block, round(16 * sqrt(12) * pace.spread))
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
     off = [not _on_rate(places[first:last], pace.counting)
@@ -203,8 +199,9 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
 def _on_rate(places: Floats, counting: bool) -> bool:
     """Whether messages some number apart are mostly as many intervals apart, one step or more."""
     tolerance = 0.1 if counting else RATE_TOLERANCE
+    # Chance leaves the mean cosine of 64 jittering steps a third as far below zero.
     if not counting and len(places) > 1 and float(
-            np.mean(np.cos(2 * pi * np.diff(places)))) < -_BETWEEN_PLACES:
+            np.mean(np.cos(2 * pi * np.diff(places)))) < -0.3:
         # Dropped in turn, those of another rate are as far apart by chance.
         return False
     for apart in (1, 2, 4, 16, 64, 256):

@@ -43,21 +43,10 @@ Bools = NDArray[np.bool_]
 
 _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 """Different messages with one stamp: more than a slip of the driver now and then."""
-_EVEN_SPREAD = 0.2
-"""Spread up to which a clock shows single losses with some distance to its limit."""
-_SAME_RATE = 0.12
-"""Clocks that disagree by more do not stamp the same samples."""
 _CLOSE, _HARDLY = 0.05, 0.01
 """Spread and share of empty places up to which the other clock need not be asked."""
 _OTHER_GRID = 0.01
 """Share by which two grids differ that are no speeds of two clocks. A judgment."""
-_FITS_BADLY = 0.1
-"""Of an interval, and three times the spread about the clock's own grid: where one of three is
-dropped, stamps lie .17 off a grid of one and a half intervals. Judgments."""
-_MUCH_HIDDEN = 0.3
-"""Share of the samples: ticks hide less, and the other clock would not show the loss either."""
-_RESTARTS = 1
-"""Numbers that do not rise, of the first messages: a driver may begin anew, once."""
 _FARTHEST_NS = 2**61
 """Differences of stamps so far from zero do not overflow."""
 _FEWEST_FOR_RATE = 64
@@ -287,26 +276,31 @@ class Intake(Record):
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
+        # Ticks hide less than three of ten, and the other clock would not show the loss either.
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
-                or pace.hidden > _MUCH_HIDDEN):
+                or pace.hidden > 0.3):
             return pace, count
         flaw = flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)
         second, seen = (None, 0) if flaw else _pace_of(other, own, numbers, bursts=True)
         if second is not None and pace.counting and second.counting:
             # What either clock may hide is hidden.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
-        if second is None or second.counting or second.spread > _EVEN_SPREAD:
+        # With a wider spread a clock is too near the limit to show single losses.
+        if second is None or second.counting or second.spread > 0.2:
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
         # Where as much time passes on both, they stamp the same samples, and the even one shows
         # which of them are missing.
         speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-        if abs(ratio - 1) > _SAME_RATE < abs(speed - 1):
+        # Clocks that disagree by more do not stamp the same samples.
+        if abs(ratio - 1) > 0.12 < abs(speed - 1):
             return pace, count
+        # Where one of three is dropped, stamps lie .17 off a grid of one and a half intervals:
+        # a tenth, and three times the spread about the clock's own grid, are judgments.
         if not pace.counting and not (
                 abs(ratio - 1) > _OTHER_GRID
-                and spread_about(other, pace.interval_ns) > max(_FITS_BADLY, 3 * second.spread)):
+                and spread_about(other, pace.interval_ns) > max(0.1, 3 * second.spread)):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
@@ -317,9 +311,10 @@ class Intake(Record):
     def _numbers(self, window: Window, repeats: Repeats) -> Ints | None:
         """Publication numbers, where they are those of the samples: rising, of one sensor."""
         numbers = window.numbers
+        # A driver may begin to number anew, once.
         if (numbers is None or len(numbers) < _FEWEST_FOR_RATE or repeats.held.any()
                 or self._counts.other_frames
-                or np.count_nonzero(numbers[1:] <= numbers[:-1]) > _RESTARTS):
+                or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1):
             return None
         return numbers
 

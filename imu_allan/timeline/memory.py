@@ -21,9 +21,6 @@ Clock = Literal['header', 'receive']
 
 LISTED_GAPS = 1000
 """Gaps that are listed one by one; more are only counted."""
-_LISTED_FRAMES = 9
-"""Other frame_ids that are named: a fault can make any number of them."""
-_SHORTEST_NS = 1e3      # a microsecond
 _LONGEST_NS = 100.0 * SECOND
 """Intervals beyond these bounds are no IMU's."""
 
@@ -151,7 +148,8 @@ class Counts(Record):
         """Note messages of another frame_id than the first."""
         self.messages += messages
         self.rejected += messages
-        known = frame_id in self.other_frames or len(self.other_frames) < _LISTED_FRAMES
+        # A fault can make any number of frame_ids: nine are named.
+        known = frame_id in self.other_frames or len(self.other_frames) < 9
         name = frame_id if known else '...'
         self.other_frames[name] = self.other_frames.get(name, 0) + messages
 
@@ -232,7 +230,8 @@ class Decision(Record):
             If no IMU has such a pace.
 
         """
-        if not _SHORTEST_NS < pace.interval_ns < _LONGEST_NS:
+        # From a microsecond on.
+        if not 1e3 < pace.interval_ns < _LONGEST_NS:
             clock, self.clock = self.clock, None
             raise ImuAllanError(
                 f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '

@@ -32,8 +32,6 @@ _CONTEXT = _MARGIN + FARTHEST_LAG + 1
 """Windows before the ones to be judged that these are held against."""
 _LATELY_S = 5.0
 """The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
-_LISTED_CHANGES = 9
-"""Changes of the noise that are reported: a sensor with more has no level at all."""
 
 
 @dataclass
@@ -253,7 +251,8 @@ class MotionDetector(Record):
         if not short:
             time_s = windows.time(segment, segment.base + last)
             for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
-                self.summary.changes = (*self.summary.changes[:_LISTED_CHANGES], (time_s, ratio))
+                # A sensor whose noise changes more often has no level at all.
+                self.summary.changes = (*self.summary.changes[:9], (time_s, ratio))
 
     def _begin_at_rest(self, segment: Segment, first: int, last: int) -> None:
         """Take windows from number `first` of the arrays on for rest, all before for motion."""

@@ -31,8 +31,6 @@ COUNTING_SPREAD = 0.27
 FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 """The mean resultant length that goes with it."""
 
-_MOSTLY_IN_BURSTS = 0.55
-"""Share of short steps: pairs have a half, longer bursts more."""
 _SLOWEST, _FASTEST = 0.9, 2.9
 """Rates, over that of the messages, among which the sensor's is sought."""
 _GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
@@ -40,41 +38,22 @@ _GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
 _EARLY, _CROWDED = 0.9, 0.06
 """Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
 are lost from pairs in .08, and no message on a grid does."""
-_SPARSEST = 0.37
-"""Share of places taken: with 0.4 the bound on interpolation holds, with 0.3 it does not."""
 _EXACT = 0.05
 """In intervals: a driver's header stamps lie closer, batches and ticks do not."""
 _NEAR = 0.15
 """The same for receive stamps, of which some are a little late. A judgment."""
-_SHORTEST_STEP_NS = 1e5
-"""No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
-_SHORTEST_ON = 0.1
-"""Share of the time that even segments take up at least; bursts take up a few percent."""
 _LONGEST_BATCH_NS = 5e8
 """A FIFO is read more often: it overflows after some tenths of a second."""
 _TICKS_NS = (100_000, 1_000_000, 10_000_000)
 """Clocks of drivers count in these: tenths of a millisecond, milliseconds, and Linux's jiffies."""
-_LEAST_OUTAGE = 4.0
-"""Intervals: losses of single messages leave shorter pauses."""
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
-_MOST_PERCENT = 95
-"""Of lags, the share that is used: all but strays. A judgment."""
 _STRAIGHT = 0.75
 """Intervals from a line within which a tick or a dropping counter keeps every message."""
-_WIDER_THAN_TICK = 0.99
-"""Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two
-are kept and two dropped in turn they lie within 1, of three kept and two dropped within 1.33."""
-_SAME_PACE = 0.2
-"""Share of the losses by which two paces may differ and still be the same."""
 _GROUP = 16
 """Messages to a median: with 8, ticks as long as the interval pass for losses (a test)."""
 _GROUPS = 8
 """A jump lasts if 8 medians of 16 messages lie above the 8 before: a stall is over by then."""
-_LASTING = 0.5
-"""In intervals: half of one is the least that rounds to a lost sample."""
-_MOST_JUMPS = 64
-"""In one batch of messages: each costs a pass over the levels, and the largest come first."""
 _LEAP = 16
 """Missing samples: with 8, jumps that losses add up to are unambiguous; 32 does as well."""
 _HIDDEN_LAGS = np.array([32, 64, 96, 128])
@@ -83,20 +62,14 @@ _ERRORS, _ERRORS_OF_LINE = 2.0, 5.0
 """Standard deviations of a variance of so few segments as fit into a window. A line fitted to the
 stamps takes some of their wander with it: of 60 windows each of 2048 and 4096 messages with 2, 10
 and 40 % lost its bound held for all but 0 to 5 %."""
-_LONGEST_OF_BATCHES = 20
-"""Messages: a FIFO is read more often."""
 _MOST_HIDDEN = 0.9
 """Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
 _LEAST_SPEED = 0.5
 """Of two clocks that stamp the same messages. A judgment."""
-_SOME_HIDDEN = 0.005
-"""Share of the samples from which on it is reported."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
 """Share and intervals by which phases must fit better for an interval to be preferred."""
-_RATE_PARTS = 0.12
-"""Of the logarithm: neither a lost message nor a tick moves a part by that."""
 
 
 @dataclass(frozen=True)
@@ -156,14 +129,16 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
         # Bursts fit the grid of every interval that divides their distance.
         short = steps < 0.5 * overall
-        if np.mean(short) > _MOSTLY_IN_BURSTS:
+        # Half of the steps of pairs are short, more of longer bursts.
+        if np.mean(short) > 0.55:
             return _in_batches(time, ~short) or _on_a_line(time)[0]
         grid = _best_grid(time, steps, overall)
     else:
         grid = _on_grid(time, steps, overall)
     if grid is None or _is_tick(stamps, steps, grid.interval_ns):
         return _on_a_line(time)[0]
-    if grid.interval_ns < _SPARSEST * overall:
+    # With 0.4 of the places taken the bound on interpolation holds, with 0.3 it does not.
+    if grid.interval_ns < 0.37 * overall:
         # Too many places are empty to be interpolated.
         line, _ = _on_a_line(time)
         return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
@@ -254,7 +229,8 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
     # Beginnings have no sawtooth, so that shorter distances decide, and more surely.
     hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, _ERRORS)
-    if hidden > _SOME_HIDDEN:
+    # Less than one in 200 changes nothing that counts.
+    if hidden > 0.005:
         # Something is lost. Of equal batches the sizes are binomial then, and say it more surely.
         single = size[size < 1.5 * np.median(size)]
         share = float(single.var() / single.mean()) * (1 + 2 * sqrt(2 / len(single)))
@@ -274,7 +250,8 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     apart = abs(line.interval_ns / grid.interval_ns - 1)
     # What a line takes for ticks are the places of the grid that it has not got. So few of them
     # may be losses that come evenly by chance, beside others that the line sees as well.
-    if apart < max(_SAME_PACE * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
+    # Paces that differ by a fifth of the losses may still be the same.
+    if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:
@@ -284,7 +261,10 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
         return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
-    if wide > _WIDER_THAN_TICK * grid.interval_ns:
+    # Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two
+    # are kept and two dropped in turn they lie within 1, of three kept and two dropped within
+    # 1.33.
+    if wide > 0.99 * grid.interval_ns:
         return grid
     return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
@@ -318,7 +298,8 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
 def _even_with_outages(steps: Floats) -> float | None:
     """Median step, where messages are evenly apart but for pauses of any length."""
     usual = float(np.median(steps))
-    if usual < _SHORTEST_STEP_NS:
+    # No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO.
+    if usual < 1e5:
         return None
     near = np.abs(steps - usual) < 0.1 * usual
     on = float(steps[near].sum()) / float(steps.sum())
@@ -327,9 +308,11 @@ def _even_with_outages(steps: Floats) -> float | None:
         return None
     lasting = float(np.median(pauses))
     # Of a few messages between two outages there may be fewer steps.
-    few = lasting > max(_LONGEST_BATCH_NS, _LEAST_OUTAGE * usual)
+    # Losses of single messages leave shorter pauses.
+    few = lasting > max(_LONGEST_BATCH_NS, 4.0 * usual)
+    # Even segments take up a tenth of the time at least, bursts a few percent.
     if np.mean(near) > (0.5 if few else 0.75) and (
-            on > _SHORTEST_ON or len(steps) > PHASE_GROUP * len(pauses)
+            on > 0.1 or len(steps) > PHASE_GROUP * len(pauses)
             or lasting > _LONGEST_BATCH_NS):
         return usual
     return None
@@ -396,7 +379,8 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
     residual = time / interval - counted
     residual -= float(np.median(residual))
     # A single loss is seen some messages early or late: up to there they lie off.
-    worst = float(np.percentile(np.abs(residual), _MOST_PERCENT))
+    # All lags but strays: a judgment.
+    worst = float(np.percentile(np.abs(residual), 95))
     # Small jumps may be what random losses add up to.
     leaps = np.diff(counted - place, prepend=0.0)
     hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS,
@@ -414,8 +398,9 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
     if len(residual) < 3 * lags[-1]:
         return 0.0
     # Averaged over a batch: it has most of its own at half a batch, and nothing at a whole one.
+    # A FIFO is read at least every twenty messages.
     variances = [float(np.mean([np.var(residual[at:] - residual[:-at])
-                                for at in range(lag, lag + _LONGEST_OF_BATCHES)]))
+                                for at in range(lag, lag + 20)]))
                  for lag in lags.tolist()]
     slope = float(np.polyfit(lags, variances, 1, w=1 / lags)[0])
     error = sqrt(2 * float(lags[-1]) / len(residual))
@@ -447,10 +432,12 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
     lead = 0 if before is None else _GROUPS
     if before is not None:
         level = np.concatenate([np.full(_GROUPS, before), level])
-    for _ in range(_MOST_JUMPS):
+    # Each costs a pass over the levels, and the largest come first.
+    for _ in range(64):
         rise = _lasting_rise(level)
         at = int(np.argmax(rise))
-        if rise[at] < _LASTING:
+        # Half an interval is the least that rounds to a lost sample.
+        if rise[at] < 0.5:
             break
         left, right = level[max(at - _GROUPS, 0):at], level[at:at + _GROUPS]
         size = int(np.rint(np.median(right) - np.median(left)))
@@ -495,7 +482,8 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     edges = [0]
     for at in range(1, parts):
         so_far = float(np.median(smooth[edges[-1]:at]))
-        if np.all(np.abs(np.log(smooth[at:at + 2] / so_far)) > _RATE_PARTS):
+        # Neither a lost message nor a tick moves a part by 12 %.
+        if np.all(np.abs(np.log(smooth[at:at + 2] / so_far)) > 0.12):
             edges.append(at)
     edges.append(parts)
     lengths = np.diff(edges)

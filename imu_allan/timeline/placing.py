@@ -41,22 +41,16 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_CLOCK_STEP_S = 1.0
-"""A leap of one clock alone by more is a step of that clock."""
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: such a leap is a fault of the stamps whatever the other says."""
 _LATELY = 128
 """Messages from which lateness and jitter are measured: some seconds at common rates."""
-_FOLLOW = 0.2
-"""Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
 _UNEVEN_PART = 256
 """Messages from which a rate that changes is measured: `_LATELY` of them pass without a gap."""
 _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
-_LATE_AS_A_GAP = 3.0
-"""Intervals by which the time of a gap is off its places where its end is late, and no gap."""
 _BESIDE_GAP = 3
 """Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
@@ -173,7 +167,8 @@ class Placing(Record):
         cursor = self.cursor
         jumps = np.zeros(len(stamps), dtype=bool)
         interval = self._decision.pace.interval_ns
-        limit = max(_CLOCK_STEP_S * SECOND, min(200 * interval, _NEVER_NS))
+        # A leap of one clock alone by more than a second is a step of that clock.
+        limit = max(SECOND, min(200 * interval, _NEVER_NS))
         last = cursor.last_ns if cursor.last_ns is not None else int(stamps[0])
         steps = np.diff(stamps, prepend=last)
         for at in np.flatnonzero(steps > limit).tolist():
@@ -401,8 +396,9 @@ class Placing(Record):
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < _FOLLOWED:
+                # An oscillator drifts slowly, jitter does not.
                 self._decision.pace = replace(
-                    self._decision.pace, interval_ns=interval + _FOLLOW * (lately_ns - interval))
+                    self._decision.pace, interval_ns=interval + 0.2 * (lately_ns - interval))
 
     def _begin_run(self, stamp: int, other: int, interval: float) -> None:
         """Let time go on at the first message of a run, by the clock that did not jump."""
@@ -425,8 +421,9 @@ class Placing(Record):
 def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
     """Distinguish long gaps from single messages that came as late as a gap is long."""
     far: Bools = steps > tolerated
+    # Where its end is late, the time of what is no gap is off its places by three intervals.
     return far if pace.counting else far & (
-        np.abs(passed / pace.interval_ns - steps) < _LATE_AS_A_GAP)
+        np.abs(passed / pace.interval_ns - steps) < 3.0)
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:

@@ -22,44 +22,22 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_REMEMBERED = 512
-"""Windows at rest that make the baseline: four minutes. Of fewer the threshold scatters."""
-_REFRESH = 256
-"""New windows, two minutes: half of the next baseline. It follows temperature, not a slow turn."""
-_PERSISTENT = 128
-"""Windows after which a new level may be the sensor's own: a minute. A judgment."""
-_PERSISTENT_SHARE = 0.25
-"""Of those so many must have been called motion: below, what was seen is knocks, unless..."""
-_LEAST_SHARE = 0.05
-"""... so many were and all windows are similar, as where a single axis has become louder."""
-_ADOPTED_RATIO = 3.0
-"""What is so much louder than rest may be is an engine, not the sensor. A judgment."""
-_ADOPTED_SHARE = 0.9
-"""Of the windows of a new level that have to be similar: those of motion are not."""
 _FEWEST_WINDOWS = 8
 """Below, the spread of loudness is not measured: `_FEW_SPREAD` is used."""
-_FEW_WINDOWS = 32
-"""Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
 _FEW_SPREAD = 0.1
 """Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
-_REPORTED_RATIO = 3.0
-"""Noise that has become so many times louder or quieter is reported. A judgment."""
 _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
 _QUIET_PERCENT = 12.5
 """The quietest eighth is taken for rest: with less rest than that, motion enters the baseline."""
 _SIGMAS = 8.0
 """Far beyond chance: fewer would cut noise out that is not quite normal. A judgment."""
-_LEAST_EXCESS = 0.35
-"""Of the loudness, the cube root of a variance: noise that is 1.6 times as large is no motion."""
 QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
 _FINE = 0.7
 """Noise over a step from which on the step hides nothing: below, an output may rest for long."""
 _FEWEST_INNER = 4
 """Windows with neighbours on both sides, from which the wander of their means is measured."""
-_DITHER = 0.75
-"""Of a squared step: an output of whole steps that flips between two has about a quarter."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +63,11 @@ class Baseline:
 
     def loudest(self, shorter: float = 1.0) -> Floats:
         """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
+        # Loudness is the cube root of a variance: noise 1.6 times as large is no motion.
         excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
-                            _LEAST_EXCESS * self.loudness)
-        stepping = np.cbrt(_DITHER * self._steps() ** 2)
+                            0.35 * self.loudness)
+        # An output of whole steps that flips between two has about a quarter of a squared step.
+        stepping = np.cbrt(0.75 * self._steps() ** 2)
         loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
 
@@ -162,7 +142,8 @@ class RestLevel(Record):
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         loudness, wander = loudness[still], wander[still]
-        if len(loudness) >= _FEW_WINDOWS:
+        # The quietest eighth of fewer is less than four windows, whose spread says nothing.
+        if len(loudness) >= 32:
             self.baseline, rest = settle(loudness, wander, resolution)
         else:
             # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
@@ -273,8 +254,10 @@ class RestLevel(Record):
         rest = windows[inner & ~moving]
         if len(rest):
             self.news.append(rest)
-        if sum(map(len, self.news)) >= _REFRESH:
-            self.past = np.concatenate([self.past, *self.news])[-_REMEMBERED:]
+        # Two minutes are half of the next baseline, which follows temperature, not a slow turn.
+        if sum(map(len, self.news)) >= 256:
+            # Of less than four minutes at rest the threshold scatters.
+            self.past = np.concatenate([self.past, *self.news])[-512:]
             self.news = []
             changes += self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
                                                self.baseline.resolution))
@@ -282,7 +265,8 @@ class RestLevel(Record):
             verdict = np.where(beyond, 2.0, moving)
             self.lately = np.concatenate(
                 [self.lately, np.column_stack([windows, verdict])[inner]])
-            if len(self.lately) >= _PERSISTENT:
+            # After a minute a new level may be the sensor's own: a judgment.
+            if len(self.lately) >= 128:
                 changes += self._accept_change()
                 self.lately = self.lately[:0]
         return changes
@@ -292,13 +276,17 @@ class RestLevel(Record):
         assert self.baseline is not None
         verdict = self.lately[:, 18]
         share = float(np.mean(verdict))
-        if np.any(verdict > 1) or share < _LEAST_SHARE:
+        # Of a new level one window in twenty at least was called motion.
+        if np.any(verdict > 1) or share < 0.05:
             return []
         baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
                                  self.baseline.resolution)
-        little = _ADOPTED_RATIO ** (2 / 3) * self.baseline.loudest()
-        if (share < _PERSISTENT_SHARE and not still.all()) or (
-                np.mean(still) <= _ADOPTED_SHARE or np.any(baseline.loudness >= little)):
+        # Three times louder than rest is an engine, not the sensor: a judgment.
+        little = 3.0 ** (2 / 3) * self.baseline.loudest()
+        # Where less than a quarter was called motion, what was seen is knocks, unless all windows
+        # are similar, as where a single axis has become louder. Those of motion are not.
+        if (share < 0.25 and not still.all()) or (
+                np.mean(still) <= 0.9 or np.any(baseline.loudness >= little)):
             return []
         self.past = self.lately[still, :18]
         self.news = []
@@ -312,7 +300,8 @@ class RestLevel(Record):
         known = (self.first > 0) & (baseline.loudness > 0)
         ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
         most = max(ratio.tolist(), key=lambda ratio: abs(log(ratio)), default=1.0)
-        if abs(log(most)) <= log(_REPORTED_RATIO):
+        # Noise that has become three times louder or quieter is reported: a judgment.
+        if abs(log(most)) <= log(3.0):
             return []
         self.first = baseline.loudness
         return [most]

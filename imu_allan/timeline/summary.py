@@ -17,8 +17,6 @@ from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
 from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
 
-_CLEAR_RATE = 1e-3
-"""Less than this the ends of a record do not matter. A judgment."""
 _EPOCH_CLOCK_NS = 20 * 365 * 86400 * SECOND
 """Stamps below count from a boot, not from 1970."""
 
@@ -180,7 +178,8 @@ def _measured_rate(counts: Counts, decision: Decision) -> float | None:
         # A short record begins or ends within a batch; the first interval is of whole batches.
         first = SECOND / decision.first_interval_ns
         error = decision.rate_error(counts.paced_steps)
-        if error > _CLEAR_RATE and abs(first / rate - 1) < error:
+        # Below a thousandth the ends of a record do not matter: a judgment.
+        if error > 1e-3 and abs(first / rate - 1) < error:
             return first
     return rate
 

@@ -21,18 +21,10 @@ Bools = NDArray[np.bool_]
 PART_S = 0.02
 """Loudness is measured within such parts of a window, fast noise, and between them, slow noise."""
 
-_ROUNDING = 1e-13
-"""Of the mean: a sum of some hundred equal values is off by less, any noise is larger."""
-_PARTS = 25
-"""Half a second: a shorter window knows its noise worse, a longer one cuts more for a knock."""
 _LAGS = (1, 4)
 """Windows apart that are held against each other: a jerk, and a slow turn of two seconds."""
 FARTHEST_LAG = max(_LAGS)
 """Windows before those to be judged that these are held against."""
-_LONGEST_LAG_S = 6.0
-"""Of a slow sensor windows are longer: beyond this, drift is no motion. A judgment."""
-_MOST_RECENT = 64
-"""Windows of segments before a gap that those behind it are held against."""
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
@@ -111,9 +103,12 @@ class Windows(Record):
     def __post_init__(self) -> None:
         """Work out how many rows a window has."""
         self.part = max(round(PART_S / self.interval_s), 1)
-        self.size = _PARTS * self.part
+        # A shorter window than half a second knows its noise worse, a longer one cuts more for a
+        # knock.
+        self.size = 25 * self.part
+        # Windows of a slow sensor are longer: beyond 6 s drift is no motion. A judgment.
         self.lags = tuple(lag for lag in _LAGS
-                          if lag * self.size * self.interval_s < _LONGEST_LAG_S)
+                          if lag * self.size * self.interval_s < 6.0)
         self.farthest = max(self.lags, default=0)
 
     def time(self, segment: Segment, window: int) -> float:
@@ -169,9 +164,10 @@ class Windows(Record):
             count = last - newest
             places = begins + (np.arange(newest, last) - first) * size
             rows = np.full((count, 1), float(min(size, max(segment.held, 1))))
+            # Those behind a gap are held against 64 windows before it.
             self.recent = np.concatenate([self.recent, np.hstack([
                 places[:, None], rows, segment.means[newest:last],
-                segment.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
+                segment.loudness[newest:last, :6] ** 1.5])])[-64:]
         return beyond
 
 
@@ -197,7 +193,8 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
         means = coarse.mean(axis=2)
     means, power = means.T.copy(), np.concatenate([within, slow]).T.copy()
     # The mean of equal values is that value but for rounding, which is no noise.
-    power[power < (_ROUNDING * np.tile(means, 2)) ** 2] = 0.0
+    # A sum of some hundred equal values is off by less of its mean, any noise is larger.
+    power[power < (1e-13 * np.tile(means, 2)) ** 2] = 0.0
     if np.isnan(means[-1]).any():
         np.nan_to_num(means, copy=False)
         np.nan_to_num(power, copy=False)
