@@ -127,7 +127,7 @@ def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step
     n = len(weight)
     predicted = found.state[lane, starts, :n] @ weight
     variance = np.einsum('i,kij,j->k', weight, found.covariance[lane, starts, :n, :n],
-                        weight) + rest
+                         weight) + rest
     return float(np.mean((actual - predicted) ** 2 / variance))
 
 

@@ -54,7 +54,7 @@ def main() -> None:
     for kind, message in serialized(store).items():
         definition, _ = store.generate_msgdef(kind, ros_version=2)
         batches = [MessageBatch(np.tile(np.frombuffer(message, np.uint8), (AT_A_TIME, 1)), stamps)
-                  for _ in range(max(options.messages // AT_A_TIME, 1))]
+                   for _ in range(max(options.messages // AT_A_TIME, 1))]
         work.append((imu_messages(kind, definition).decoder(), batches))
     times = np.empty((options.repeats, 2))
     for repeat in range(options.repeats):

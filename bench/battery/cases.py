@@ -154,7 +154,7 @@ def _trends() -> list[Case]:
     cases = [Case('trends', name, replace(HOUR_OF_STILL, mean=_scaled(trend)), 12)
              for name, trend in hour.items()]
     for name, trend in (('ramp of 10 B', trends.ramp(10)),
-                         ('settling 30 B', trends.settling(30, 600))):
+                        ('settling 30 B', trends.settling(30, 600))):
         cases.append(Case('trends', f'{name} beside K', replace(
             HOUR_OF_WALK, mean=_scaled(trend)), 12))
     two_hours = Sensor(50, 2 * HOUR, STILL)

@@ -37,7 +37,6 @@ Answer = tuple[Any, tuple[BaseException, str] | None]
 """What a function returned, or what it raised and where: one of the two is None."""
 
 
-
 @contextmanager
 def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
     """

@@ -223,7 +223,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
             fastest = keep & (frequency > frequency[keep][-1] / 2)
             # Beyond twice the fastest octave, drift and its bends are in a part of a short record.
             keep &= level < 2.0 * np.average(level[fastest],
-                                                      weights=dof.sum(axis=0)[fastest])
+                                             weights=dof.sum(axis=0)[fastest])
         # A band with less is behind a low-pass and only leaks.
         keep &= level > 0.1 * np.median(level[keep])
     ratio = power / np.maximum(level, 1e-300)

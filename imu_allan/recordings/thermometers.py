@@ -57,7 +57,7 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
         return near[0]
     frame_id = _frame_id(recording, topic)
     same_frame = [heat for heat in near or apart
-             if frame_id and _frame_id(recording, heat.name) == frame_id]
+                  if frame_id and _frame_id(recording, heat.name) == frame_id]
     return same_frame[0] if len(same_frame) == 1 else None
 
 

@@ -23,7 +23,6 @@ _JUMP_MESSAGES = 16
 """So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
 
 
-
 def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
     """
     Say what keeps `stamps` from serving as the clock, empty where they can.

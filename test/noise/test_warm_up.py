@@ -49,7 +49,7 @@ def test_no_ramp_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
 
 def test_a_warm_up_of_some_minutes_in_a_night_is_one_exponential():
     axis, _ = warmed(lambda t: 0.05 * np.exp(-t / 300), 3, rate=1.0, hours=14.0,
-                        model={N: 1e-3, B: 1e-4})
+                     model={N: 1e-3, B: 1e-4})
     warm = axis.trend.warm_up
     assert warm.amplitude == pytest.approx(0.05, rel=0.1)
     assert covers(warm.time_constant_ci95, 300)

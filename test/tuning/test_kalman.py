@@ -68,7 +68,7 @@ def test_the_steady_state_is_where_the_filter_arrives():
     space = state_space(axis, 1.0)
     _, variance = innovations(space, np.zeros(3000))
     assert unaided_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(variance[-1],
-                                                                             rel=1e-9)
+                                                                            rel=1e-9)
     assert (np.linalg.eigvalsh(steady_covariance(space)) > 0).all()
 
 

@@ -303,7 +303,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes)
             samples = simulate({'noise_density': 1e-3, **terms}, 3000 * minutes, 50.0, seed)
             tuning = tune(characterize(samples, 50.0), 1.0, 60.0, conservative=True)
             filters = Filters.with_random_walk(one(tuning.noise_density**2),
-                                      one(tuning.random_walk**2), 1.0)
+                                               one(tuning.random_walk**2), 1.0)
             ratio = truth.expected(filters, horizons)[:, 0] / filters.predicted(horizons)[:, 0]
             over.append(ratio > 1)
             bound.append(ratio[-1]**-0.5)

@@ -158,7 +158,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     if said.exponent.observable:
         terms['bias_instability'] = replace(terms['bias_instability'], observable=False)
     identified = (said.sigma.observable or said.exponent.observable or bool(said.trends)
-            or ramp.observable or terms['rate_random_walk'].observable)
+                  or ramp.observable or terms['rate_random_walk'].observable)
     change = posterior.change.typical
     trends = {one.kind.key: one for one in said.trends}
     step, cycle, heat = (trends.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))

@@ -104,13 +104,13 @@ def _difference(more: Waveform, less: Waveform, time: Array) -> Array:
 
 TRENDS = (
     TrendKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.003, 4.0, 23),
-               lambda time, _: (warming(time),), most=2, smooth=True),
+              lambda time, _: (warming(time),), most=2, smooth=True),
     TrendKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
-               lambda time, _: (step(time),)),
+              lambda time, _: (step(time),)),
     TrendKind('slow_cycle', 0.05, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
-               lambda frequency, _: cycle(frequency), smooth=True),
+              lambda frequency, _: cycle(frequency), smooth=True),
     TrendKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
-               lambda order, duration: (legendre(int(order), duration),), continuous=False),
+              lambda order, duration: (legendre(int(order), duration),), continuous=False),
 )
 
 
@@ -285,8 +285,8 @@ class Whitened:
 
 
 def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
-                   records: Sequence[RecordSpectrum | None], bank: Bank
-                   ) -> list[list[TrendSet]]:
+                  records: Sequence[RecordSpectrum | None], bank: Bank
+                  ) -> list[list[TrendSet]]:
     """
     Fit the models of every axis beside each trend that promises something, greedily two of them.
 
@@ -385,7 +385,7 @@ Candidate = tuple[_Search, tuple[Found, ...]]
 
 
 def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
-          ) -> list[tuple[_Search, TrendSet]]:
+            ) -> list[tuple[_Search, TrendSet]]:
     """Fit the noises of axes beside their candidates: one batch for each number of columns."""
     widths = [sum(one.width for one in found) for _, found in candidates]
     fitted = []

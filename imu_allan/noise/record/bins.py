@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-
 @dataclass(frozen=True)
 class Bins:
     """Every frequency of a record, for all axes."""

@@ -24,7 +24,6 @@ LAGS = 256
 """Places apart: with two of three lost, interpolated samples share no noise beyond some 100."""
 
 
-
 @dataclass(frozen=True, eq=False)
 class Interpolation:
     """The interpolated samples of a record, as the fit of its spectrum takes them."""

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-
 def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
     """
     Cells of the whole-record series that fall into some segments.

@@ -88,7 +88,7 @@ def longest_blocks(sections: Sequence[SpectrumSection]) -> dict[int, int]:
 
 
 def whole_section(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
-                start: int = 0) -> SpectrumSection:
+                  start: int = 0) -> SpectrumSection:
     """
     Transform a part of a record as one block.
 
@@ -282,7 +282,7 @@ class Periodogram(SideBySide):
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
                 found.append(SpectrumSection(step, length, own.blocks, first, last,
-                                           own.power / own.blocks, gaps=own.gaps))
+                                             own.power / own.blocks, gaps=own.gaps))
             border = max(border, _LOWEST / step)
         return found
 

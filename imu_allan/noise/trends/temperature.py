@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-
 @dataclass(frozen=True)
 class TemperatureSeries:
     """The temperature over a record."""

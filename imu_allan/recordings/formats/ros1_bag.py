@@ -362,7 +362,7 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
 def _batch(records: NDArray[np.uint8], head: _MessageHead) -> MessageBatch:
     time = records[:, head.time_at:head.time_at + 8].view(_TIME)[:, 0]
     return MessageBatch(records[:, head.size:],
-                 time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
+                        time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
 
 
 def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> MessageBatch:

@@ -67,7 +67,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
     parts += wrapped([', '.join(_counts(fleet))], width, 'bold')
     for unit in fleet.population.odd_units:
         parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.grouped_reasons(unit))}'],
-                              width, 'yellow')
+                         width, 'yellow')
     for failure in fleet.failures:
         parts += wrapped([f'{printable(failure.unit)}: {printable(failure.reason)}'], width, 'red')
     return Group(*parts)

@@ -42,7 +42,7 @@ def outcome(make) -> str:
 def decode(definition: str, message: bytes) -> None:
     decoder = imu_messages(KIND, definition, options=CHOICE).decoder()
     for block in decoder([MessageBatch(np.frombuffer(message, np.uint8).reshape(1, -1),
-                                np.zeros(1, np.int64))], lambda *_: None):
+                                       np.zeros(1, np.int64))], lambda *_: None):
         assert block.samples.shape == (1, 6)
 
 
