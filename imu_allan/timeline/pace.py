@@ -68,8 +68,6 @@ _LEAST_SPEED = 0.5
 """Of two clocks that stamp the same messages. A judgment."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
-_CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
-"""Share and intervals by which phases must fit better for an interval to be preferred."""
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,6 @@ Array = NDArray[np.float64]
 
 _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
-_MISFIT = 1.1
-"""By how much less a group is worth where an axis is searched again."""
 _MOST = 10
 """Models of each set of trends that are drawn from."""
 _DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
@@ -147,7 +145,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
     best = [_best(own) for own in sets]
     judged = [_judged(one) for one in best]
     factors = np.stack([_misfit(*both) for both in zip(best, judged, strict=True)])
-    misfitted: NDArray[np.bool_] = np.any(factors > _MISFIT, axis=1)
+    # An axis is searched again where a group is worth a tenth less.
+    misfitted: NDArray[np.bool_] = np.any(factors > 1.1, axis=1)
     if misfitted.any():
         spectra = spectra.worth(spectra.dof / factors)
         found = again(spectra, found)
