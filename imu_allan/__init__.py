@@ -7,12 +7,15 @@ The public names are imported when they are first used, so that importing the pa
 nothing.
 """
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from __future__ import annotations
 
 from imu_allan.version import __version__
 
+# As type checkers read it; `typing` itself takes longer than all the rest here.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from imu_allan.analysis import analyze
     from imu_allan.characterization import Characterization
     from imu_allan.characterization.axis import characterize
@@ -57,6 +60,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
     if name not in _WHERE:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     value = getattr(import_module(_WHERE[name]), name)

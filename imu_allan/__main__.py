@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the command `imu_allan`, which is `python -m imu_allan`, begins."""
 
-from imu_allan.interruption import quiet_interrupt
+from imu_allan.interruption import heeded_interrupt, quiet_interrupt
 
 
 def main() -> int:
@@ -10,7 +10,8 @@ def main() -> int:
     with quiet_interrupt():
         from imu_allan.cli.main import main as run
 
-    return run()
+    with heeded_interrupt():
+        return run()
 
 
 if __name__ == '__main__':
