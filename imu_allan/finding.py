@@ -132,7 +132,7 @@ CODES: Mapping[str, Code] = {
         lowest_c=Celsius, highest_c=Celsius, curved=Flag, lag_s=Seconds | None),
     'slow_cycle': _know(period_s=Seconds),
     'coarse_resolution': _know(step=InUnit, unit=Text, ratio=Number),
-    'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text),
+    'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text, half_rate=Flag),
     'turn_on_bias': _know(sigma=InUnit, sigma_low=InUnit, sigma_high=InUnit, unit=Text),
     # what was done about it
     'start_auto': _know(warm_up_s=Seconds, left_out=Flag, longest_s=Seconds | None),

@@ -116,7 +116,7 @@ def joint_result(recordings: Sequence[Characterization],
          *_of_each(parts, axes),
          *with_start(remarks_of_axes, axes, min(part.result.timeline.duration_s for part in parts),
                      several=True),
-         *tone_findings(axes), *length_remarks(axes, summary)),
+         *tone_findings(axes, rate), *length_remarks(axes, summary)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
             {name: axis.mean for name, axis in part.result.axes.items()

@@ -378,8 +378,8 @@ def _fitted_axes(record: FinishedRecord, tested: Backtests | None
     axes = {name: widened(bounded(fitted[name]) if name in summary.turned else fitted[name],
                           *summary.density_error) for name in record.names}
     unclear = {name for remark in found if remark.code in MEAN_MOVES for name in remark.axes}
-    return axes, [*with_start(found, axes, summary.timeline.duration_s), *tone_findings(axes),
-                  *implausible(axes),
+    return axes, [*with_start(found, axes, summary.timeline.duration_s),
+                  *tone_findings(axes, record.rate_hz), *implausible(axes),
                   *length_remarks(axes, summary, unclear | set(summary.turned))], fits
 
 

@@ -88,6 +88,9 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
     before = _level(raw[:_FEW]) if new_run else 0
+    if new_run and raw[0] < before - 1:
+        # Stamps may be late, and none is early: the first one lies before a gap.
+        before = int(raw[0])
     padded = np.concatenate([[before], raw, [_level(raw[-_FEW:])]])
     # A single stray is none, and what is late catches up.
     smooth = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0).astype(np.int64)

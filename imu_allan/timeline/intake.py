@@ -206,7 +206,7 @@ class Intake(Record):
             return
         seen = alternates(samples)
         turns = [] if seen == 'noise' or self._is_alone(clocks[0]) else [
-            takes_turns(stamps, samples) for stamps in clocks]
+            takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
         if seen == 'noise' or 'apart' in turns:
             decision.remarks['several_publishers'] = {}
         elif seen or any(turns):

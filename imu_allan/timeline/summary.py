@@ -127,7 +127,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
     if options.motion == 'keep':
         # It was only looked for.
         motion = MotionSummary()
-    measured = _measured_rate(counts, decision)
+    measured = _measured_rate(counts, decision, cursor.late_ns)
     rate = options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
     start = None
@@ -169,11 +169,14 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         density_error=density_error(counts, decision))
 
 
-def _measured_rate(counts: Counts, decision: Decision) -> float | None:
-    """Return samples per second of all unbroken segments."""
-    if counts.paced_ns <= 0 or not counts.paced_steps:
+def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float | None:
+    """Return samples per second of all unbroken segments; the last stamp is so late."""
+    # By whole places, as behind a gap that passed for lateness: less may be a rate that drifts.
+    interval = decision.pace.interval_ns
+    passed = counts.paced_ns - max(int(late_ns / interval), 0) * interval
+    if passed <= 0 or not counts.paced_steps:
         return None
-    rate = counts.paced_steps / counts.paced_ns * SECOND
+    rate = counts.paced_steps / passed * SECOND
     if decision.pace.counting and decision.first_interval_ns:
         # A short record begins or ends within a batch; the first interval is of whole batches.
         first = SECOND / decision.first_interval_ns

@@ -613,6 +613,8 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     """Run one scenario; most of its time goes into the fit of the axes that are there."""
     messages, truth, rng = compose(seed, samples, kinds)
     messages.samples[:, rng.permutation(6)[axes_there:]] = np.nan
+    if not np.isfinite(messages.samples).any():
+        truth.told.add('refused')
     try:
         wrong, false_terms, axes = judge(
             characterized(messages, rng, numbered=numbered and not before(truth)), truth)

@@ -12,7 +12,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, takes_turns
 from imu_allan.timeline.rest_level import baseline_of
-from imu_allan.writers.words import presented
+from imu_allan.writers.words import message_of, presented
 from imu_messages import codes, run, told
 import numpy as np
 import pytest
@@ -430,6 +430,15 @@ def test_a_vibration_at_half_the_rate_is_said_to_be_perhaps_one(rate_hz, cycles,
     assert 'alternating' in found
 
 
+def test_two_sensors_too_alike_to_be_told_at_first_are_a_line_at_half_the_rate():
+    messages, _, _ = gyro(duration_s=600)
+    messages.samples[1::2] += 0.1 * SIGMA
+    found = [one for one in characterized(messages).warnings if one.code == 'tones']
+    assert len(found) == 3
+    assert all(one.values['half_rate'] for one in found)
+    assert 'or two sensors publish in turn' in message_of(presented(found)[0])
+
+
 def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second():
     messages, _, _ = rest()
     messages.samples[1::2] += 2 * SIGMA
@@ -767,6 +776,42 @@ def test_two_publishers_are_told_between_losses_too(lost, noisier):
     assert PERHAPS_TWO & codes(run(lose(messages, lost, rng).block())[0])
 
 
+@pytest.mark.parametrize('offset', [1 / 3, 0.5])
+@pytest.mark.parametrize('louder', [0.1, 2.0])
+def test_two_publishers_whose_stamps_make_a_faster_grid_are_told_between_losses(offset, louder):
+    messages, truth, rng = rest(50.0, 60)
+    messages.header = (messages.place // 2 + offset * (messages.place % 2)) / truth.rate_hz
+    messages.receive = messages.header + 1e-3
+    messages.samples[1::2] += (2 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
+                               + louder * SIGMA * rng.normal(size=messages.samples[1::2].shape))
+    assert PERHAPS_TWO & codes(run(lose(messages, 0.35, rng).block())[0])
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_gaps_about_as_long_as_the_tolerance_leave_the_rate_as_exact_as_late_stamps_allow(seed):
+    messages, truth, rng = rest(5.0, 900, seed)
+    late = rng.exponential(0.2 / truth.rate_hz, len(messages.place))
+    messages.header = np.maximum.accumulate(messages.header + late + 1e-9 * messages.place)
+    # Five or six samples: by late stamps the one passes for the other now and then.
+    lost = 5 + (rng.random(len(messages.place)) < 0.7)[messages.place // 16]
+    summary, _ = run(keep(messages, messages.place % 16 >= lost).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=5e-4)
+
+
+@pytest.mark.parametrize('at_end', [True, False])
+def test_a_sample_alone_at_an_end_leaves_the_rate_of_the_others(at_end):
+    messages, truth, rng = rest(208.0, 20)
+    messages.header = np.maximum.accumulate(
+        messages.header + rng.exponential(0.05 / truth.rate_hz, len(messages.place)))
+    messages.receive = messages.header + 1e-4
+    there = np.ones(len(messages.place), bool)
+    there[slice(-10, -1) if at_end else slice(1, 10)] = False
+    summary, _ = run(keep(messages, there).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-4)
+    # The last one may as well be late.
+    assert summary.timeline.missing in ((0, 9) if at_end else (9,))
+
+
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'period', 'lost'), [
     (800.0, 10.5, 178, 46), (100.0, 80.0, 35, 10)])
 def test_jitter_beside_long_gaps_leaves_the_rate_as_it_is(rate_hz, duration_s, period, lost):
@@ -814,11 +859,11 @@ def test_no_differentiated_output_of_one_sensor_passes_for_two(lost, filtered):
         stamps = (1e7 * (np.arange(6000) + rng.exponential(0.2, 6000))).astype(np.int64)
         there = rng.random(6000) >= lost
         assert not alternates(samples[there][:4096])
-        assert not takes_turns(stamps[there][:4096], samples[there][:4096])
+        assert not takes_turns(stamps[there][:4096], samples[there][:4096], 1e7)
 
 
 @pytest.mark.parametrize(('cycles', 'axes', 'lost'), [
-    *((cycles, [*range(6)], 0.2) for cycles in (0.02, 0.2, 0.25, 0.31, 0.4)),
+    *((cycles, [*range(6)], 0.2) for cycles in (0.02, 0.2, 0.25, 0.31, 1 / 3, 0.4)),
     *((cycles, axes, lost) for cycles in (0.45, 0.498, 0.5) for axes in ([0], [1, 5])
       for lost in (0.0, 0.02))])
 def test_no_vibration_passes_for_two_sensors_by_its_time(cycles, axes, lost):
@@ -828,7 +873,7 @@ def test_no_vibration_passes_for_two_sensors_by_its_time(cycles, axes, lost):
     there = rng.random(2600) >= lost
     late = rng.exponential(0.1, 2600) if lost < 0.1 else 0
     stamps = np.maximum.accumulate(np.arange(2600) + late)[there] * 1e7
-    assert not takes_turns(stamps.astype(np.int64), samples[there])
+    assert not takes_turns(stamps.astype(np.int64), samples[there], 1e7)
 
 
 @pytest.mark.parametrize('seed', [0, *map(slow, range(1, 6))])
@@ -837,7 +882,7 @@ def test_stamps_of_two_distances_are_looked_at_without_a_warning(seed: int) -> N
     for count in range(900, 1000):
         # One in five comes at once: no distance lies where a fifth of them are shorter.
         steps = np.where(np.arange(count) % 5 == 0, 1_000_000, 10_000_000)
-        assert not takes_turns(np.cumsum(steps), rng.normal(size=(count, 6)))
+        assert not takes_turns(np.cumsum(steps), rng.normal(size=(count, 6)), 1e7)
 
 
 @pytest.mark.parametrize('cycles', [0.31, slow(0.35), 0.4])
@@ -871,7 +916,7 @@ def test_an_output_of_few_values_is_no_two_sensors_and_hides_none(sigma, filtere
         samples[1::2] += 3 * np.array([1, -2, 0.5, -1, 1, 0.3])
         there = rng.random(4096) >= 0.3
         assert takes_turns(10_000_000 * np.flatnonzero(there),
-                           0.00106 * np.rint(samples)[there])
+                           0.00106 * np.rint(samples)[there], 1e7)
 
 
 @pytest.mark.parametrize(('rate_hz', 'pattern'), [

@@ -106,7 +106,7 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
         'warnings': (
             finding('motion', count=2, excluded_s=345.0),
             finding('tones', ('gyro_z',), count=2, unit='rad/s', frequency_hz=23.4,
-                    amplitude=2e-4))}
+                    amplitude=2e-4, half_rate=False))}
     settings.update(fields)
     return Result(**settings)
 
