@@ -36,7 +36,7 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Findin
                 count=len(axis.tones) + sum(tone.lines for tone in axis.weaker_tones),
                 frequency_hz=strongest.frequency_hz, amplitude=strongest.amplitude,
                 # What alternates from message to message drifts by less. A judgment.
-                half_rate=any(2 * tone.frequency_hz > 0.999 * rate_hz for tone in axis.tones)))
+                half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones)))
     return found
 
 

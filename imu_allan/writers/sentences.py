@@ -369,9 +369,9 @@ WORDS: Mapping[str, Words] = {
             'perhaps by a bias that it estimates'),
         do=lambda f: _RAW_LOG if f.by == 'autopilot' else f'take {f.raw}'),
     'axis_not_finite': Words(
-        'not finite', 'The axis holds no numbers and is left out.',
+        'no numbers', 'The axis holds no numbers and is left out.',
         'All values are NaN or infinite, or a table has no such column.',
-        says='no numbers (no such column, NaN or infinite), left out',
+        says='left out: the table has no such column, or all values are NaN or infinite',
         do='name its column, or look whether the driver fills in this axis'),
     'frozen': Words(
         'frozen sensor',

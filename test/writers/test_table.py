@@ -117,7 +117,7 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
         'Gyroscope': 'not usable: stood still (x), saturated (y and z).'}),
     # An axis that is not there does not make the others useless.
     ({'gyro_x': None}, (finding('axis_not_finite', ('gyro_x',)),), 10_800.0, {
-        'Gyroscope': 'use with care: not finite (x).'}),
+        'Gyroscope': 'use with care: no numbers (x).'}),
     ({}, (finding('gravity', mean=1.0),), 10_800.0, {'Accelerometer': 'use with care: gravity.'}),
     *(({}, found, 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
                         'Accelerometer': 'not usable: 5.6 s at rest.'})

@@ -254,6 +254,8 @@ SAID = [
     finding('coarse_resolution', GYRO, step=0.03, unit='rad/s', ratio=3.0),
     finding('tones', GYRO, count=2, unit='rad/s', frequency_hz=23.4, amplitude=2e-4,
             half_rate=False),
+    finding('tones', GYRO, count=1, unit='rad/s', frequency_hz=100.0, amplitude=2e-4,
+            half_rate=True),
     finding('turn_on_bias', GYRO, sigma=1e-3, sigma_low=5e-4, sigma_high=3e-3, unit='rad/s'),
     finding('start_auto', warm_up_s=0.0, left_out=False),
     finding('start_auto', warm_up_s=1800.0, left_out=False),
