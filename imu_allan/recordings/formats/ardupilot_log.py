@@ -15,7 +15,7 @@ ISBD behind it hold, 32 each, as integers that are `mul` times the value.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
@@ -129,16 +129,20 @@ class ArduPilotRecording(TableLog):
                         continue
                     layout = np.dtype([
                         (column, ('<i2', 32) if letter == 'a' else _code(FORMAT_TO_STRUCT[letter]))
-                        for column, letter in zip(form.columns, form.format, strict=True)])
+                        for column, letter in zip(form.columns, form.format, strict=False)])
                     starts = np.asarray(log.offsets[number], np.int64)
                     starts = starts[starts + form.len <= self.size_bytes]
-                    if not len(starts) or layout.itemsize != form.len - _HEAD:
+                    if not len(starts):
                         continue
-                    if (lack := _lacking(name, layout)) is None:
-                        kinds[form.name] = _Kind(starts, form.len, layout)
+                    if (lack := _lacking(name, layout)) is not None:
+                        reason = f'its format (FMT) has no usable field {lack}'
+                    elif layout.itemsize != form.len - _HEAD:
+                        reason = 'the fields of its format (FMT) do not add up to its length'
                     else:
-                        self.reasons[form.name] = f'its format (FMT) has no usable field {lack}'
-                        self.other_topics[form.name] = f'ArduPilot {name}'
+                        kinds[form.name] = _Kind(starts, form.len, layout)
+                        continue
+                    self.reasons[form.name] = reason
+                    self.other_topics[form.name] = f'ArduPilot {name}'
         # The library raises what it meets in a damaged file.
         except Exception as error:
             raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
@@ -204,7 +208,8 @@ def _hushed() -> Iterator[None]:
     sys.stderr.flush()
     kept = os.dup(2)
     try:
-        with Path(os.devnull).open('w') as nowhere, redirect_stdout(nowhere):
+        with Path(os.devnull).open('w') as nowhere, redirect_stdout(nowhere), \
+                redirect_stderr(nowhere):
             os.dup2(nowhere.fileno(), 2)
             yield
     finally:

@@ -222,3 +222,24 @@ def test_a_message_without_a_field_is_told_with_the_field(tmp_path, name, field)
     with open_recording(path) as recording:
         assert not recording.topics
         assert recording.reasons[name] == f'its format (FMT) has no usable field {field}'
+
+
+def test_damage_is_quiet_where_standard_error_is_no_file(tmp_path, capsys):
+    path = write(tmp_path / 'a.bin', [*imu(), *raw('GYR', 1000, 300, 0.01)])
+    path.write_bytes(path.read_bytes().replace(b'QBQfff', b'fff'.ljust(6, b'\0')))
+    with open_recording(path) as recording:
+        assert [topic.name for topic in recording.topics] == ['IMU']
+    assert capsys.readouterr() == ('', '')
+
+
+@pytest.mark.parametrize(('given', 'reason'), [
+    ('TimeUS,I,GyrX,GyrY,GyrZ', 'its format (FMT) has no usable field AccX'),
+    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
+     'the fields of its format (FMT) do not add up to its length')])
+def test_a_format_of_fewer_fields_than_letters_is_told(tmp_path, given, reason):
+    path = write(tmp_path / 'a.bin', imu())
+    path.write_bytes(path.read_bytes().replace(
+        FORMATS['IMU'][2].encode(), given.encode().ljust(len(FORMATS['IMU'][2]), b'\0')))
+    with open_recording(path) as recording:
+        assert not recording.topics
+        assert recording.reasons['IMU'] == reason
