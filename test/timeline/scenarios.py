@@ -6,13 +6,19 @@ Recordings with known truth and the faults of real ones, singly and together, an
 
 A scenario is a rate, a duration and up to three faults, all drawn from one seed. It goes the way
 of every recording: blocks of random sizes, saves of the state, looks at the result on the way. The
-oracle then asks whether a number is wrong and nothing says so.
+oracle then asks whether a number is wrong and nothing says so. ::
+
+    python test/timeline/scenarios.py 0 2000 [more]
+
+prints those of a range of seeds that are wrong, and how many they are; `more` draws the faults
+that were found later, too.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import sqrt
+import sys
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization.stream import Characterization
@@ -626,3 +632,19 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     except Exception as error:
         wrong, false_terms, axes = [f'{type(error).__name__}: {error}'], 0, 0
     return Verdict(seed, tuple(truth.faults), truth.rate_hz, tuple(wrong), false_terms, axes)
+
+
+def main(first: int, last: int, kinds: Sequence[Sequence[Fault]]) -> None:
+    """Judge scenarios of three axes each."""
+    wrong = false_terms = axes = 0
+    for seed in range(first, last):
+        one = verdict(seed, 6000, 3, kinds=kinds)
+        wrong, false_terms, axes = (wrong + bool(one.violations), false_terms + one.false_terms,
+                                    axes + one.axes)
+        if one.violations:
+            print(one, flush=True)
+    print(f'{wrong} of {last - first} wrong, {false_terms} of {axes} axes with a false slow term')
+
+
+if __name__ == '__main__':
+    main(*map(int, sys.argv[1:3]), MORE_FAULTS if sys.argv[3:] == ['more'] else FAULTS)
