@@ -4,8 +4,8 @@
 Messages of the IMU's topic that are not sensor_msgs/Imu, or hold it within.
 
 Read as a recording of them is: `imu_allan.recordings.messages` knows the types of drivers, finds
-an Imu inside of others, and takes fields that the user names. The definition is that of the
-Python class, which the subscription needs all the same.
+an Imu inside of others, and takes fields that the user names. The fields are those of the Python
+class, which the subscription needs all the same.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,6 +17,7 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import blocks_from_messages, MalformedImu
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,13 +26,12 @@ OnMalformed = Callable[[int, MalformedImu], None]
 Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
 
 _NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
-_SEQUENCE = re.compile(r'sequence<(?P<kind>[^,]+)(?:, (?P<most>\d+))?>')
-_BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool', 'octet': 'byte'}
-"""Names that Python has for types whose name in a ``.msg`` file is another."""
+_KIND = re.compile(r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?')
+"""What a field is of: an element, bounded or not, of an array, a sequence or alone."""
+_BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool'}
+"""Names that Python has for types whose name in a definition is another."""
 _OPTIONS = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
             '--accel': 'accel_field', '--stamp': 'stamp_field'}
-_SEPARATOR = '=' * 80
-"""As rosbag2 puts it between the definitions of the parts of a message."""
 
 
 def message_class(type_name: str) -> Any:
@@ -51,30 +51,25 @@ def message_class(type_name: str) -> Any:
                             ) from error
 
 
-def definition_of(type_name: str) -> str:
-    """Write the definition of a message type from its Python class."""
-    texts: dict[str, str] = {}
-    waiting = [type_name]
+def types_of(type_name: str) -> Types:
+    """Return the fields of a message type, and of those in it, from their Python classes."""
+    types: dict[str, tuple[Field, ...]] = {}
+    waiting = [normal_name(type_name)]
     while waiting:
-        name = waiting.pop(0)
-        if name in texts:
-            continue
-        lines = []
-        for field, kind in message_class(name).get_fields_and_field_types().items():
-            sequence = _SEQUENCE.fullmatch(kind)
-            if sequence is not None:
-                most = f'<={sequence["most"]}' if sequence['most'] else ''
-                element, size = sequence['kind'], f'[{most}]'
-            else:
-                element, bracket, rest = kind.partition('[')
-                size = bracket + rest
-            if '/' in element:
-                waiting.append(element)
-            element = element.replace('string<', 'string<=').rstrip('>')
-            lines.append(f'{_BASE.get(element, element)}{size} {field}')
-        texts[name] = '\n'.join(lines)
-    first = texts.pop(type_name)
-    return first + ''.join(f'\n{_SEPARATOR}\nMSG: {name}\n{text}' for name, text in texts.items())
+        name = waiting.pop()
+        if name not in types:
+            types[name] = tuple(_field(field, kind) for field, kind in (
+                message_class(name).get_fields_and_field_types().items()))
+            waiting += [field.kind for field in types[name] if '/' in field.kind]
+    return types
+
+
+def _field(name: str, kind: str) -> Field:
+    found = _KIND.match(kind)
+    assert found is not None, kind
+    element = _BASE.get(found['element'], found['element'])
+    count = int(found['count']) if found['count'] else None
+    return field_of(name, normal_name(element), 0 if kind.startswith('sequence') else count)
 
 
 def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
@@ -84,16 +79,13 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
         return lambda messages, receive_ns, on_malformed: blocks_from_messages(
             messages, receive_ns, on_malformed=on_malformed)
     # Most nodes read sensor_msgs/Imu and have no use for these.
-    from imu_allan.recordings.messages.imus_in import decoder_of
+    from imu_allan.recordings.messages.imus_in import imu_messages
     from imu_allan.recordings.messages.message_batch import MessageBatch
     from imu_allan.recordings.options import RecordingOptions
     try:
-        decode = decoder_of(type_name, definition_of(type_name), options=RecordingOptions(
+        decode = imu_messages(type_name, types_of(type_name), options=RecordingOptions(
             gyro=gyro or None, accel=accel or None, stamp=stamp or None,
-            gyro_unit=gyro_unit or None, accel_unit=accel_unit or None))
-    except ImportError as error:
-        raise ImuAllanError(f'{type_name}: needs the Python package {error.name}: '
-                            f'pip install {error.name}') from error
+            gyro_unit=gyro_unit or None, accel_unit=accel_unit or None)).decoder()
     except ImuAllanError as error:
         text = str(error)
         for option, parameter in _OPTIONS.items():

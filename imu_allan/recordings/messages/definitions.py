@@ -7,7 +7,7 @@ The `rosbags` library parses them; here they become the fields of each type, in 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 import os
 from pathlib import Path
@@ -75,13 +75,20 @@ class UnreadableDefinition(ImuAllanError):
     """A definition that cannot be parsed."""
 
 
+def field_of(name: str, kind: str, count: int | None = None) -> Field:
+    """Make a field of a base type or message type, as a definition calls it."""
+    # A base type that is not known, such as wstring, is like a message that is not defined.
+    return Field(name, _BASE.get(kind, kind), kind not in _BASE, count)
+
+
 def normal_name(type_name: str) -> str:
     """Spell the name of a type as ROS 2 does: package/msg/Name."""
     package, _, name = type_name.rpartition('/')
     return type_name if not package or '/' in package else f'{package}/msg/{name}'
 
 
-def parse(type_name: str, definition: Definition, serialization: Serialization = 'cdr') -> Types:
+def parse(type_name: str, definition: Definition | Types,
+          serialization: Serialization = 'cdr') -> Types:
     """
     Parse the definition of a type and of those in it.
 
@@ -92,8 +99,8 @@ def parse(type_name: str, definition: Definition, serialization: Serialization =
     ----------
     type_name : str
         Its name in ROS 1 or ROS 2.
-    definition : Definition
-        The text.
+    definition : Definition or Types
+        The text, or the fields themselves where they are known without.
     serialization : {'cdr', 'ros1'}
         Which of the two ROS it is of.
 
@@ -107,6 +114,8 @@ def parse(type_name: str, definition: Definition, serialization: Serialization =
         If it is no definition.
 
     """
+    if not isinstance(definition, Definition):
+        return definition
     from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
 
     name = normal_name(type_name)
@@ -153,13 +162,8 @@ def _field(name: str, node: tuple[int, Any]) -> Field:
     # rosbags: 1 is a base type, 2 a message, 3 an array, 4 a sequence.
     if kind in (3, 4):
         element, size = content
-        inner = _field(name, element)
-        return Field(name, inner.kind, inner.is_message, int(size) if kind == 3 else 0)
-    if kind == 2:
-        return Field(name, str(content), True, None)
-    base = str(content[0])
-    # A base type that is not known, such as wstring, is like a message that is not defined.
-    return Field(name, _BASE.get(base, base), base not in _BASE, None)
+        return replace(_field(name, element), count=int(size) if kind == 3 else 0)
+    return field_of(name, str(content if kind == 2 else content[0]))
 
 
 @lru_cache(maxsize=4)

@@ -69,7 +69,7 @@ def is_parsed(topic: str, type_name: str, definition: Definition, options: Recor
 
 def imus_in(
     topic: str, type_name: str, serialization: Serialization,
-    definition: Definition | None, options: RecordingOptions,
+    definition: Definition | Types | None, options: RecordingOptions,
 ) -> dict[str, ImuMessages]:
     """
     Find the IMUs in the messages of a topic.
@@ -80,8 +80,8 @@ def imus_in(
         The topic and its type.
     serialization : {'cdr', 'ros1'}
         How its messages are serialized.
-    definition : Definition or None
-        What the recording carries.
+    definition : Definition, Types or None
+        What the recording carries, or a Python class has.
     options : RecordingOptions
         Fields and units that the user names.
 
@@ -110,7 +110,7 @@ def imus_in(
 
 def _imus_in(
     topic: str, kind: str, serialization: Serialization,
-    definition: Definition | None, options: RecordingOptions,
+    definition: Definition | Types | None, options: RecordingOptions,
 ) -> dict[str, ImuMessages]:
     gyro, accel = _named(topic, options)
     if gyro is not None or accel is not None:
@@ -146,8 +146,10 @@ def _named(topic: str, options: RecordingOptions) -> tuple[str | None, str | Non
             options.accel if options.accel_topic in (None, topic) else None)
 
 
-def _shows_imu(definition: Definition) -> bool:
-    return any(sign in definition.text for sign in _SIGNS)
+def _shows_imu(definition: Definition | Types) -> bool:
+    # Fields that are known already cost nothing to look through.
+    return not isinstance(definition, Definition) or any(
+        sign in definition.text for sign in _SIGNS)
 
 
 def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,
@@ -207,11 +209,12 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     return imu_messages(type_name, definition, serialization, options).decoder()
 
 
-def imu_messages(type_name: str, definition: str, serialization: Serialization = 'cdr',
+def imu_messages(type_name: str, definition: str | Types, serialization: Serialization = 'cdr',
                  options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
     """Say how messages of a type are read; as `decoder_of`, of which it is the first half."""
-    text = Definition(definition) if definition.strip() else None
-    found = imus_in('', type_name, serialization, text, options)
+    known = (definition if not isinstance(definition, str)
+             else Definition(definition) if definition.strip() else None)
+    found = imus_in('', type_name, serialization, known, options)
     if len(found) > 1:
         raise ImuAllanError(
             f'type {shown(type_name)} holds {len(found)} IMUs '
@@ -224,7 +227,7 @@ def imu_messages(type_name: str, definition: str, serialization: Serialization =
     return messages
 
 
-def _types(kind: str, serialization: Serialization, carried: Definition | None,
+def _types(kind: str, serialization: Serialization, carried: Definition | Types | None,
            options: RecordingOptions) -> Types:
     try:
         return parse(kind, _definition_of(kind, carried, options), serialization)
@@ -237,8 +240,8 @@ def _types(kind: str, serialization: Serialization, carried: Definition | None,
         return outer
 
 
-def _definition_of(kind: str, carried: Definition | None, options: RecordingOptions,
-                   ) -> Definition:
+def _definition_of(kind: str, carried: Definition | Types | None, options: RecordingOptions,
+                   ) -> Definition | Types:
     """Return what the recording carries, or else what the user names or has sourced."""
     found = carried or find_definition(kind, definition_files(options.definitions))
     if found is None:
