@@ -6,11 +6,13 @@ import importlib
 import json
 from pathlib import Path
 import re
+import subprocess
 import sys
 from typing import Any
 
 import numpy as np
 import pytest
+from test_packaging import environment, fresh_environment
 
 ROOT = Path(__file__).parents[1]
 
@@ -147,3 +149,19 @@ def test_the_page_shows_every_length_that_was_timed(peers: Any) -> None:
 def test_the_page_is_the_one_the_command_wrote(peers: Any) -> None:
     figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
     assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.version_info < (3, 11), reason='the pinned versions need Python 3.11')
+def test_a_fresh_environment_repeats_one_row_of_the_page(tmp_path: Path) -> None:
+    peers = ROOT / 'bench' / 'peers'
+    python = environment(tmp_path / 'venv', '--requirement', str(peers / 'requirements.txt'),
+                         str(ROOT)) / 'python'
+    done = subprocess.run([str(python), str(peers / 'run.py'), '--row', 'b', 'wavelets'],
+                          check=True, capture_output=True, text=True, env=fresh_environment())
+    row = json.loads(done.stdout.partition('\n')[2])['coefficients']
+    page = json.loads((peers / 'figures.json').read_text())['accuracy']['b']['tools']['wavelets']
+    assert row.keys() == page['coefficients'].keys()
+    for key, scores in page['coefficients'].items():
+        # Another kind of processor rounds what comes after.
+        assert row[key] == pytest.approx(scores, rel=1e-12)

@@ -180,7 +180,7 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
                     for tool in figures['tools'].values()) + '\n'
     yield ('Adapters are our own (`bench/peers/adapters/`), with each '
            'tool at its defaults. One number a sensor is compared with each of its axes.\n')
-    yield ('GMWM was not run; in R: '
+    yield ('GMWM was not run, with CRAN out of reach; in R: '
            '`install.packages("simts"); library(simts); gmwm_imu(WN() + RW(), samples)`. '
            'N is `sqrt(SIGMA2 / rate)`, K `sqrt(GAMMA2 * rate)`.\n')
 
@@ -336,6 +336,7 @@ def speed(rows: Mapping[str, Any]) -> Iterator[str]:
 def repeating() -> Iterator[str]:
     """Say how a row is made again."""
     yield '## Repeating it\n'
-    yield 'One row, the same to the digit wherever the same versions run:\n'
+    yield ('One row, with these versions the same to the digit, and to twelve digits on another '
+           'kind of processor:\n')
     yield ('```text\nmake .venv-peers/.installed\n.venv-peers/bin/python bench/peers/run.py '
-           '--row b wavelets --records 1\n```\n')
+           '--row b wavelets\n```\n')

@@ -5,7 +5,7 @@ Compare Allan tools and write docs/peers.md.
 
     python bench/peers/run.py                        # everything; `make bench-peers` calls it
     python bench/peers/run.py --parts accuracy --cases a b --records 2
-    python bench/peers/run.py --row b wavelets --records 1
+    python bench/peers/run.py --row b wavelets
     python bench/peers/run.py --parts                # the page from the figures that there are
 
 Figures are kept in bench/peers/figures.json: a part or a case that is run anew replaces what was
