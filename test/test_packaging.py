@@ -315,12 +315,13 @@ def test_pip_installs_the_offline_tool_without_ros(
         "'imu_allan[ros]'\n")
 
 
-ROSDEP = ('numpy', 'scipy', 'matplotlib', 'PyYAML', 'jinja2', 'rich', 'pytest',
-          'hypothesis', 'ros-jazzy-rclpy[fastrtps]', *(
+ROSDEP = ('numpy', 'scipy', 'matplotlib', 'PyYAML', 'jinja2', 'rich', 'pytest', 'hypothesis',
+          'pytest==7.4.4; python_version < "3.13"', 'hypothesis==6.98.15; python_version < "3.13"',
+          'ros-jazzy-rclpy[fastrtps]', *(
               f'ros-jazzy-{name}-msgs'
               for name in ('sensor', 'diagnostic', 'geometry', 'std', 'rosgraph')),
           'ros-jazzy-std-srvs')
-"""What package.xml names, as wheels."""
+"""What package.xml names, as wheels; the test tools as Ubuntu 24.04 has them."""
 
 
 @pytest.mark.slow
