@@ -5,11 +5,12 @@ Compare Allan tools and write docs/peers.md.
 
     python bench/peers/run.py                        # everything; `make bench-peers` calls it
     python bench/peers/run.py --parts accuracy --cases a b --records 2
+    python bench/peers/run.py --parts accuracy published --tools ours
     python bench/peers/run.py --row b wavelets
     python bench/peers/run.py --parts                # the page from the figures that there are
 
-Figures are kept in bench/peers/figures.json: a part or a case that is run anew replaces what was
-there of it.
+Figures are kept in bench/peers/figures.json: a part, a case or a tool that is run anew replaces
+what was there of it.
 """
 
 import argparse
@@ -34,6 +35,7 @@ def main() -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--parts', nargs='*', choices=PARTS, default=list(PARTS))
     parser.add_argument('--cases', nargs='+', choices=list(CASES), default=list(CASES))
+    parser.add_argument('--tools', nargs='+', choices=KEYS, default=list(KEYS))
     parser.add_argument('--records', type=int, default=4, help='of six axes, each case')
     parser.add_argument('--row', nargs=2, metavar=('CASE', 'TOOL'),
                         help='print the scores of one tool in one case, and write nothing')
@@ -51,15 +53,19 @@ def main() -> int:
                             for key in KEYS}
     for part in options.parts:
         if part == 'accuracy':
-            found = {}
             for case in options.cases:
-                found |= accuracy.run([case], KEYS, options.records)
-                old = figures.get('accuracy', {}) | found
+                old = figures.get('accuracy', {})
+                found = accuracy.run([case], options.tools, options.records)[case]
+                if old.get(case, {}).get('records') == options.records:
+                    found['tools'] = old[case]['tools'] | found['tools']
+                old = old | {case: found}
                 figures['accuracy'] = {key: old[key] for key in CASES if key in old}
                 FIGURES.write_text(json.dumps(figures, indent=1) + '\n')
         elif part == 'published':
             import published
-            figures['published'] = published.run(KEYS)
+            found = published.run(options.tools)
+            found['tools'] = figures.get('published', {}).get('tools', {}) | found['tools']
+            figures['published'] = found
         else:
             import speed
             figures['speed'] = speed.run(options.messages, options.repeats)
