@@ -316,12 +316,14 @@ def test_pip_installs_the_offline_tool_without_ros(
 
 
 ROSDEP = ('numpy', 'scipy', 'matplotlib', 'PyYAML', 'jinja2', 'rich', 'pytest', 'hypothesis',
-          'pytest==7.4.4; python_version < "3.13"', 'hypothesis==6.98.15; python_version < "3.13"',
+          *(f'{pinned}; python_version < "3.13"' for pinned in (
+              'PyYAML==6.0.1', 'Jinja2==3.1.2', 'rich==13.7.1', 'pytest==7.4.4',
+              'hypothesis==6.98.15')),
           'ros-jazzy-rclpy[fastrtps]', *(
               f'ros-jazzy-{name}-msgs'
               for name in ('sensor', 'diagnostic', 'geometry', 'std', 'rosgraph')),
           'ros-jazzy-std-srvs')
-"""What package.xml names, as wheels; the test tools as Ubuntu 24.04 has them."""
+"""What package.xml names, as wheels, in the versions of Ubuntu 24.04."""
 
 
 @pytest.mark.slow
