@@ -47,7 +47,6 @@ class Announcements:
         self._log = log
         self._topic = topic
         self._reported: dict[str, bool] = {}
-        self._restarts = 0
         self._overrun = False
         self._levels: dict[str, str] = {}
         self.begin_run()
@@ -71,11 +70,8 @@ class Announcements:
         self._overrun = facts.recent['overrun'] > 0
         self._see(reception_conditions(facts))
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
-            restarted = facts.restarts > self._restarts
             self._log.info(f'messages come on {self._topic} again after {facts.pause_s:.0f} s '
-                           f'without{": their publisher has restarted" if restarted else ""}',
-                           f'pause {self._topic}')
-        self._restarts = facts.restarts
+                           'without', f'pause {self._topic}')
 
     def _see(self, conditions: Sequence[Condition]) -> None:
         """Report what begins, and that it is over if its beginning was reported."""

@@ -104,7 +104,6 @@ class Facts:
     namesakes: int = 0  # other nodes of the same name
     silent_s: float = 0.0  # since the last message, or since the first is waited for
     pause_s: float = 0.0  # the longest before a message came, since the last report
-    restarts: int = 0  # how often the numbers of the messages have begun anew
     received_hz: float = 0.0  # lately
     cpu_s: float | None = None  # of the whole process for each message, lately
     longest_hold_s: float = 0.0  # between two takings, since the last report

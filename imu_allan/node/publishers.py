@@ -47,7 +47,7 @@ class Publishers:
         self._offers = offers
         self._known: list[_Publisher] = []
         # How many there have been.
-        self.begun = 0
+        self._begun = 0
         self._gids: set[str] = set()
         # Without numbers: who was there when the publisher began, and at its last message.
         self._own: set[str] = set()
@@ -131,8 +131,8 @@ class Publishers:
 
     def _begin(self, number: int, now_ns: int) -> _Publisher:
         self._newcomers()
-        self.begun += 1
-        self._known.append(_Publisher(self.begun, number, now_ns, now_ns))
+        self._begun += 1
+        self._known.append(_Publisher(self._begun, number, now_ns, now_ns))
         if len(self._known) > _MOST:
             self._known.remove(min(self._known, key=lambda one: one.last_ns))
         return self._known[-1]

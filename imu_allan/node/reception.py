@@ -52,7 +52,6 @@ class Reception:
         # What is passed over is not lost.
         keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
         facts.lost += lost
-        facts.restarts = self._publishers.begun - 1
         self.last_message = now
         if facts.paused:
             facts.skipped += len(batch.messages)
