@@ -29,10 +29,31 @@ def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros: Ros, health: H
         ros.until(lambda line=line: line in node.lines)
         assert node.lines.count(line) == 1
     ros.until(lambda: health.told('reception', mixed, b'\2'))
+    ros.node.destroy_publisher(second.publisher)
+    first.publish(300)
+    first.until_taken()
+    ros.until(lambda: f'one publisher is left on {first.topic}' in node.lines)
+    health.news()
     assert health.number('reception', 'lost') == 0
     document = ros.saved()
-    assert document['timeline']['samples'] == 4200
+    assert document['timeline']['samples'] == 4500
     assert_density(document, RATE_HZ)
+
+
+def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
+        ros: Ros, health: Health) -> None:
+    ros.start('imu_allan_node')
+    for seed in range(3):
+        before = health.number('reception', 'received') if seed else 0
+        driver = ros.start('imu_simulator', {'rate': RATE_HZ, 'seed': seed})
+        ros.until(lambda least=before + 2 * RATE_HZ: health.number(
+            'reception', 'received') > least)
+        driver.popen.kill()
+        driver.wait()
+    # The middleware takes each for one that is there until its lease has run out.
+    assert max(int(entry.value) for status in health.heard for entry in status.values
+               if entry.key == 'publishers') == 1
+    assert health.number('reception', 'lost') == 0
 
 
 def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) -> None:
