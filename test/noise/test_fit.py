@@ -175,6 +175,21 @@ def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
         assert high - low < 5e-6
 
 
+@pytest.mark.parametrize(('errors', 'observable'), [(2.2, False), (3.0, True)])
+def test_a_ramp_is_told_where_a_random_walk_would_drift_so_far_in_one_of_a_hundred_records(
+        errors, observable):
+    walk, samples = 3e-3, 60_000
+    time = np.arange(samples) / RATE
+    record = simulate({'noise_density': 1e-3, 'rate_random_walk': walk}, samples, RATE, 1)
+    drift = (record[-50:].mean() - record[:50].mean()) / (time[-1] - 0.5)
+    error = walk / np.sqrt(samples / RATE)
+    found = characterize(record + (errors * error - drift) * time, RATE).coefficients['rate_ramp']
+    assert found.observable == observable
+    # The normal interval, and a little for what is not known of the walk.
+    width = (found.ci95[1] - found.value if observable else found.upper95 - errors * error) / error
+    assert 1.9 < width < 2.1
+
+
 def test_quantization_noise_of_an_integrating_gyro_is_found():
     model = {'quantization_noise': 1e-4, 'noise_density': 1e-4}
     axis = characterize(simulate(model, 500_000, RATE, 4), RATE)

@@ -30,7 +30,7 @@ from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
@@ -43,8 +43,8 @@ _SLOWER = [_WALK, _KEYS.index(SMOOTH_DRIFT), PLAIN, PLAIN + 2]
 """Slots of what is slower than flicker, and of another exponent."""
 _QUANTILE = -float(ndtri(_ENDS[0]))
 """Standard errors that an interval has to either side."""
-_QUANTILES = ndtri((np.arange(16) + 0.5) / 16)
-"""Quantiles of a normal error, of equal weight."""
+_QUANTILES = ndtri((np.arange(64) + 0.5) / 64)
+"""Quantiles of a normal error, of equal weight; the outer ones lie beyond a 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -305,20 +305,23 @@ def _ramp(posterior: Posterior) -> Estimate:
     """Estimate the ramp, which is signed; every one of several records has its own."""
     if posterior.models[0].spectra.records > 1:
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
-    values, weights, wanders = [], [], []
+    sizes, errors, weights, wanders = [], [], [], []
     for model in posterior.models:
         if model.weight > 0.01:
             size, error, share = _regressed(model)
-            values.append((size[:, :1] + error[:, :1] * _QUANTILES).ravel())
-            weights.append(np.repeat(model.weight * share / len(_QUANTILES), len(_QUANTILES)))
-            wanders.append(np.full(len(values[-1]), bool(model.row.has[0, _WALK])))
-    value, weight, walk = (np.concatenate(parts) for parts in (values, weights, wanders))
-    if not np.isfinite(value).all() or not value.any():
+            sizes.append(size[:, 0])
+            errors.append(error[:, 0])
+            weights.append(model.weight * share)
+            wanders.append(np.full(len(share), bool(model.row.has[0, _WALK])))
+    size, error, weight, walk = map(np.concatenate, (sizes, errors, weights, wanders))
+    if not np.isfinite([size, error]).all() or not size.any():
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
-    low, middle, high = quantiles(value, weight, _ENDS)
-    positive = value * np.sign(middle) > 0
+    low, middle, high = quantiles((size[:, None] + error[:, None] * _QUANTILES).ravel(),
+                                  np.repeat(weight / len(_QUANTILES), len(_QUANTILES)), _ENDS)
+    # The tails decide, which no few quantiles have.
+    otherwise = ndtr(-size * np.sign(middle) / np.maximum(error, np.finfo(float).tiny))
     # A random walk drifts as well: beside one, if there may be one, the ramp has to be as certain.
-    other = max(float(weight[own & ~positive].sum() / weight[own].sum())
+    other = max(float(weight[own] @ otherwise[own] / weight[own].sum())
                 for own in (np.ones(len(walk), dtype=bool), walk) if own.any())
     bound = max(abs(low), abs(high))
     return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
