@@ -40,6 +40,9 @@ import numpy as np
 RATES_HZ = (200.0, 1000.0, 4000.0)
 KINDS = ('floor', 'node', 'ordinary')
 WARM_UP_S = 4.0
+RESUMED_S = 20.0
+"""In place of it where the node resumes: it fits the whole record at first."""
+BLOCK = 256
 MOST_OF_ORDINARY = 0.25
 MOST_OF_FLOOR = 2.5
 
@@ -97,7 +100,7 @@ def measure(rate: float, seconds: float, hours: float) -> dict[str, float]:
             stderr=subprocess.DEVNULL) for kind in KINDS}
         try:
             imu.wait_for(subscribers.values())
-            imu.publish(WARM_UP_S)
+            imu.publish(RESUMED_S if hours else WARM_UP_S)
             before = {kind: cpu_seconds(process.pid) for kind, process in subscribers.items()}
             published = imu.publish(seconds)
             return {kind: (cpu_seconds(process.pid) - before[kind]) / published
@@ -110,22 +113,28 @@ def measure(rate: float, seconds: float, hours: float) -> dict[str, float]:
 
 
 def write_state(path: str, rate: float, hours: float) -> None:
-    """Write the state file of a node that has run for so long."""
+    """Write the state file of a node that has heard this publisher for so long."""
     from imu_allan.characterization import Characterization
     from imu_allan.node.checkpoint import StateFile
     from imu_allan.node.run import Lane, pack, Run, Setup
-    from imu_allan.sensor.noise_model import load_model
-    from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
     from imu_allan.timeline import TimelineOptions
 
     setup = Setup('/imu/data_raw', TimelineOptions())
     run = Run(Lane(Characterization(kind='topic', topic=setup.topic, options=setup.options)))
-    for block in simulated_blocks(load_model(find_model('consumer_mems')), rate,
-                                  round(hours * 3600 * rate), start_ns=10**18):
-        run.lanes[0].update([block])
+    random_numbers = np.random.default_rng(2)
+    for number in range(-round(hours * 3600 * rate / BLOCK), 0):
+        run.lanes[0].update([block_of(number, rate, random_numbers)])
     file = StateFile(path)
     file.save(pack(run, setup))
     file.close()
+
+
+def block_of(number: int, rate: float, random: np.random.Generator) -> ImuBlock:
+    """Give the messages of the publisher whose number begins at so many blocks."""
+    index = np.arange(BLOCK) + number * BLOCK
+    stamps = 10**18 + np.rint(index / rate * 1e9).astype(np.int64)
+    return ImuBlock(stamps, stamps, random.normal(0, 0.01, (BLOCK, 6)),
+                    np.zeros((BLOCK, 2), bool), 'imu_link')
 
 
 class Publisher:
@@ -175,12 +184,8 @@ class Publisher:
         return self._next - first
 
     def _encoded(self) -> Iterator[bytes]:
-        for block in itertools.count():
-            index = np.arange(256) + block * 256
-            stamps = 10**18 + np.rint(index / self._rate * 1e9).astype(np.int64)
-            samples = self._random.normal(0, 0.01, (256, 6))
-            for row in encode_imu_rows(ImuBlock(stamps, stamps, samples,
-                                                np.zeros((256, 2), bool), 'imu_link')):
+        for number in itertools.count():
+            for row in encode_imu_rows(block_of(number, self._rate, self._random)):
                 yield row.tobytes()
 
 
