@@ -30,7 +30,8 @@ Scripts may rely on all but `message`. `values` are in SI units, a list where ax
 Those with "?" may be absent. The end of a name is its unit, else the value `unit` has it.
 `recording` is one of several, `more` counts what is left out.
 
-In italics: how it is found. *Do* is for a recording, *live* at a running node where that differs.
+In italics: how it is found. *Do* is for a recording, *live* at a running node where that differs;
+without either, nothing is to be done.
 """
 
 
@@ -51,8 +52,7 @@ def sentences(code: str, words: Words) -> Iterator[str]:
         yield f'**{words.title}.**'
     yield words.means
     yield f'*{words.found.removesuffix(".")}*.'
-    do = words.do if isinstance(words.do, str) else 'as its message says'
-    live = words.live or ''
+    do, live = str(words.general or words.do), words.live or ''
     if do:
         yield f'*Do:* {do}.'
     if live:

@@ -15,8 +15,8 @@ import tempfile
 HEAD = """\
 # The first five minutes
 
-A transcript of `docs/make_first_minutes.py` at 80 columns. The recordings are simulated, so that
-you can type the same. Digits may differ between versions of SciPy.
+A transcript of simulated recordings: you can type the same. Digits may differ between versions
+of SciPy.
 """
 DATASHEET = """\
 name: My IMU
@@ -29,7 +29,7 @@ STEPS = (
      'imu_allan info imu_at_rest'),
     ('Analyze it. The verdict comes first, then the numbers.',
      'imu_allan analyze imu_at_rest --output characterization'),
-    ('What does that remark mean?',
+    ('What does that finding mean?',
      'imu_allan explain short_recording'),
     ('The numbers for a filter, with their provenance.',
      'imu_allan export characterization/result.json --for kalibr | head -11'),
@@ -54,8 +54,6 @@ def page() -> str:
             for command in commands:
                 parts += [f'$ {command}', *transcript(command, folder)]
             parts += ['```', '']
-    parts += ['Continue with your task: [Kalibr](task_kalibr.md), [live](task_live.md), '
-              '[a filter of your own](task_own_filter.md), [a datasheet](task_datasheet.md).', '']
     return '\n'.join(parts)
 
 

@@ -21,6 +21,7 @@ Number = Annotated[float, 'number']
 Share = Annotated[float, 'share']
 Seconds = Annotated[float, 's']
 Hertz = Annotated[float, 'Hz']
+Flaw = Literal['zero', 'constant', 'in whole seconds', 'coarse', 'out of order']
 Kelvin = Annotated[float, 'K']
 Celsius = Annotated[float, '°C']
 InUnit = Annotated[float, 'in `unit`']
@@ -85,7 +86,7 @@ CODES: Mapping[str, Code] = {
         frame_id=Text | None, others=tuple[Text, ...], rejected=tuple[Count, ...]),
     'rate_changed': _act(
         from_hz=Hertz, to_hz=Hertz, at_s=Seconds | None, left_out=Count, most_left_out=Flag),
-    'clock_changed': _act(flaw=Text, since_s=Seconds),
+    'clock_changed': _act(flaw=Flaw, since_s=Seconds),
     'clock_speed': _act(ratio=Number),
     'gravity': _act(mean=Annotated[float, 'm/s^2']),
     'implausible': _act(
@@ -142,7 +143,7 @@ CODES: Mapping[str, Code] = {
         durations_s=tuple[Seconds, ...]),
     'motion_kept': _know(count=Count, seen_s=Seconds, first_s=Seconds),
     'motion_not_listed': _know(listed=Count),
-    'receive_clock': _know(flaw=Text | None),
+    'receive_clock': _know(flaw=Flaw | None),
     'counted_samples': _know(rate_hz=Hertz),
     'uneven_stamps': _know(
         clock=Text, numbered=Flag, hidden_share=Share | None, density_high_share=Share | None,

@@ -599,7 +599,7 @@ class Result:
         rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
         return (f'<Result of {" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
                 f'{timeline.duration_s:.6g} s, {len(self.axes)} axes, {len(self.warnings)} '
-                'remarks>')
+                'findings>')
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""

@@ -29,6 +29,11 @@ _MOST_READ = 20
 _MOST_NAMED = 200
 """Other topics reported by name; a robot has fewer."""
 
+_READ = {'counted': 'each message taken for a sample, gaps seen where they last',
+         'placed': 'each stamp shows its place, single missing samples are seen',
+         'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
+"""How the stamps of a clock are read."""
+
 _SHORT = ('--rate', '--columns')
 _EXAMPLES = """\
   imu_allan info imu_at_rest
@@ -222,7 +227,8 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
     rows.append(('clock', 'none: samples are counted at the stated rate' if untimed
                  else 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)
-                 + (f': {summary.stamps_read}' if summary.stamps_read else '')))
+                 + (': ' if summary.stamps_read else '')
+                 + ', '.join(_READ[how] for how in summary.stamps_read)))
     absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]
     if absent:
         rows.append(('absent', ', '.join(absent)))

@@ -10,6 +10,7 @@ the receive stamp is when the recorder or the subscription got the message.
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 
+from imu_allan.finding import Flaw
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,9 +24,9 @@ _JUMP_MESSAGES = 16
 """So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
 
 
-def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
+def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Flaw | None:
     """
-    Say what keeps `stamps` from serving as the clock, empty where they can.
+    Say what keeps `stamps` from serving as the clock, if anything does.
 
     Parameters
     ----------
@@ -39,20 +40,19 @@ def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> str:
 
     """
     if len(stamps) < 2:
-        return ''
+        return None
     if not stamps.any():
         return 'zero'
     steps = np.diff(stamps)
     if not steps.any():
         # A few messages that came several times say nothing of the clock.
-        return '' if repeats.all() and len(stamps) < 8 else 'constant'
+        return None if repeats.all() and len(stamps) < 8 else 'constant'
     if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
         return 'in whole seconds'
     distinct = steps[~(repeats & (steps == 0))]
-    stuck = np.mean(distinct == 0)
-    if stuck > (0.98 if bursts else 0.1):
-        return f'coarse ({100 * stuck:.0f} % of them repeat the one before)'
-    return 'out of order' if np.mean(distinct < 0) > 0.2 else ''
+    if np.mean(distinct == 0) > (0.98 if bursts else 0.1):
+        return 'coarse'
+    return 'out of order' if np.mean(distinct < 0) > 0.2 else None
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,7 @@ class Intake(Record):
                 choice = 'receive'
             elif not flaw_of(window.header_ns, repeats, bursts=True):
                 # Ticks with several messages each are poor, and better than nothing.
-                flaws['header'] = ''
+                flaws['header'] = None
         if flaws[choice]:
             if options.rate_hz is None:
                 if np.array_equal(window.header_ns, window.receive_ns):

@@ -51,8 +51,9 @@ class TimelineSummary:
         Number, total and longest duration of the gaps that were not interpolated, listed or not.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
-    stamps_read : str
-        How the stamps of the clock in use are read, in words.
+    stamps_read : tuple of {'counted', 'placed', 'ticks', 'batches'}
+        Whether each message is taken for a sample or its stamp for its place; several messages
+        to a tick; batches that overlap. Empty without a clock.
     jitter_s : float or None
         Standard deviation of the stamps about the grid, lately.
     header_repeats, header_backward, receive_repeats, receive_backward : int
@@ -87,7 +88,7 @@ class TimelineSummary:
     gaps_s: float = 0.0
     longest_gap_s: float = 0.0
     measured_rate_hz: float | None = None
-    stamps_read: str = ''
+    stamps_read: tuple[str, ...] = ()
     jitter_s: float | None = None
     header_repeats: int = 0
     header_backward: int = 0
@@ -187,12 +188,9 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
     return rate
 
 
-def _how_read(decision: Decision) -> str:
-    """Say how stamps are read, and thus how surely a lost sample is seen."""
+def _how_read(decision: Decision) -> tuple[str, ...]:
+    """Return how stamps are read, and thus how surely a lost sample is seen."""
     if decision.counted_only or decision.first_interval_ns is None:
-        return ''
-    batches = ', batches overlap' if decision.overlaps else ''
-    ticks = ', several messages to a tick' if decision.ticks else ''
-    if decision.pace.counting:
-        return f'each message taken for a sample, gaps seen where they last{ticks}{batches}'
-    return f'each stamp shows its place, single missing samples are seen{ticks}{batches}'
+        return ()
+    return ('counted' if decision.pace.counting else 'placed',
+            *(['ticks'] if decision.ticks else []), *(['batches'] if decision.overlaps else []))

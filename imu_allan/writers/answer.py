@@ -53,10 +53,10 @@ class Answer:
         Symbol, number and SI unit of N and K for such a filter of one bias state, of the axis
         where each is largest; empty where none can be tuned.
     forecast : str
-        How far off it is after `COAST_S` unaided, its bias averaged over
+        How far off the angle or the position is after `COAST_S` unaided, the bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot show it.
     forecast_interval : str
-        Of an accelerometer that of the position; empty where `UNCERTAIN` is all that is known.
+        Empty where `UNCERTAIN` is all that is known.
     extrapolated : bool
         Whether `COAST_S` is beyond what the recording knows: the model goes further than it saw.
 
@@ -129,18 +129,15 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
             found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
     if not found:
         return '', ''
-    angle = max(found, key=lambda drift: drift.integral[0])
     if sensor == 'gyro':
+        angle = max(found, key=lambda drift: drift.integral[0])
         degrees = (('deg', 180 / pi),)
         return _with_unit(angle.integral[0], angle.integral_ci95[0], degrees)
     place = max(found, key=lambda drift: drift.position or (0.0,))
     if place.position is None or place.position_ci95 is None:
         return '', ''
-    speed, _ = _with_unit(angle.integral[0], angle.integral_ci95[0],
-                          (('m/s', 1.0), ('cm/s', 100.0), ('mm/s', 1000.0)))
-    text, interval = _with_unit(place.position[0], place.position_ci95[0],
-                                (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
-    return f'{text} ({speed})', interval
+    return _with_unit(place.position[0], place.position_ci95[0],
+                      (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
 
 
 def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]

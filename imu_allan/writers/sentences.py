@@ -42,6 +42,8 @@ class Words:
     do, live : Text
         One sentence of what to do with a recording, and at a running node; empty where nothing
         is to be done. `live` None: the same.
+    general : str
+        What to do whatever the figures are, where `do` is made of them; for docs/findings.md.
 
     """
 
@@ -51,6 +53,7 @@ class Words:
     says: Text
     do: Text = ''
     live: str | None = None
+    general: str = ''
 
 
 def _each(value: Any, say: Callable[[Any], str], unit: str = '') -> str:
@@ -115,37 +118,39 @@ def _band(f: Any) -> str:
 def _not_steady(f: Any) -> str:
     if 'drift_ratio' in f:
         return (f'over {_time(f.interval_s)} the {f.higher} half drifts {f.drift_ratio:.1f} times '
-                f'as much as the {"second" if f.higher == "first" else "first"}')
+                f'as much as the {"second" if f.higher == "first" else "first"}; numbers for a '
+                'filter lie between the two')
     if 'spread_share' in f:
-        return (f'the noise{_band(f)} changes by {_percent(f.spread_share)} (standard deviation) '
-                f'between segments of {_time(f.segment_s)}')
-    until = _time(f.until_s) if 'until_s' in f else 'part'
-    return (f'the noise{_band(f)} is {_percent(f.change_share)} '
-            f'{"higher" if f.higher == "first" else "lower"} in the first {until} than after')
+        return (f'noise{_band(f)} varies by {_percent(f.spread_share)} rms over segments of '
+                f'{_time(f.segment_s)}')
+    until = f'until {_time(f.until_s)}' if 'until_s' in f else 'at first'
+    return (f'noise{_band(f)} is {_percent(f.change_share)} '
+            f'{"higher" if f.higher == "first" else "lower"} {until}')
 
 
 def _warm_up(f: Any) -> str:
     within = f' ({_within(_most(f.time_constant_factor))})' if 'time_constant_factor' in f else ''
     second = ' and a second one' if _most(f.exponentials) > 1 else ''
-    return (f'the mean settles by {f.amplitude:.3g} {f.unit} after switching on, with a time '
-            f'constant of {_time(f.time_constant_s)}{within}{second}; it is steady after '
+    return (f'the mean settles by {f.amplitude:.3g} {f.unit} with a time constant of '
+            f'{_time(f.time_constant_s)}{within}{second}; it is steady after '
             f'{_time(f.steady_after_s)}')
 
 
 def _warm_up_do(f: Any) -> str:
-    have = 'numbers for a filter have the warm-up in them'
+    have = 'numbers for a filter include it'
     if 'start' not in f:
         return f'{have}; the recording is too short to leave it out: let the sensor warm up first'
-    begins = f', which begins after {_time(f.start_s)}' if f.start == 'auto' else ''
+    begins = f' (after {_time(f.start_s)})' if f.start == 'auto' else ''
     return f'{have}; leave it out with --start {f.start}{begins}'
 
 
 def _rate_changed(f: Any) -> str:
     change = f'the sample rate changed from {f.from_hz:.4g} to {f.to_hz:.4g} Hz'
+    of = ' (the larger part)' if f.most_left_out else ''
     if 'at_s' not in f:
-        return f'{change}: the {f.left_out} samples at the first rate are left out'
-    return (f'{change} at {f.at_s:.6g} s: the {f.left_out} samples at another rate than the first '
-            'are left out')
+        return f'{change}: the {f.left_out} samples{of} at the first rate are left out'
+    return (f'{change} at {f.at_s:.6g} s: the {f.left_out} samples{of} at another rate than the '
+            'first are left out')
 
 
 def _gravity(f: Any) -> str:
@@ -248,11 +253,14 @@ def _power_law_do(f: Any) -> str:
     return f'{bounded}; analyze without --together for a result of each'
 
 
-def _temperature_do(f: Any) -> str:
+def _temperature(f: Any) -> str:
     lags = '' if 'lag_s' not in f else (
         f'; the {"thermometer" if _most(f.lag_s) > 0 else "sensor"} lags by '
         f'{_each(f.lag_s, lambda lag: duration(abs(lag)))}')
-    return f'coefficients are given without the temperature, numbers for a filter with it{lags}'
+    return (f'the mean follows the temperature by {f.per_kelvin:.3g} {f.unit}/K'
+            f'{", and not in proportion to it" if f.curved else ""} (95 % interval '
+            f'{_least(f.per_kelvin_low):.3g} to {_most(f.per_kelvin_high):.3g}; '
+            f'{_least(f.lowest_c):.1f} to {_most(f.highest_c):.1f} degrees Celsius){lags}')
 
 
 def _start_auto(f: Any) -> str:
@@ -276,17 +284,13 @@ def _rest_within_motion(f: Any) -> str:
 def _uneven_stamps(f: Any) -> str:
     seen = ('what was lost is known by the numbers of the messages' if f.numbered
             else 'only gaps that last are seen')
+    hidden = '' if 'hidden_share' not in f else (
+        f'; up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
+        f'then up to {_percent(f.density_high_share, 1)} too high')
+    off = '' if 'rate_error_share' not in f else (
+        f'; the rate may be up to {_percent(f.rate_error_share, 1)} off')
     return (f'{f.clock} stamps come too unevenly to see a single missing sample: messages are '
-            f'counted, {seen}')
-
-
-def _uneven_stamps_do(f: Any) -> str:
-    off = ('' if 'rate_error_share' not in f else
-           f'the rate may be up to {_percent(f.rate_error_share, 1)} off')
-    if 'hidden_share' not in f:
-        return off
-    return (f'up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
-            f'then up to {_percent(f.density_high_share, 1)} too high{off and f"; {off}"}')
+            f'counted, {seen}{hidden}{off}')
 
 
 def _two_rates(f: Any) -> str:
@@ -367,7 +371,8 @@ WORDS: Mapping[str, Words] = {
             'INS_ACCEL_FILTER)' if f.by == 'autopilot' else
             f'the samples of {f.topic} have passed an orientation filter that changes them, '
             'perhaps by a bias that it estimates'),
-        do=lambda f: _RAW_LOG if f.by == 'autopilot' else f'take {f.raw}'),
+        do=lambda f: _RAW_LOG if f.by == 'autopilot' else f'take {f.raw}',
+        general='take the raw topic, or log raw samples'),
     'axis_not_finite': Words(
         'no numbers', 'The axis holds no numbers and is left out.',
         'All values are NaN or infinite, or a table has no such column.',
@@ -377,7 +382,7 @@ WORDS: Mapping[str, Words] = {
         'frozen sensor',
         'The sensor or its driver gave no new values for a while, which is left out.',
         'Whole messages repeat for far longer than noise does.',
-        says=lambda f: f'{f.messages} messages repeat one value again and again'
+        says=lambda f: f'{f.messages} messages repeat one value'
                        f'{f", first at {f.since_s:.6g} s" if "since_s" in f else ""}: the '
                        'sensor or its driver stood still, they are left out',
         do='look at the cable and the driver'),
@@ -407,34 +412,31 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: 'the noise changed for good: ' + ', '.join(
             f'{ratio:.3g} times at about {at_s:.5g} s'
             for ratio, at_s in zip(f.ratios, f.at_s, strict=True)),
-        do='the curve mixes both levels; analyze them apart with --start and --duration',
+        do='analyze both levels apart with --start and --duration',
         live='call ~/reset to characterize the present level alone'),
     'bias_step': Words(
-        'bias step', 'One step of the mean looks like a random walk.',
+        'bias step', 'One step of the mean, as by a knock, looks like a random walk.',
         'The mean steps once by more than the noise explains.',
-        says=lambda f: f'the mean steps by {f.size:.3g} {f.unit} after about '
-                       f'{_each(f.after_s, about)}, '
-                       'and nowhere else (a knock, or another supply voltage or setting)',
-        do='analyze what lies before or behind it with --start and --duration',
-        live='call ~/reset to characterize what lies behind it alone'),
+        says=lambda f: f'the mean steps once, by {f.size:.3g} {f.unit} after about '
+                       f'{_each(f.after_s, about)} (a knock?)',
+        do='analyze before and after it with --start and --duration',
+        live='call ~/reset to characterize what comes after it'),
     'not_steady': Words(
         'not steady',
-        'The noise was not the same all the time: a later recording may differ by as much.',
+        'The noise was not the same all the time: a later recording may differ by as much. '
+        'Where a band changes, intervals are widened.',
         'Segments differ by more than chance, band by band.',
         says=_not_steady,
-        do=lambda f: (
-            'numbers for a filter lie between the two; no interval is widened for it'
-            if 'drift_ratio' in f else
-            'the intervals are widened; look for a change of temperature, supply or vibration, '
-            'and record again if one is found'),
-        live='the intervals are widened; call ~/reset once temperature, supply and vibration '
-             'are steady'),
+        do='keep temperature, supply and vibration steady',
+        live='call ~/reset once temperature, supply and vibration are steady'),
     'warm_up': Words(
-        'warming up', 'The sensor was still warming up: its mean settles exponentially.',
+        'warming up', 'The sensor was still warming up: its mean settles exponentially. Numbers '
+        'for a filter include it.',
         'One or two exponentials explain the mean better than noise.',
         says=_warm_up,
         do=_warm_up_do,
-        live='numbers for a filter have the warm-up in them; call ~/reset when it is over'),
+        live='call ~/reset when it is over',
+        general='leave it out with --start auto, or let the sensor warm up first'),
     # whose messages are these
     'several_publishers': Words(
         'several publishers',
@@ -459,13 +461,12 @@ WORDS: Mapping[str, Words] = {
             f'{other!r} ({rejected} messages)' for other, rejected in zip(
                 f.others, f.rejected, strict=True)) + ' rejected',
         do='give every IMU a topic of its own',
-        live='a change that lasts begins a new run by itself; give every IMU a topic of its own'),
+        live='give every IMU a topic of its own; a change that lasts begins a new run by itself'),
     'rate_changed': Words(
         'rate changed', 'Only the samples at one rate are used.',
         'The stamps advance by another step for good.',
         says=_rate_changed,
-        do=lambda f: f'analyze them{", the larger part," if f.most_left_out else ""} by '
-                     'themselves with --start and --duration',
+        do='analyze them by themselves with --start and --duration',
         live='a change that lasts begins a new run by itself'),
     'clock_changed': Words(
         'clock changed', 'The header stamps became unusable; receive stamps are used from there.',
@@ -501,9 +502,9 @@ WORDS: Mapping[str, Words] = {
             '' if 'density_error_share' not in f else
             f': N may be up to {_percent(f.density_error_share)} off'),
         do='record with a deeper queue or with reliable delivery',
-        live='ask for a deeper queue or for reliable delivery with qos_overrides'),
+        live='set a deeper queue or reliable delivery with qos_overrides'),
     'spikes': Words(
-        'outliers', 'Single outliers are left out; they point to errors on the bus.',
+        'outliers', 'Single outliers are left out.',
         'Samples lie ten times the noise from their neighbours.',
         says=lambda f: (
             f'{counted(f.messages, "single message holds", "single messages hold")} outliers, '
@@ -527,8 +528,7 @@ WORDS: Mapping[str, Words] = {
         'The samples lie on lines between fewer.',
         says=lambda f: f'the {_sensor(f.half)} samples of topic {f.topic} are interpolated '
                        'between fewer',
-        do='record without uniting (RealSense: unite_imu_method 0)',
-        live='publish without uniting (RealSense: unite_imu_method 0)'),
+        do='switch uniting off in the driver (RealSense: unite_imu_method 0)'),
     'batches': Words(
         'batches', 'The log holds short batches with pauses: only N can be seen.',
         'The log says so.',
@@ -565,14 +565,14 @@ WORDS: Mapping[str, Words] = {
         do='record for longer',
         live='wait, or let it run overnight'),
     'poor_fit': Words(
-        'poor fit', 'The noise is no sum of the terms that are fitted.',
+        'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
         'Spectrum or curve leave the model by more than chance.',
         says=lambda f: (
-            'no sum of noise terms describes this spectrum: its worst half-octave is off by '
+            'no sum of noise terms describes this spectrum: the best is off by '
             f'{_percent(f.misfit_share)}' if 'leaves_at_s' not in f else
-            f'from averaging times of {_time(f.leaves_at_s)} on the measured curve leaves the '
-            'band of the model'),
-        do='the intervals are widened; look for vibration, or a filter in the sensor or driver'),
+            f'from averaging times of {_time(f.leaves_at_s)} on the curve leaves the band of the '
+            'model'),
+        do='look for vibration, or a filter in the sensor or driver'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',
         'A coefficient differs by more than its errors.',
@@ -594,7 +594,9 @@ WORDS: Mapping[str, Words] = {
         'no flicker', 'The slow noise has another slope than flicker: B is an upper bound.',
         'An exponent other than 1 explains the spectrum better.',
         says=_power_law,
-        do=_power_law_do),
+        do=_power_law_do,
+        general='for a filter take the tuned numbers; where recordings differ in it, analyze '
+                'without --together'),
     'band_limited': Words(
         'low-pass',
         'Sensor or driver filter the fast noise; the coefficients are those below the filter.',
@@ -612,11 +614,8 @@ WORDS: Mapping[str, Words] = {
     'temperature': Words(
         'temperature', 'The mean follows the temperature; that part is no noise.',
         'A regression of the mean on the thermometer.',
-        says=lambda f: f'the mean follows the temperature by {f.per_kelvin:.3g} {f.unit}/K'
-                       f'{", and not in proportion to it" if f.curved else ""} (95 % interval '
-                       f'{_least(f.per_kelvin_low):.3g} to {_most(f.per_kelvin_high):.3g}; '
-                       f'{_least(f.lowest_c):.1f} to {_most(f.highest_c):.1f} degrees Celsius)',
-        do=_temperature_do),
+        says=_temperature,
+        do='coefficients are given without the temperature, numbers for a filter with it'),
     'slow_cycle': Words(
         'slow cycle', 'The mean follows a slow cycle; that part is no noise.',
         'A slow sine explains the mean better than noise.',
@@ -647,7 +646,8 @@ WORDS: Mapping[str, Words] = {
         'The warm-up of each axis says when it ends.',
         says=_start_auto,
         do=lambda f: 'record for longer, or switch on earlier' if f.warm_up_s and not f.left_out
-        else ''),
+        else '',
+        general='where the warm-up takes more than half of it, record for longer'),
     'motion': Words(
         'motion', 'Motion and knocks are left out.',
         'The noise rises for a moment.',
@@ -682,15 +682,16 @@ WORDS: Mapping[str, Words] = {
         'uneven stamps', 'Single missing samples cannot be seen.',
         'The stamps scatter by a good part of the interval.',
         says=_uneven_stamps,
-        do=_uneven_stamps_do),
+        do='let the driver stamp each sample when it is taken'),
     'uneven_rate': Words(
         'uneven rate',
         'The rate varies: averaging times are off by up to so much, N by half of it.',
         'The rate differs between segments.',
         says=lambda f: f'the sample rate varies between {f.lowest_hz:.5g} and '
-                       f'{f.highest_hz:.5g} Hz: {f.mean_hz:.5g} Hz, its mean, is used',
-        do=lambda f: f'averaging times may be up to {_percent(f.tau_error_share, 1)} off and N '
-                     'half as much'),
+                       f'{f.highest_hz:.5g} Hz: {f.mean_hz:.5g} Hz, its mean, is used; '
+                       f'averaging times may be up to {_percent(f.tau_error_share, 1)} off and '
+                       'N half as much',
+        do='let the sensor set the rate, not a timer of the driver'),
     'clock_jumps': Words(
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
         'A stamp and all that follow lie far from where the rate puts them.',
@@ -722,7 +723,7 @@ WORDS: Mapping[str, Words] = {
         'Its magnitude is near 1.',
         says='the magnitude of the acceleration is near 1: taken as g, not m/s^2',
         do='--accel :g says so, --accel :m/s^2 takes the numbers as they are',
-        live='set accel_unit to g to say so, to m/s^2 to take the numbers as they are'),
+        live='set accel_unit to g or to m/s^2'),
     'two_rates': Words(
         'two rates', 'Gyroscope and accelerometer come at rates of their own.',
         'By topics, or repeated values.',
@@ -738,9 +739,9 @@ WORDS: Mapping[str, Words] = {
         'chosen topic', 'Of several IMU topics one was chosen.',
         'By its name and kind.',
         says=lambda f: f'of {f.topics} IMU topics {" and ".join(f.chosen)} '
-                       f'{"are" if len(f.chosen) > 1 else "is"} read, {f.reason}',
-        do=lambda f: '--topic, or --gyro-topic and --accel-topic, choose among '
-                     + ', '.join(f.others)),
+                       f'{"are" if len(f.chosen) > 1 else "is"} read, {f.reason}; the others: '
+                       f'{", ".join(f.others)}',
+        do='choose others with --topic, or --gyro-topic and --accel-topic'),
     'short_part': Words(
         'short part', 'Less is recorded than was asked for.',
         'The recording ends before.',
@@ -750,8 +751,7 @@ WORDS: Mapping[str, Words] = {
         'ignored columns', 'Columns of the table are not used.',
         'Their names are not those of axes.',
         says=_ignored_columns,
-        do=lambda f: ('--columns gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what'
-                      if f.perhaps_axes else '')),
+        do='--columns gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what'),
     'merged_messages': Words(
         'merged messages', 'Messages of the same times cannot be distinguished in such a file.',
         'Receive time and stamp are equal.',

@@ -11,6 +11,7 @@ as a control sequence.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
+from itertools import product
 from typing import TextIO, TYPE_CHECKING
 
 from imu_allan import wording
@@ -19,7 +20,6 @@ from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
-from imu_allan.wording import named
 from imu_allan.writers.answer import (
     AIDING_S,
     Answer,
@@ -32,14 +32,14 @@ from imu_allan.writers.answer import (
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.terminal import console_of, wrapped
 from imu_allan.writers.verdict import Units, verdict_lines
-from imu_allan.writers.words import advice, presented, says, title_of
+from imu_allan.writers.words import in_full, presented, title_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-SCREEN = 23
-"""Lines of a result: of 24, the last says how to save."""
+SCREEN, COLUMNS = 23, 80
+"""Lines of a result, for the last of 24 says how to save; columns from which it is one screen."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
@@ -80,20 +80,26 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     findings = presented(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    blocks = [list(wrapped(verdict_lines(result, units), width, 'bold')),
-              _for_a_filter(result, found, width), _heading(result, width)]
+    head = [list(wrapped(verdict_lines(result, units), width, 'bold')),
+            _for_a_filter(result, found, width), _heading(result, width)]
     rows = [list(_rows(axes_of(result, answer.sensor), units, result.timeline.rest_s,
                        verbose=verbose)) for answer in found]
-    blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
-    blocks.append(list(wrapped(_notes(result), width, 'dim')) if verbose else [])
-    last = list(wrapped(_good_to_know(known), width, 'dim'))
-    room = SCREEN - sum(map(len, blocks)) - len(last)
-    shown = _in_full(full, width, None if verbose else room)
-    if len(last) > 1 and len(shown) > room:
-        last = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'], width, 'dim'))
-    blocks.append([*shown, *last])
-    blocks = [block for block in blocks if block]
-    spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
+    tables = _tables(found, rows, width, tuned=units != 'si', named=verbose)
+    notes = list(wrapped(_notes(result), width, 'dim')) if verbose else []
+    said = [line for severity, text in in_full(full, together=not verbose)
+            for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
+    names = _good_to_know(known, width)
+    count = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'] if known else [],
+                         width, 'dim'))
+    middles = [tables]
+    # Where it is this that takes the room of a whole screen, the coefficients go.
+    if width >= COLUMNS and sum(map(len, (*head, *tables, count))) <= SCREEN:
+        middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
+    for middle, last in product(middles, (names, count)):
+        blocks = [block for block in (*head, *middle, notes, [*said, *last]) if block]
+        spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
+        if spare >= 0:
+            break
     return Group(*(line for place, block in enumerate(blocks) for line in (
         [Text()] if place > 0 and len(blocks) - place <= spare else []) + block))
 
@@ -106,10 +112,9 @@ def _heading(result: Result, width: int) -> 'list[Text]':
     names = '  '.join([*wording.names_of(result), *frame])
     amount = '; '.join(filter(None, (amount, faults)))
     style = 'yellow' if faults else 'default'
-    # Up to this width, what was analyzed is one line.
-    if len(names) + 2 + len(amount) <= min(width, 80):
-        return list(wrapped([f'{names}  {amount}'], width, style))
-    return [*wrapped([names], width), *wrapped([amount], width, style)]
+    apart = [*wrapped([names], width), *wrapped([amount], width, style)]
+    return min((apart, list(wrapped([f'{names}  {amount}'], min(width, COLUMNS), style))),
+               key=len)
 
 
 @dataclass(frozen=True)
@@ -272,12 +277,15 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
                       for axis, worst in answer.worst.values()]
     drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
               if answer.forecast}
-    if len(set(drifts.values())) == 1:
-        drifts = {'': next(iter(drifts.values()))}
     head = f'Unaided drift after {wording.duration(COAST_S)}:'
+    beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
+    # Their units say which is of which sensor, where each has one.
+    unknown = [not answer.forecast_interval and answer.extrapolated for answer in found
+               if answer.forecast]
+    if drifts and len(beside) <= width and len(set(unknown)) == 1:
+        return list(wrapped([*lines, beside], width))
     for place, (sensor, text) in enumerate(drifts.items()):
-        lines.append(f'{"" if place else head:<{len(head)}} '
-                     f'{f"{sensor:<5} " if sensor else ""}{text}')
+        lines.append(f'{"" if place else head:<{len(head)}} {sensor:<5} {text}')
     return list(wrapped(lines, width))
 
 
@@ -301,34 +309,11 @@ def _notes(result: Result) -> list[str]:
     return [' '.join(words)]
 
 
-def _good_to_know(found: Sequence[Finding]) -> list[str]:
+def _good_to_know(found: Sequence[Finding], width: int) -> 'list[Text]':
     """Count and name in a sentence what is not said in full."""
     if not found:
         return []
     names = ', '.join(dict.fromkeys(map(title_of, found)))
-    return [f'Good to know ({len(found)}): {names} (imu_allan explain NAME, or --verbose).']
-
-
-def _in_full(found: Sequence[Finding], width: int, room: int | None) -> 'list[Text]':
-    """Say what was found and what to do; the first at least, the others by name without room."""
-    lines: list[Text] = []
-    for place, one in enumerate(found):
-        said = says(one)
-        do = advice(one)
-        shown = list(wrapped([f'{title_of(one)}: {said}{"" if said.endswith((".", "?")) else "."}'
-                              f'{f" -> {do}" if do else ""}'], width,
-                             'yellow' if one.severity == 'act' else 'default'))
-        left = [] if room is None else list(wrapped(_by_name(found[place + 1:]), width, 'yellow'))
-        if room is not None and place and len(lines) + len(shown) + len(left) > room:
-            return lines + list(wrapped(_by_name(found[place:]), width, 'yellow'))
-        lines += shown
-    return lines
-
-
-def _by_name(found: Sequence[Finding]) -> list[str]:
-    axes: dict[str, list[str]] = {}
-    for one in found:
-        axes.setdefault(title_of(one), []).extend(one.axes)
-    names = [f'{title} ({named(concerned)})' if concerned else title
-             for title, concerned in axes.items()]
-    return [f'Also: {", ".join(names)} (--verbose).'] if names else []
+    return min((list(wrapped([f'Good to know ({len(found)}): {names} ({more}).'], width, 'dim'))
+                for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')),
+               key=len)

@@ -46,14 +46,18 @@ def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
 
 
 def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
-    """Yield lines that are whole words, those after the first set in."""
+    """Yield lines that are whole words, those after the first set in; no number ends one."""
+    import re
     from textwrap import wrap
 
     from rich.text import Text
 
     for text in texts:
-        for line in wrap(text, width, subsequent_indent='  ', break_on_hyphens=False):
-            yield Text(line, style=style)
+        # Nothing is broken at such a space.
+        joined = re.sub(r'(?<=\d) (?=[%A-Za-z])|(?<=\d h) (?=\d)|(?<=\d min) (?=\d)|'
+                        r'(?<= [BK]:) (?=\d)', '\xa0', text)
+        for line in wrap(joined, width, subsequent_indent='  ', break_on_hyphens=False):
+            yield Text(line.replace('\xa0', ' '), style=style)
 
 
 def columns_of(to: TextIO | None = None) -> int | None:

@@ -6,14 +6,15 @@ What is said of findings, by the words of `imu_allan.writers.sentences` and with
 No other module makes a sentence of a finding.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 from types import SimpleNamespace
 from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.characterization.verdict import verdicts
 from imu_allan.errors import printable
-from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known
+from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
 from imu_allan.result import Result
 from imu_allan.wording import named
 from imu_allan.writers.sentences import Span, Text, WORDS
@@ -91,7 +92,18 @@ def is_of_axes(found: Finding, name: str) -> bool:
 
 def message_of(found: Finding, *, live: bool = False) -> str:
     """Return what was found and what to do about it, on one line."""
-    return '; '.join(filter(None, (says(found), advice(found, live=live))))
+    said, do = says(found), advice(found, live=live)
+    return f'{said}{" " if said.endswith("?") else "; "}{do}' if do else said
+
+
+def in_full(findings: Iterable[Finding], *, together: bool) -> Iterator[tuple[Severity, str]]:
+    """Yield title, sentence and advice; what differs in figures alone is one if `together`."""
+    for (severity, title, do), same in groupby(
+            findings, key=lambda found: (found.severity, title_of(found), advice(found))):
+        sentences = [says(found) for found in same]
+        for said in ['; '.join(sentences)] if together else sentences:
+            end = '' if said.endswith(('.', '?')) else '.'
+            yield severity, f'{title}: {said}{end}{f" -> {do}" if do else ""}'
 
 
 def explained(code: str) -> list[str]:
@@ -100,10 +112,9 @@ def explained(code: str) -> list[str]:
     lines = [f'{code}: {words.title} '
              f'({"act upon it" if CODES[code].severity == "act" else "good to know"})',
              f'What it means: {words.means}', f'How it is found: {words.found}']
-    for name, do in (('With a recording', words.do), ('At a running node', words.live)):
-        if do:
-            lines.append(f'{name}: {do}.' if isinstance(do, str) else
-                         f'{name}: the message says what fits the figures.')
+    lines += [f'{name}: {do}.' for name, do in (
+        ('With a recording', words.general or words.do or 'there is nothing to do'),
+        ('At a running node', words.live)) if do]
     if values := values_of(code):
         lines.append(f'Values: {", ".join(values)}')
     return lines

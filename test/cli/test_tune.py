@@ -96,7 +96,8 @@ def test_what_changed_within_the_recording_is_said(result_file, output_of, tmp_p
                    half_s=600.0)
     save_result(replace(result, warnings=(told,)), tmp_path / 'told.json')
     out = output_of('tune', tmp_path / 'told.json', '--coast', '3h').splitlines()
-    assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second.'
+    assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second; '
+            'numbers for a filter lie between the two.'
             in out)
     assert ('On another day the squared error after 3 h may be any number of times (gyroscope) '
             'and any number of times (accelerometer) as large as here (95 %): sensors change, and '

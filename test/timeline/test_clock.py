@@ -19,7 +19,7 @@ def judge(stamps, bursts=False):
     (np.tile([5, 1], 50), 'out of order'),
 ])
 def test_flaws_of_a_clock_are_named(stamps, flaw):
-    assert judge(stamps).split(' (')[0] == flaw
+    assert judge(stamps) == flaw
 
 
 def test_an_even_clock_is_usable_at_any_rate_even_one_hertz():

@@ -132,7 +132,7 @@ def test_remarks_are_one_line_until_they_are_opened(result):
         *(finding('poor_fit', (name,), misfit_share=(3 + place) / 100)
           for place, name in enumerate(result.axes)), *result.warnings)))
     assert '<summary>3 findings: poor fit, tones, motion</summary>' in html
-    assert 'its worst half-octave is off by 3 to 8 %' in Outline(html).text
+    assert 'the best is off by 3 to 8 %' in Outline(html).text
 
 
 def test_the_verdict_stands_behind_each_sensor(result):

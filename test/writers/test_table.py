@@ -11,7 +11,8 @@ import sys
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Curve, Saturation, Source, Span, Timeline
 from imu_allan.writers.table import print_result, result_text
-from imu_allan.writers.words import with_words
+from imu_allan.writers.terminal import wrapped
+from imu_allan.writers.words import advice, says, with_words
 import pytest
 from rich.console import Console
 
@@ -71,15 +72,18 @@ def test_a_forecast_longer_than_the_recording_says_so(filtered):
     short = replace(filtered, axes={
         name: replace(axis, drift_model=replace(axis.drift_model, to_s=30.0))
         for name, axis in filtered.axes.items()})
-    assert re.search(r'Unaided drift after 60 s: gyro  [\d.]+ deg rms \([\d.]+ to [\d.]+\), '
-                     r'extrapolated\n', printed(short))
+    assert re.search(r'Unaided drift after 60 s: [\d.]+ deg rms \([\d.]+ to [\d.]+\), '
+                     r'extrapolated, [\d.]+ m rms \([\d.]+ to [\d.]+\), extrapolated\n',
+                     printed(short))
+    assert re.search(r'Unaided drift after 60 s: gyro  .* extrapolated\n {26}accel .* rms',
+                     printed(short, 80))
     assert 'extrapolated' not in printed(filtered)
 
 
 def test_a_forecast_that_nothing_is_known_of_has_no_interval(filtered, with_edf):
     # Of a second of recording: 5.2e-05 .. 5.1e+06 deg.
     unknown = with_edf(filtered, 0.01)
-    assert len(re.findall(r' rms, not known to a factor of 10\n', printed(unknown))) == 2
+    assert len(re.findall(r' rms, not known to a factor of 10\b', printed(unknown))) == 2
     short = replace(unknown, axes={
         name: replace(axis, drift_model=replace(axis.drift_model, to_s=5.0))
         for name, axis in unknown.axes.items()}, timeline=Timeline(200.0, 2800, 14.0))
@@ -156,10 +160,9 @@ def test_what_to_act_upon_is_in_full_and_the_rest_is_named(result):
         finding('gauss_markov', ('gyro_x',), sigma=0.01, unit='rad/s', correlation_time_s=9.0),
         finding('poor_fit', ('gyro_x',), misfit_share=0.12)))
     assert ' '.join(printed(told, 80).split()).endswith(
-        'poor fit: gyro x: no sum of noise terms describes this spectrum: its worst half-octave '
-        'is off by 12 %. -> the intervals are widened; look for vibration, or a filter in the '
-        'sensor or driver Good to know (1): correlated noise (imu_allan explain NAME, or '
-        '--verbose).')
+        'poor fit: gyro x: no sum of noise terms describes this spectrum: the best is off by '
+        '12 %. -> look for vibration, or a filter in the sensor or driver '
+        'Good to know (1): correlated noise (imu_allan explain NAME, or --verbose).')
     assert 'with a correlation time of 9 s' in ' '.join(
         printed(told, 80, verbose=True).split())
 
@@ -238,20 +241,33 @@ def test_print_of_a_result_is_the_table_and_its_repr_one_line(result):
         assert len(repr(one)) < 400
 
 
-def test_what_has_no_room_in_full_is_named_so_that_the_screen_holds(filtered):
-    steps = [finding('bias_step', (name,), size=1e-3, unit='rad/s', after_s=600.0 + place)
-             for place, name in enumerate(filtered.axes)]
-    told = replace(filtered, sensors={}, warnings=(
-        *steps, finding('poor_fit', ('gyro_x',), misfit_share=0.12),
-        finding('gravity', mean=1.0), finding('not_steady', ('gyro_y',), spread_share=0.3,
-                                              segment_s=600.0),
-        finding('slow_motion', ('accel_x',), size=0.01, unit='m/s^2', start_s=60.0,
-                duration_s=28.0, count=1)))
-    screen, in_full = (printed(told, 80, verbose=verbose) for verbose in (False, True))
-    assert len(screen.splitlines()) <= 23
-    for title in ('bias step', 'poor fit', 'gravity', 'not steady'):
-        assert title in screen
-    assert in_full.count(' -> ') > screen.count(' -> ')
+def test_what_to_act_upon_is_in_full_and_what_has_no_room_beside_it_is_left_out(filtered):
+    steps = [finding('bias_step', (name,), size=1e-3, unit='rad/s', after_s=600.0)
+             for name in ('gyro_x', 'gyro_y')]
+    slow = [finding('slow_motion', ('accel_x',), size=0.01, unit='m/s^2', start_s=start_s,
+                    duration_s=28.0, count=1) for start_s in (60.0, 900.0)]
+    known = [finding(code) for code in ('no_metadata', 'unit_g', 'trend_or_walk')]
+    few, many = (with_words(replace(filtered, sensors={}, warnings=(*found, *known)))
+                 for found in (steps, [
+                     *steps, *slow, finding('poor_fit', ('gyro_x',), misfit_share=0.12),
+                     finding('gravity', mean=1.0)]))
+    for result, in_the_table in ((few, True), (many, False)):
+        lines = printed(result, 80).splitlines()
+        assert len(lines) <= 23
+        shown = ' '.join(' '.join(lines).split())
+        assert all(says(one) in shown and advice(one) in shown
+                   for one in result.warnings if one.severity == 'act')
+        assert ('\nGyroscope  ' in printed(result, 80)) == in_the_table
+        assert ('Coefficients of each axis: --verbose.' in lines) == (not in_the_table)
+    # What differs in figures alone has its advice once.
+    assert printed(many, 200).count('analyze the rest with --start') == 1
+    assert printed(many, 200, verbose=True).count('analyze the rest with --start') == 2
+
+
+def test_no_line_ends_between_a_number_and_its_unit():
+    [first, second, third] = wrapped(['the noise is higher by 19 % until 13 min 39 s. K: 3'], 25)
+    assert [first.plain, second.plain, third.plain] == [
+        'the noise is higher by', '  19 % until 13 min 39 s.', '  K: 3']
 
 
 @pytest.mark.parametrize('units', ['datasheet', 'si'])

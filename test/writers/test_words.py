@@ -68,7 +68,80 @@ def test_counts_choices_and_lists_are_looked_at(code: str, values: dict[str, obj
         finding(code, (), severity=None, recording=None, **values)
 
 
-def test_no_module_makes_or_reads_a_sentence_of_a_finding() -> None:
+BELOW = [path for path in MODULES if path.relative_to(PACKAGE).parts[0] in (
+    'characterization', 'fleet', 'noise', 'sensor', 'timeline', 'tuning', 'finding.py',
+    'result.py', 'state.py', 'block.py', 'cdr.py')]
+"""Those that know nothing of the writers."""
+# Errors say them.
+SAID_BY_ERRORS = {'give a noise model or datasheet YAML file',
+                  'between a microsecond and a hundred years'}
+MAKERS = {'says', 'advice', 'message_of', 'title_of', 'explained', 'in_full', 'verdict_lines',
+          'findings_line'}
+READERS = {'startswith', 'endswith', 'find', 'index', 'split', 'partition', 'rpartition', 'count',
+           'removeprefix', 'removesuffix'}
+
+
+def made(node: ast.AST) -> Iterator[str]:
+    """Yield what reads like a sentence: neither a docstring nor in a function that raises."""
+    if isinstance(node, ast.JoinedStr):
+        yield ''.join(str(part.value) if isinstance(part, ast.Constant) else '0'
+                      for part in node.values)
+        return
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    for child in ast.iter_child_nodes(node):
+        if not (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)) and not (
+                isinstance(child, ast.FunctionDef) and any(
+                    isinstance(one, ast.Raise) for one in ast.walk(child))):
+            yield from made(child)
+
+
+def sentences_made(tree: ast.AST) -> list[str]:
+    return [text for text in made(tree) if text not in SAID_BY_ERRORS and len(
+        [word for word in text.split() if word.strip('.,;:()').isalpha() and len(word) > 1]) > 3]
+
+
+def sentences_read(tree: ast.AST) -> list[str]:
+    """Return where a decision is made by what the words have said."""
+    def is_said(node: ast.AST) -> bool:
+        name = getattr(node, 'func', node)
+        return (isinstance(node, ast.Call) and getattr(name, 'id', None) in MAKERS) or (
+            isinstance(node, ast.Name) and node.id in said)
+    said = {target.id for node in ast.walk(tree) if isinstance(node, ast.Assign)
+            and isinstance(node.value, ast.Call)
+            and getattr(node.value.func, 'id', None) in MAKERS
+            for target in node.targets if isinstance(target, ast.Name)}
+    return [ast.unparse(node) for node in ast.walk(tree) if (
+        isinstance(node, ast.Compare) and any(map(is_said, [node.left, *node.comparators]))) or (
+        isinstance(node, ast.Attribute) and node.attr in READERS and is_said(node.value))]
+
+
+def test_no_module_below_the_writers_makes_a_sentence() -> None:
+    assert len(BELOW) > 80
+    assert not {path.name: found for path in BELOW
+                if (found := sentences_made(ast.parse(path.read_text())))}
+
+
+def test_no_module_reads_a_sentence() -> None:
+    assert not {path.name: found for path in MODULES
+                if (found := sentences_read(ast.parse(path.read_text())))}
+
+
+@pytest.mark.parametrize(('source', 'makes', 'reads'), [
+    ("WHY = 'the noise changed during the recording'", True, False),
+    ("def f(x):\n    return f'the noise {x} is not steady'", True, False),
+    ("def f(x):\n    'Say how it is.'\n    return 'in whole seconds'", False, False),
+    ("def f(x):\n    raise E(f'the noise {x} is not steady')", False, False),
+    ("if says(found).startswith('the noise'):\n    pass", False, True),
+    ("text = message_of(found)\nif 'steady' in text:\n    pass", False, True),
+    ("if found.code == 'not_steady':\n    text = says(found)", False, False)])
+def test_a_sentence_that_is_made_or_read_elsewhere_is_found(
+        source: str, makes: bool, reads: bool) -> None:
+    tree = ast.parse(source)
+    assert (bool(sentences_made(tree)), bool(sentences_read(tree))) == (makes, reads)
+
+
+def test_no_module_makes_or_reads_the_message_of_a_finding() -> None:
     for path in MODULES:
         makes_and_reads_none(path)
 
@@ -309,7 +382,9 @@ def test_every_alternative_of_the_table_is_short() -> None:
 @pytest.mark.parametrize('code', WORDS)
 def test_sentences_are_short_and_plain(code: str) -> None:
     words = WORDS[code]
-    texts = [words.title, words.means, words.found, words.live or '']
+    # The page has no figures, and says in any case what to do.
+    assert isinstance(words.general or words.do, str)
+    texts = [words.title, words.means, words.found, words.live or '', words.general]
     texts += [text for found in SAID if found.code == code
               for text in (says(found), advice(found))]
     for text in texts:
