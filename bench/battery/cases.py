@@ -180,7 +180,10 @@ def _short() -> list[Case]:
             Case('short', '10 s, NB', Sensor(100, 10, STILL), 48),
             Case('short', '10 s, NBK, 400 Hz', Sensor(400, 10, WALKING), 24),
             Case('short', '1 min, NB', Sensor(100, 60, STILL), 24),
-            Case('short', '5 min, NBK', Sensor(100, 300, WALKING), 24)]
+            Case('short', '5 min, NBK', Sensor(100, 300, WALKING), 24),
+            # What shows first of the slow noise is seen at its least frequencies alone.
+            *(Case('short', f'6 min, B from 1/{part} of it', Sensor(100, 360, {
+                **WHITE, B: WHITE[N] * sqrt(2 * pi * part / 360)}), 24) for part in (5, 10))]
 
 
 def _rates() -> list[Case]:

@@ -4,8 +4,9 @@
 
 from battery.bounds import reference_widths, term_power
 from battery.sensors import Sensor
-from characterized import characterized
+from characterized import characterized, shown
 from imu_allan.characterization.axis import characterize
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -351,3 +352,15 @@ def test_a_steep_and_a_gentle_low_pass_are_told_and_leave_the_density_alone(low_
     assert axis.band_edge_hz is None
     assert near(axis.coefficients['noise_density'], 1e-3)
     assert axis.gauss_markov is None
+
+
+@pytest.mark.parametrize('crossings', [5, 10])
+def test_the_first_slow_noise_that_shows_is_flicker_and_no_random_walk(crossings):
+    """Of 120 short records in which flicker had just come into sight 22 had a random walk."""
+    count = 36_000
+    flicker = 1e-4 * np.sqrt(2 * np.pi * crossings * RATE / count)
+    found = [fit.fit.estimates for fit in fit_axes(shown(np.transpose([simulate(
+        {'noise_density': 1e-4, 'bias_instability': flicker}, count, RATE, 3000 + seed)
+        for seed in range(24)])), 1 / RATE)]
+    assert sum(own['rate_random_walk'].observable for own in found) <= 2
+    assert sum(own['bias_instability'].observable for own in found) >= 12

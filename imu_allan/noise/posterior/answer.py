@@ -10,19 +10,23 @@ from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     FREE,
     HIGH,
+    KEYS,
     LOW,
     mean,
     PLAIN,
+    SLOWER,
     spectrum,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.shapes import (
     cubic,
+    FLICKER,
     GENTLE,
     LOW_PASSES,
     OUTPUT_NOISE,
     SMOOTH_DRIFT,
     TERMS,
+    WALK,
 )
 from imu_allan.noise.posterior.trends import TrendKind
 from imu_allan.noise.terms import TERMS as SYMBOLS
@@ -36,11 +40,7 @@ Array = NDArray[np.float64]
 
 _ENDS = (0.025, 0.5, 0.975)
 """Shares at the lower end, the value and the upper end of a 95 % interval."""
-_KEYS = [shape.key for shape in TERMS]
-_FLICKER, _WALK = _KEYS.index('bias_instability'), _KEYS.index('rate_random_walk')
-_OUTPUT = _KEYS.index(OUTPUT_NOISE)
-_SLOWER = [_WALK, _KEYS.index(SMOOTH_DRIFT), PLAIN, PLAIN + 2]
-"""Slots of what is slower than flicker, and of another exponent."""
+_FLICKER, _WALK, _OUTPUT = (KEYS.index(key) for key in (FLICKER, WALK, OUTPUT_NOISE))
 _QUANTILE = -float(ndtri(_ENDS[0]))
 """Standard errors that an interval has to either side."""
 _QUANTILES = ndtri((np.arange(64) + 0.5) / 64)
@@ -209,7 +209,7 @@ def _bends(model: Drawn) -> bool:
 
 def _drifts(model: Drawn) -> bool:
     """Whether a model has anything slower than flicker."""
-    return bool(model.row.has[0, _SLOWER].any() or model.trends)
+    return bool(model.row.has[0, [*SLOWER, PLAIN]].any() or model.trends)
 
 
 def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
@@ -375,9 +375,13 @@ class Mean:
 
 def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
     """Give the mean of the likeliest model, where it moves by more than a ramp."""
-    best, trends = posterior.models[0], posterior.trends(record.duration_s)
-    if not trends:
+    best = posterior.models[0]
+    if best.row.has[0, KEYS.index(SMOOTH_DRIFT)]:
+        # What moves smoothly may be a trend of the list that leaks into blocks.
+        best = next((model for model in posterior.models if model.trends), best)
+    if not best.trends:
         return None
+    trends = best.waveforms(record.duration_s)
     size, _, share = _regressed(best)
     lam, _ = expected(best)
     return Mean(record.beside(trends).mean(share @ size), lam, best.spectra.frequency)

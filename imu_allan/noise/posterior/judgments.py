@@ -52,7 +52,7 @@ EXPONENT_SPREAD = 0.35
 EXPONENT_ODDS = 0.1
 """Of slow noise with another exponent, against flicker."""
 WITHOUT_FLICKER = 0.3
-"""Of a process where no flicker is: every sensor has some."""
+"""Of each slower noise where no flicker shows: every sensor has some, and it shows first."""
 UNSEEN_LEVEL = 0.2
 """Density of the logarithm of the level of a half-octave that no model explains."""
 TOP, PER_HALF_OCTAVE = float(np.log(0.02)), -0.2

@@ -28,13 +28,17 @@ from imu_allan.noise.posterior.judgments import (
 from imu_allan.noise.posterior.regression import RIDGE
 from imu_allan.noise.posterior.shapes import (
     cubic,
+    FLICKER,
     FREE_TERMS,
     GENTLE,
     HIGH_PASSES,
     LOW_PASSES,
+    SMOOTH_DRIFT,
     Table,
     Tables,
     TERMS,
+    WALK,
+    WHITE,
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
@@ -54,8 +58,13 @@ SLOTS = HIGH + 1
 AMPLITUDES = np.array([*range(PLAIN), *(PLAIN + 2 * k for k in range(FREE))])
 NUISANCES = np.array([*(PLAIN + 2 * k + 1 for k in range(FREE)), LOW, HIGH])
 OUTPUT = np.array([shape.at_output for shape in TERMS])
-ALWAYS = [shape.key for shape in TERMS].index('noise_density')
+KEYS = [shape.key for shape in TERMS]
+ALWAYS = KEYS.index(WHITE)
 """Slot of the white noise, which is in every model, though it may be too weak to be seen."""
+SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
+"""Slots of what is slower than flicker: a random walk, a smooth drift, a process."""
+_FLICKER = np.array([KEYS.index(FLICKER), PLAIN])
+"""Slots of flicker and of slow noise with another exponent."""
 GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
@@ -425,13 +434,14 @@ def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> fl
     """Logarithm of the prior of having some shapes, the density of their nuisances included."""
     total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
                 if has[slot] and slot != ALWAYS)
+    if not has[_FLICKER].any():
+        total += has[SLOWER].sum() * np.log(WITHOUT_FLICKER)
     for k, shape in enumerate(FREE_TERMS):
         if has[PLAIN + 2 * k]:
             total += np.log(shape.density)
             if shape.key == 'gauss_markov':
                 table = tables.terms[k]
                 total -= np.log(table.last[0] - table.first[0])
-                total += 0.0 if has[2] or has[PLAIN] else np.log(WITHOUT_FLICKER)
             else:
                 total += np.log(EXPONENT_ODDS)
     for slot, table, one, shapes in ((LOW, tables.low_pass, family, LOW_PASSES),

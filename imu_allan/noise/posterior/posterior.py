@@ -78,6 +78,10 @@ class Drawn:
     x: Array
     share: Array
 
+    def waveforms(self, duration_s: float) -> list[Waveform]:
+        """Return what its trends make of the mean."""
+        return [trend for one in self.trends for trend in one.kind.columns(one.value, duration_s)]
+
 
 @dataclass(frozen=True)
 class Posterior:
@@ -106,8 +110,7 @@ class Posterior:
 
     def trends(self, duration_s: float) -> list[Waveform]:
         """Return the trends of the mean in the likeliest model."""
-        return [trend for one in self.models[0].trends
-                for trend in one.kind.columns(one.value, duration_s)]
+        return self.models[0].waveforms(duration_s)
 
     def changes(self, count: int) -> Array:
         """Factors of the noise density in as many draws, for its change between parts."""

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
+    ALWAYS,
     AMPLITUDES,
+    KEYS,
     left_to_itself,
     OUTPUT,
     PLAIN,
@@ -30,9 +32,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_KEYS = [shape.key for shape in TERMS]
-_WHITE = _KEYS.index('noise_density')
-_COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERMS]
+_COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERMS]
 """Of a design, by term: its own, or that of the term it is like."""
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
@@ -80,7 +80,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         first = maximise(one, trend='restricted', tolerance=1e-3)
         expected = np.maximum(one.design @ first.theta, 1e-300)
         explained = explained_by_regressors(one, one.dof / expected, True)
-        white = one.design[:, _WHITE]
+        white = one.design[:, ALWAYS]
         # Below lies nothing but rounding, or what has no square.
         rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
         power.append(np.maximum(about_blocks(one, slope_of(one, explained.trend)), rounding))
@@ -92,7 +92,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
                       for shape, own in zip(TERMS, _COLUMNS, strict=True)])
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
-    passed = _passed(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
+    passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level)
     uncertainty = np.where(passed < _STOPPED, LEAK_KNOWN / passed, 0.0)
     dof = whole / (1 + whole * uncertainty**2 / 2)
     # Behind a filter noise of the sensor falls with what hides it, that of the output does not.
@@ -101,14 +101,14 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(nu, groups[0].step, groups[0].length)
     like = np.stack([np.log(np.maximum(
-        design[:, _KEYS.index(shape.like)]
-        / (TERMS[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
+        design[:, KEYS.index(shape.like)]
+        / (TERMS[KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
         for shape in FREE_TERMS], axis=1)
     sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
     free = tuple(_in_units(own, like[:, k], sizes[k]) for k, own in enumerate(table.terms))
     spectra = Spectra(
         groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
-        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, _WHITE], information, whole),
+        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, ALWAYS], information, whole),
         regressors(groups), groups[0].records, table,
         left_to_itself(groups[0].frequency, dof, np.stack(power)))
     for number, one in enumerate(groups):
@@ -127,7 +127,7 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
 
     A few coefficients may be small by chance: what the terms explain counts as so many more.
     """
-    white = groups.design[:, _WHITE]
+    white = groups.design[:, ALWAYS]
     octave = np.log2(groups.frequency)
     low = np.searchsorted(octave, octave - _OCTAVE)
     high = np.searchsorted(octave, octave + _OCTAVE, 'right')
@@ -177,9 +177,9 @@ def _start(groups: Groups, unit: Array, level: Array) -> Start:
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
     slower = maximise(groups.below(below), fixed={0: 0.0}, trend='restricted', tolerance=1e-2)
     x = np.zeros(SLOTS)
-    white = level / groups.design[:, _WHITE]
+    white = level / groups.design[:, ALWAYS]
     theta = slower.theta[_COLUMNS]
-    theta[_WHITE] = max(theta[_WHITE], float(np.quantile(white, 0.05)))
+    theta[ALWAYS] = max(theta[ALWAYS], float(np.quantile(white, 0.05)))
     # A climb begins above what can just be seen.
     x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
     x[PLAIN + 1] = 1.0
