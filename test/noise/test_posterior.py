@@ -163,7 +163,7 @@ def test_a_shape_is_one_line_of_the_table():
                         lambda nu, c: np.cos(np.pi * nu)**2 + 0 * c,
                         lambda _: shapes.Grid(0.0, 1.0, 0.25))
     nu, band = np.geomspace(1e-4, 0.49, 80), shapes.Band(1e-4, 1e-3)
-    seen = shapes.Response(nu, np.ones(80), np.full(80, 64.0))
+    seen = shapes.Response(nu, np.ones(80), np.full(80, 64.0), np.zeros(80))
     tables = shapes.table_of((*shapes.LOW_PASSES, pair), nu, band, seen)
     assert len(tables.first) == len(shapes.LOW_PASSES) + 1
     assert tables.count[-1] == 5

@@ -99,7 +99,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
     seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
-    table = tables(nu, groups[0].step, groups[0].length)
+    table = tables(nu, groups[0].step, groups[0].length, groups[0].interpolated)
     like = np.stack([np.log(np.maximum(
         design[:, KEYS.index(shape.like)]
         / (TERMS[KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))

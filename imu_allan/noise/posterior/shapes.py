@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+from imu_allan.block import NEIGHBOURS
 from imu_allan.noise import spectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,13 @@ LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
 """Bands that a model has to describe: three octaves distinguish the terms."""
-# Points and weights over a band of an eighth of an octave (Gauss-Legendre).
-_EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
+# Points and weights over a band (Gauss-Legendre).
+_POINTS = np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
 _SLOWEST = LOWEST_CORNER / 4
 """In cycles per sample: of what is slower, nothing leaks."""
+_EVERY = (np.arange(128) + 0.5) / 256
+"""Frequencies from zero to half the sample rate."""
 _FOLDS = 4
 """How often a frequency is folded, at most: beyond lie 2 % of the power."""
 
@@ -200,9 +203,9 @@ def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
-def tables(nu: Array, step: Array, length: Array) -> 'Tables':
+def tables(nu: Array, step: Array, length: Array, interpolated: Array) -> 'Tables':
     """Tables of all shapes with a nuisance at the groups' frequencies, in blocks of means."""
-    return _tables(np.stack((nu, step, length)).tobytes())
+    return _tables(np.stack((nu, step, length, interpolated)).tobytes())
 
 
 @dataclass(frozen=True)
@@ -228,10 +231,10 @@ class Tables:
 
 @lru_cache(maxsize=8)
 def _tables(layout: bytes) -> Tables:
-    nu, step, length = np.frombuffer(layout).reshape(3, -1)
+    nu, step, length, interpolated = np.frombuffer(layout).reshape(4, -1)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
     return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_TERMS),
-                  table_of(LOW_PASSES, nu, band, Response(nu, step, length)),
+                  table_of(LOW_PASSES, nu, band, Response(nu, step, length, interpolated)),
                   table_of(HIGH_PASSES, nu, band))
 
 
@@ -243,9 +246,12 @@ class Response:
     rate allows; of white noise all that is folded adds up to 1, behind a filter it does not. The
     ends of a block of L points leak what is slower, f, into the coefficients about kappa: over an
     even and an odd one (1/sin(pi (kappa - f)) - 1/sin(pi (kappa + f)))^2 / 2L a unit of f.
+
+    Where the mean of its neighbours stands in for a lost sample, what that mean takes out is
+    missing, and the error is added at every frequency: of filtered noise less than of white noise.
     """
 
-    def __init__(self, nu: Array, step: Array, length: Array) -> None:
+    def __init__(self, nu: Array, step: Array, length: Array, interpolated: Array) -> None:
         at, weight, first = [], [], []
         count = 0
         for each, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
@@ -260,16 +266,28 @@ class Response:
             weight += [share * (1 - leak.sum()), leak]
             count += len(inside) + len(slower)
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
+        self._kept = (1 - interpolated * _taken_by_mean(nu))**2
+        self._lost = interpolated * (1 - interpolated)
 
     def of(self, power: Power, corner: float) -> Array:
         """Return it of a low-pass."""
-        return np.asarray(np.add.reduceat(
-            power(self._at, corner) * self._weight, self._first) + _ROUNDING)
+        passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
+        taken = _taken_by_mean(_EVERY)**2
+        error = self._lost * (power(_EVERY, corner) * taken).mean()
+        return np.asarray((passed * self._kept + error)
+                          / (self._kept + self._lost * taken.mean()) + _ROUNDING)
+
+
+def _taken_by_mean(nu: Array) -> Array:
+    """Share of an amplitude that the mean of the neighbours of a sample takes out."""
+    return np.asarray(1 - np.cos(2 * np.pi * nu[..., None] * np.arange(1, NEIGHBOURS + 1)
+                                 ).mean(axis=-1))
 
 
 def _folded(nu: float, means: float) -> tuple[Array, Array]:
     """Give places whose power means over a band see, and how much of it."""
-    inside = np.minimum(nu * _EIGHTH, 0.4999)
+    # A band is an eighth of an octave, unless half the sample rate ends it.
+    inside = np.minimum(nu * 2.0**(_POINTS * min(1 / 16, float(np.log2(0.5 / nu)))), 0.4999)
     # Below a fiftieth of their rate, means of samples fold next to nothing.
     if nu * means < 0.02:
         return inside, _GAUSS

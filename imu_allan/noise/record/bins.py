@@ -31,6 +31,7 @@ class Bins:
     whole: NDArray[np.bool_]
     step: Array    # (bins,): samples averaged into one point
     length: Array    # (bins,): points of the block
+    interpolated: Array    # (bins,): share of the samples that the sensor did not give
     # (bins,): which section a bin is from, and its DCT index there
     section: NDArray[np.int64]
     index: NDArray[np.int64]
@@ -108,7 +109,7 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
             section.power[:, part], design, signed, squared,
             np.full(len(index), section.coefficients is not None),
             np.full(len(index), float(section.step)), np.full(len(index), float(section.length)),
-            np.full(len(index), number), index))
+            np.full(len(index), interpolation.share), np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'coefficient')))
                   for field in fields(Bins)))

@@ -37,6 +37,7 @@ class Groups:
     ramp: Array
     step: Array
     length: Array
+    interpolated: Array
     # (groups, regressors): mean of coefficient times regressor; zero where the sign is lost
     along: Array | None = None
     # (groups, regressors, regressors): mean products of the regressors
@@ -105,7 +106,7 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
                    bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step),
-                   bands.mean(bins.length))
+                   bands.mean(bins.length), bands.mean(bins.interpolated))
     return _regressed(still, bands, bins, axis, regressors)
 
 
