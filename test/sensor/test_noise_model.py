@@ -122,7 +122,8 @@ def test_a_message_says_where_what_and_what_to_write_instead(text, message):
 @pytest.mark.parametrize(('content', 'complaint'), [
     (b'\xff\xfe\x00', 'not a text file; give a noise model or datasheet YAML file'),
     (b'#' * 1_000_001, 'too large; give a noise model or datasheet YAML file'),
-    (b'gyro: {drift: 3 deg/h}', f"gyro: unknown key 'drift'; known are {KEYS}")])
+    (b'gyro: {drift: 3 deg/h}', f"gyro: unknown key 'drift'; known are {KEYS}"),
+], ids=('no text', 'large', 'unknown key'))
 def test_a_file_that_is_no_model_is_named_with_what_it_may_hold(tmp_path, content, complaint):
     path = tmp_path / 'model.yaml'
     path.write_bytes(content)
