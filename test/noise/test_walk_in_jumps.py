@@ -11,7 +11,7 @@ import numpy as np
 
 RATE = 10.0
 HOUR = 36_000
-DENSITY, RANDOM_WALK = 1e-3, 3e-4
+DENSITY, FLICKER, RANDOM_WALK = 1e-3, 5e-4, 3e-4
 JUMP = 7e-3
 OF_JUMPS = JUMP * np.sqrt(6 / 3600)
 """Random walk of six jumps in an hour."""
@@ -62,9 +62,13 @@ def test_walk_of_a_few_jumps_is_known_less_well():
 
 
 def test_slow_trend_that_is_taken_out_makes_no_walk_uneven():
-    walk = walk_of(even(5) + 0.05 * warming(300.0)(np.arange(HOUR) / RATE))
-    assert walk.observable
-    assert width(walk) < 1.8 * BOUND / RANDOM_WALK
+    trend = 0.05 * warming(300.0)(np.arange(HOUR) / RATE)
+    records = [even(seed) + simulate({'bias_instability': FLICKER}, HOUR, RATE, 900 + seed)
+               for seed in range(6)]
+    beside, alone = ([walk_of(record + moves) for record in records] for moves in (trend, 0.0))
+    assert sum(walk.observable for walk in beside) >= 5
+    assert np.median([width(walk) for walk in beside]) < 1.3 * np.median(
+        [width(walk) for walk in alone])
 
 
 def test_joint_walk_that_is_even_is_known_better_than_that_of_one_record():
