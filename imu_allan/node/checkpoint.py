@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 State = Mapping[str, NDArray[Any]]
 
-VERSION = 4
+VERSION = 5
 """Of the layout: raised where another program would misread the file."""
 _NAME = b'imu_allan.state/'
 _DIGEST_BYTES = 32
