@@ -12,7 +12,7 @@ from typing import Any
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
-from rosdep_workspace import lacking, told
+from rosdep_workspace import lacking, said
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -24,7 +24,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 # No node of a test leaves anything in the home of whoever runs it.
 os.environ['ROS_HOME'] = tempfile.mkdtemp(prefix='imu_allan_test_ros_home_')
-# Workers of pytest-xdist are told that they are 80 columns wide; what is tested is a pipe.
+# Workers of pytest-xdist are given 80 columns; what is tested is a pipe.
 os.environ.pop('COLUMNS', None)
 # Hundreds of commands and nodes are started; each would compile the whole package again.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
@@ -108,7 +108,7 @@ def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _skip_if_lacking(report: Any, error: BaseException | None, path: Path) -> None:
-    if report.failed and (name := lacking(error) or told(report.longreprtext + ''.join(
+    if report.failed and (name := lacking(error) or said(report.longreprtext + ''.join(
             text for _, text in report.sections), path)):
         report.outcome = 'skipped'
         report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not install: '

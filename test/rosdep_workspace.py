@@ -28,7 +28,7 @@ def lacking(error: BaseException | None) -> str | None:
     return None
 
 
-def told(text: str, path: Path) -> str | None:
+def said(text: str, path: Path) -> str | None:
     """Name the package of PyPI that a program of a test said it lacks, and that is lacking."""
     # A node has no excuse for a traceback.
     said = 'needs the Python package ' + ('' if 'node' in path.parts else "|No module named '")

@@ -35,9 +35,9 @@ def written(tmp_path):
 def test_start_auto_leaves_out_the_warm_up(written):
     path = written(0.02 * np.exp(-TIME / 500))
     cold, warm = analyze(path), analyze(path, start_s='auto')
-    [told] = [one.values for one in warm.warnings if one.code == 'start_auto']
-    assert told['left_out']
-    assert 1200 <= told['warm_up_s'] <= 3000
+    [said] = [one.values for one in warm.warnings if one.code == 'start_auto']
+    assert said['left_out']
+    assert 1200 <= said['warm_up_s'] <= 3000
     assert cold.axes['gyro_x'].trend.warm_up is not None
     assert warm.axes['gyro_x'].trend.warm_up is None
     assert 3000 < warm.timeline.duration_s < 6000
@@ -46,8 +46,8 @@ def test_start_auto_leaves_out_the_warm_up(written):
 
 def test_start_auto_leaves_nothing_out_where_nothing_settles(written):
     result = analyze(written(0.0), start_s='auto')
-    [told] = [one.values for one in result.warnings if one.code == 'start_auto']
-    assert not told['warm_up_s']
+    [said] = [one.values for one in result.warnings if one.code == 'start_auto']
+    assert not said['warm_up_s']
     assert result.timeline.duration_s == pytest.approx(7200, abs=1)
 
 

@@ -181,8 +181,8 @@ def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_p
         ['short:', '10', 's,', 'N', '2']]
     assert [one['seed'] for one in json.loads(written.read_text())['outcomes']] == [5, 6]
     again = battery(*chosen, '--base', str(written))
-    *_, told, head = again.stdout.splitlines()
-    assert told == '2 records compared: where they differ by more than two standard errors'
+    *_, heard, head = again.stdout.splitlines()
+    assert heard == '2 records compared: where they differ by more than two standard errors'
     assert head.split() == ['term', 'what', 'base', 'now', 'standard', 'errors']
 
 

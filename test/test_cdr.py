@@ -119,7 +119,7 @@ def test_bytes_in_the_alignment_gap_do_not_split_a_block():
     assert_same(before, after)
 
 
-def test_frame_ids_of_equal_padded_length_are_told_apart():
+def test_frame_ids_of_equal_padded_length_are_distinguished():
     parts = [block(3, 'ab'), block(2, 'abc', 1), block(2, 'ab', 2)]
     rows = np.concatenate([encode_imu_rows(part) for part in parts])
     blocks = decode_imu_rows(rows, np.concatenate([part.receive_ns for part in parts]))
@@ -152,20 +152,20 @@ def test_what_is_no_imu_message_is_refused_with_its_reason(message, reason):
 def test_malformed_messages_are_counted_and_the_others_decoded():
     good = [encode_imu_rows(block(1, seed=seed)).tobytes() for seed in range(4)]
     messages = [good[0], b'junk', good[1], good[2][:100], good[2][:100], good[3]]
-    told = []
+    said = []
     blocks = blocks_from_messages(
-        messages, np.arange(6), on_malformed=lambda count, error: told.append((count, str(error))))
+        messages, np.arange(6), on_malformed=lambda count, error: said.append((count, str(error))))
     assert [stamp for item in blocks for stamp in item.receive_ns.tolist()] == [0, 2, 5]
-    assert told == [
+    assert said == [
         (1, '4 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
         (2, '100 bytes are too few for a sensor_msgs/Imu message (312 at least)')]
-    with refused(told[0][1], MalformedImu):
+    with refused(said[0][1], MalformedImu):
         blocks_from_messages(messages, np.arange(6))
 
 
 @given(st.integers(1, 50), st.integers(0, 40), st.data())
 @settings(max_examples=200, deadline=None)
-def test_rows_that_differ_anywhere_in_a_span_are_told_apart(size, start, data):
+def test_rows_that_differ_anywhere_in_a_span_are_distinguished(size, start, data):
     rows = np.tile(np.arange(100, dtype=np.uint8), (9, 1))
     spans = [(start, min(start + size, 100)), (90, 92)]
     for row, at in data.draw(st.sets(st.tuples(st.integers(0, 8), st.integers(0, 99)))):

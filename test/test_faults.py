@@ -135,7 +135,7 @@ def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
     assert_one_line(done, 'standard output: No space left on device')
 
 
-def test_a_state_on_a_full_disk_is_told_and_the_state_before_stays(tmp_path):
+def test_a_state_on_a_full_disk_is_reported_and_the_state_before_stays(tmp_path):
     checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
     np = pytest.importorskip('numpy')
     with mounted(tmp_path / 'small', 'size=64k') as disk:

@@ -168,7 +168,7 @@ def test_entry_points_lead_to_callables(name: str) -> None:
 
 
 @pytest.mark.parametrize('package', ['cli', 'node'])
-def test_the_programs_keep_numpy_to_one_thread_unless_told_otherwise(package: str) -> None:
+def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package: str) -> None:
     program = (f'import imu_allan.{package}, os, sys; '
                'print(os.environ.get("OPENBLAS_NUM_THREADS"), "numpy" in sys.modules)')
     plain = {name: value for name, value in os.environ.items()
@@ -242,19 +242,19 @@ def ended(environment: dict[str, str], *arguments: str) -> tuple[int, list[str]]
 
 @pytest.mark.thorough
 def test_a_workspace_that_rosdep_filled_collects_every_test(rosdep_only: dict[str, str]) -> None:
-    status, told = ended(rosdep_only, '--collect-only')
-    assert status == 0, told[-20:]
-    assert [line for line in told if line.startswith('ERROR')] == []
+    status, said = ended(rosdep_only, '--collect-only')
+    assert status == 0, said[-20:]
+    assert [line for line in said if line.startswith('ERROR')] == []
 
 
 def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(
         rosdep_only: dict[str, str]) -> None:
     node = 'test/node/test_interface.py'
-    status, told = ended(rosdep_only, 'test/test_cdr.py', 'test/cli/test_info.py',
+    status, said = ended(rosdep_only, 'test/test_cdr.py', 'test/cli/test_info.py',
                          'test/noise/test_terms.py',
                          *([node] if find_spec('rclpy') else []))
-    assert status == 0, told[-20:]
-    skipped = [line for line in told if line.startswith('SKIPPED')]
+    assert status == 0, said[-20:]
+    skipped = [line for line in said if line.startswith('SKIPPED')]
     assert skipped
     assert all(re.search(r'needs (rosbags|mcap|rich), which rosdep does not install: pip install '
                          r'\1$', line) for line in skipped), skipped

@@ -160,11 +160,11 @@ def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Pat
                 'ROS_LOG_DIR': str(tmp_path)}) as process:
         assert process.stderr is not None
         began = time.monotonic()
-        told = process.stderr.readline()
+        said = process.stderr.readline()
         assert time.monotonic() - began < 60
         process.send_signal(signal.SIGINT)
         process.stderr.read()
-    assert '[INFO]' in told
+    assert '[INFO]' in said
     assert process.returncode == 0
 
 
@@ -185,15 +185,15 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> No
                 'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'},
             ) as process:
         assert process.stdout is not None
-        told = ''
+        said = ''
         for line in process.stdout:
-            told += line
+            said += line
             if '[INFO]' in line:
                 process.send_signal(signal.SIGINT)
                 break
-        told += process.stdout.read()
-    assert process.returncode == 0, told
-    assert 'Finished <<< imu_allan' in told
+        said += process.stdout.read()
+    assert process.returncode == 0, said
+    assert 'Finished <<< imu_allan' in said
     assert (tmp_path / 'ws' / node).is_file()
 
 

@@ -105,7 +105,7 @@ def test_ones_own_link_is_followed_in_a_shared_folder_too(tmp_path):
     assert (tmp_path / 'real').read_bytes() == b'content'
 
 
-def test_links_that_lead_in_a_circle_are_told(tmp_path):
+def test_links_that_lead_in_a_circle_are_reported(tmp_path):
     (tmp_path / 'a').symlink_to('b')
     (tmp_path / 'b').symlink_to('a')
     with refused(unwritable(tmp_path / 'a', 'Too many levels of symbolic links')):

@@ -55,7 +55,7 @@ def test_a_recording_is_summed_up_in_one_line():
 
 
 def test_where_not_all_gaps_are_listed_the_line_does_not_say_how_many_there_are():
-    # 10,000 gaps were told as '1,000 gaps (3 min 20 s)'.
+    # 10,000 gaps were reported as '1,000 gaps (3 min 20 s)'.
     listed = tuple(Span(float(number), 0.2) for number in range(LISTED_GAPS))
     assert LISTED_GAPS == LISTED_SPANS
     assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed, motion=listed)) == [

@@ -33,7 +33,7 @@ def quantization(samples: int, rng: np.random.Generator) -> Array:
 def walk(samples: int, rng: np.random.Generator) -> Array:
     """Random walk of unit coefficient, averaged over each second."""
     step = rng.standard_normal(samples)
-    # Of its own second a mean has half the step, and the bridge between the ends.
+    # Of its own second a mean has half the step, and the Brownian bridge between the ends.
     return np.asarray(np.cumsum(step) - step / 2 + rng.standard_normal(samples) / np.sqrt(12))
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The result of an axis: what is told of the fit, and the model beside the curve."""
+"""The result of an axis: what is reported of the fit, and the model beside the curve."""
 
 from dataclasses import replace
 import tracemalloc
@@ -127,8 +127,8 @@ def test_noise_of_a_sample_is_its_standard_deviation_about_its_neighbours():
 
 def test_what_is_worth_telling_has_its_code():
     assert characterized(WHITE, RATE)[1] == {}
-    [(code, told)] = characterized(lfilter(np.ones(8) / 8, [1.0], WHITE), RATE)[1].items()
-    assert (code, list(told)) == ('band_limited', ['window_s'])
+    [(code, said)] = characterized(lfilter(np.ones(8) / 8, [1.0], WHITE), RATE)[1].items()
+    assert (code, list(said)) == ('band_limited', ['window_s'])
     steps = characterized(np.round(WHITE / 0.03) * 0.03, RATE)[1]
     assert steps['coarse_resolution'] == {
         'step': pytest.approx(0.03), 'unit': 'rad/s', 'ratio': pytest.approx(3.0, rel=0.1)}
@@ -206,7 +206,7 @@ def test_the_model_describes_records_of_a_hundred_samples():
 
 @pytest.mark.parametrize(('size', 'at', 'walk'), [
     (10, 4000, 1.6e-6), *((size, 2000, walk) for size in (30, 100) for walk in (0.0, 4.8e-6))])
-def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk(size, at, walk):
+def test_a_step_of_the_mean_is_reported_and_bounds_the_random_walk(size, at, walk):
     small = size == 10
     samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
                         'rate_random_walk': walk}, 18 * at, 10.0, seed=7 if small else 1)

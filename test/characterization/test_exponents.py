@@ -59,7 +59,7 @@ def test_a_recording_that_knows_next_to_nothing_leaves_the_interval_of_another_a
     assert beside.ci95 == pytest.approx((1.0177e-3, 1.0614e-3), rel=2e-3)
 
 
-def test_error_averages_out_and_doubt_on_one_side_does_not(plain):
+def test_error_averages_out_and_uncertainty_on_one_side_does_not(plain):
     same = [shown(plain, 'noise_density', 1.0e-3, (0.94e-3, 1.01e-3))] * 4
     low, high = density_of(plain, *same).ci95
     assert high == pytest.approx(1.005e-3, rel=1e-3)

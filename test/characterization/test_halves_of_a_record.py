@@ -60,17 +60,17 @@ def said(result: Result) -> list[Finding]:
     return [warning for warning in result.warnings if warning.code == 'not_steady']
 
 
-def test_a_half_that_drifts_more_is_told_and_the_axis_is_not_steady() -> None:
+def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady() -> None:
     result = gyro(2.0, seed=1)
     # The segments alone do not see it.
-    [told] = said(result)
-    assert (told.axes, told.severity, told.values['higher']) == (('gyro_x',), 'know', 'second')
-    assert told.values['drift_ratio'] == pytest.approx(2.0, abs=0.05)
-    assert told.values['interval_s'] == pytest.approx(61, abs=0.5)
+    [seen] = said(result)
+    assert (seen.axes, seen.severity, seen.values['higher']) == (('gyro_x',), 'know', 'second')
+    assert seen.values['drift_ratio'] == pytest.approx(2.0, abs=0.05)
+    assert seen.values['interval_s'] == pytest.approx(61, abs=0.5)
     assert not result.axes['gyro_x'].stationarity.steady
 
 
-def test_halves_alike_are_not_told() -> None:
+def test_equal_halves_are_not_reported() -> None:
     result = gyro(1.0, axes=3)
     assert said(result) == []
     assert all(axis.stationarity.steady for axis in result.axes.values())
@@ -114,9 +114,9 @@ def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
     assert halves_remarks({'gyro_x': axis}) == {}
     test = axis.backtest
     changed = replace(test.innovations[0], steps=118, of_halves=(4.0, 0.25))
-    told = halves_remarks({'gyro_x': replace(axis, backtest=replace(
+    seen = halves_remarks({'gyro_x': replace(axis, backtest=replace(
         test, innovations=(changed, test.innovations[1])))})
-    assert told['gyro_x'].values['interval_s'] == 10
+    assert seen['gyro_x'].values['interval_s'] == 10
 
 
 def test_the_bound_of_chance_is_that_of_the_ratio_of_two_mean_squares() -> None:
@@ -125,7 +125,7 @@ def test_the_bound_of_chance_is_that_of_the_ratio_of_two_mean_squares() -> None:
     assert set(halves_remarks({'gyro_x': axis_of(2.24, 1 / 2.24)})) == {'gyro_x'}
 
 
-def test_a_difference_that_nobody_cares_about_is_not_told_however_certain() -> None:
+def test_a_difference_that_nobody_cares_about_is_not_reported_however_certain() -> None:
     assert halves_remarks({'gyro_x': axis_of(1.2, 1 / 1.2, steps=1_000_000)}) == {}
 
 
@@ -138,16 +138,16 @@ def test_a_backtest_of_an_older_file_says_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('hours', [1 / 6, 1 / 3, 1.0, 3.0])
-def test_steady_sensors_are_hardly_ever_told_to_change(hours: float) -> None:
+def test_steady_sensors_are_hardly_ever_reported_to_change(hours: float) -> None:
     """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
     kinds: dict[str, Mapping[str, Any]] = {
         'N': {}, 'N+K': {'rate_random_walk': 1e-5}, 'N+B': {'bias_instability': 3e-4},
         'N+10 s': {'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 10.0}},
         'N+100 s': {'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 100.0}},
         'N+3000 s': {'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 3000.0}}}
-    samples, told = round(3600 * hours * RATE), {}
+    samples, seen = round(3600 * hours * RATE), {}
     for name, terms in kinds.items():
-        told[name] = 0
+        seen[name] = 0
         for first in range(0, 180, 30):
             records = [simulate({'noise_density': 1e-3, **terms}, samples, RATE, seed)
                        for seed in range(first, first + 30)]
@@ -158,7 +158,7 @@ def test_steady_sensors_are_hardly_ever_told_to_change(hours: float) -> None:
             for at in range(0, len(tested), 3):
                 axes = {f'gyro_{letter}': replace(some_axis(), backtest=found)
                         for letter, found in zip('xyz', tested[at:at + 3], strict=True)}
-                told[name] += bool(halves_remarks(axes))
-    print(f'\n{hours:.2g} h: told of {told} of 60')
+                seen[name] += bool(halves_remarks(axes))
+    print(f'\n{hours:.2g} h: reported {seen} of 60')
     # Three axes and their mean, each at .27 %, would be 4 of 360.
-    assert sum(told.values()) <= 3
+    assert sum(seen.values()) <= 3

@@ -76,7 +76,7 @@ def width(result, key):
     return (found.ci95[1] - found.ci95[0]) / found.value
 
 
-def test_a_step_that_is_told_in_one_recording_bounds_the_walk_of_all():
+def test_a_step_that_is_reported_in_one_recording_bounds_the_random_walk_of_all():
     @altered
     def stepped(rows, stamps):
         rows[stamps > 4000e9, 0] += 2.4e-4
@@ -121,9 +121,9 @@ def test_the_means_spread_from_one_power_on_to_the_next(joint):
         assert found.sigma == pytest.approx(sigma, rel=0.1)
         assert found.ci95[0] < sigma < found.ci95[1]
     assert joint.turn_on_bias['accel_x'].ci95[0] == 0.0
-    told = [remark for remark in joint.warnings if remark.code == 'turn_on_bias']
-    assert [one.axes for one in told] == [('gyro_x',), ('gyro_y',)]
-    for one in told:
+    said = [remark for remark in joint.warnings if remark.code == 'turn_on_bias']
+    assert [one.axes for one in said] == [('gyro_x',), ('gyro_y',)]
+    for one in said:
         bias = joint.turn_on_bias[one.axes[0]]
         assert (one.values['sigma'], one.values['sigma_low'], one.values['sigma_high']) == (
             bias.sigma, *bias.ci95)
@@ -146,9 +146,9 @@ def test_recordings_of_one_sensor_do_not_contradict_each_other(joint):
 def test_a_recording_that_contradicts_the_others_is_named(nights):
     noisy = recorded('after', 9, model='noise_density: 0.006 deg/s/sqrt(Hz)')
     found = joint_result([*nights[:3], noisy])
-    told = [remark for remark in found.warnings if remark.code == 'recordings_disagree']
-    assert [one.axes for one in told] == [('gyro_x',), ('gyro_y',)]
-    for one in told:
+    said = [remark for remark in found.warnings if remark.code == 'recordings_disagree']
+    assert [one.axes for one in said] == [('gyro_x',), ('gyro_y',)]
+    for one in said:
         assert (one.values['coefficient'], one.values['of_recording']) == (
             'noise_density', 'after')
         assert one.values['value'] / one.values['usual_value'] == pytest.approx(1.2, abs=0.02)
@@ -156,7 +156,7 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
     assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
 
 
-def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_interval():
+def test_a_recording_whose_parts_contradict_each_other_is_reported_and_widens_the_interval():
     @altered
     def louder(rows, stamps):
         rows[stamps > 600e9, 0] *= 1.5
@@ -166,8 +166,8 @@ def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_in
 
     result = joint_result([night(13, changed=louder), night(12)])
     plain = joint_result([night(11), night(12)])
-    told = [remark for remark in result.warnings if remark.code == 'not_steady']
-    assert [(one.values['recording'], one.axes) for one in told] == [('night13', ('gyro_x',))]
+    said = [remark for remark in result.warnings if remark.code == 'not_steady']
+    assert [(one.values['recording'], one.axes) for one in said] == [('night13', ('gyro_x',))]
     assert width(result, 'noise_density') > 3 * width(plain, 'noise_density')
     assert not result.axes['gyro_x'].stationarity.steady
     assert result.axes['gyro_y'].stationarity.steady
@@ -215,7 +215,7 @@ def test_a_mean_that_only_wanders_is_no_turn_on_bias():
     assert turn_on_bias([0.1, -0.2, 0.15], axis, [25.0, 25.0, 25.0]).sigma == 0.0
 
 
-def test_a_walk_too_small_to_show_is_no_turn_on_bias():
+def test_a_random_walk_too_small_to_show_is_no_turn_on_bias():
     walk = {'noise_density': 1e-3, 'rate_random_walk': 3e-5}
     axis = characterize(simulate(walk, 60_000, 100.0, seed=31), 100.0)
     assert not axis.coefficients['rate_random_walk'].observable
@@ -264,12 +264,12 @@ def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000, **more):
     return recorded(path, seed, samples=samples, changed=changed, **more)
 
 
-def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_told():
+def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_reported():
     joint = joint_result([beside('one', 1, 0.6), beside('other', 2, 1.3)])
-    told = [one for one in joint.warnings if one.code == 'power_law']
-    assert [one.axes for one in told] == [('gyro_x',), ('gyro_y',)]
-    assert all(one.values['recordings'] == ['one', 'other'] for one in told)
-    assert all(one.values['density_is_mean'] for one in told)
+    said = [one for one in joint.warnings if one.code == 'power_law']
+    assert [one.axes for one in said] == [('gyro_x',), ('gyro_y',)]
+    assert all(one.values['recordings'] == ['one', 'other'] for one in said)
+    assert all(one.values['density_is_mean'] for one in said)
     for axis in ('gyro_x', 'gyro_y'):
         found = joint.axes[axis]
         low, high = found.coefficients['noise_density'].ci95

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A night with all that happens in one: each cause is told by its own word, live and offline."""
+"""A night with all that happens in one: each cause is found by its own code, live and offline."""
 
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
@@ -21,12 +21,12 @@ WORDS = {'warm_up', 'slow_cycle', 'not_steady', 'temperature', 'trend_or_walk', 
          'poor_fit', 'gauss_markov', 'band_limited'}
 """Of the remarks that say what an axis does; the length of the record is none."""
 ALONE = dict(zip(AXES, ('warm-up', 'heater', 'louder', 'weather', '', 'walk'), strict=True))
-TOLD = {'warm-up': 'warm_up', 'heater': 'slow_cycle', 'louder': 'not_steady',
-        'weather': 'temperature'}
+FOUND = {'warm-up': 'warm_up', 'heater': 'slow_cycle', 'louder': 'not_steady',
+         'weather': 'temperature'}
 AXES_NUMBER = {name: number for number, name in enumerate(AXES)}
 LOUD = {'gyro': 0.02, 'acce': 0.5}
 """Of a slammed door, in the unit of the axis."""
-EVERYTHING = ' '.join(TOLD)
+EVERYTHING = ' '.join(FOUND)
 PER_KELVIN = 10.0
 """In bias instabilities."""
 
@@ -122,7 +122,7 @@ def is_right(night, result, name):
     axis, why = result.axes[name], night.causes[name]
     said = words(result, name)
     unclear = 'walk' in why and 'trend_or_walk' in said
-    if said - {'trend_or_walk'} != {word for cause, word in TOLD.items() if cause in why}:
+    if said - {'trend_or_walk'} != {word for cause, word in FOUND.items() if cause in why}:
         return False
     truth = GYRO if name.startswith('gyro') else ACCEL
     flicker, trend = axis.coefficients[B], axis.trend
@@ -154,8 +154,8 @@ def same(live, recorded):
     return True
 
 
-@pytest.mark.parametrize('why', [*TOLD, '', 'walk', EVERYTHING])
-def test_each_cause_alone_and_all_together_are_told_by_their_own_words(why, tmp_path):
+@pytest.mark.parametrize('why', [*FOUND, '', 'walk', EVERYTHING])
+def test_each_cause_alone_and_all_together_are_reported_by_their_own_words(why, tmp_path):
     night = Night(3, 8, {'gyro_x': why}, 1)
     live = night.live(np.random.default_rng(1))
     assert slammed(night, live)

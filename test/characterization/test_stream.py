@@ -49,7 +49,7 @@ def characterized(rows, index=None):
     return stream.result()
 
 
-def told(result, code):
+def said(result, code):
     return [found for found in result.warnings if found.code == code]
 
 
@@ -148,7 +148,7 @@ def test_absent_accelerometer_leaves_three_axes_of_which_a_constant_one_is_named
         stream.update(block)
     result = stream.result()
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z']
-    assert told(result, 'constant_axis') == [
+    assert said(result, 'constant_axis') == [
         finding('constant_axis', ('gyro_y',), value=0.0, unit='rad/s')]
 
 
@@ -184,11 +184,11 @@ def copied(rows):
     ('deadband', dead_about_zero, 'the axis has a deadband: 9<number> % of the samples are '
      'exactly 0, noise is higher than it seems'),
     ('copied_axis', copied, 'the axis is a copy: every sample is that of -gyro_x')])
-def test_an_axis_at_fault_is_told_in_a_result_that_fails_its_limit(code, spoil, reason):
+def test_an_axis_at_fault_is_reported_in_a_result_that_fails_its_limit(code, spoil, reason):
     rows = still_imu(20_000)
     names, values = spoil(rows)
     result = characterized(rows)
-    [found] = told(result, code)
+    [found] = said(result, code)
     assert (found.axes, found.values) == (names, values)
     assert tuple(name for name, axis in result.axes.items() if axis.fault) == names
     if code != 'copied_axis':

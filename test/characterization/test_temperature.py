@@ -94,9 +94,9 @@ def test_the_mean_follows_the_temperature_of_the_readings(hour):
     assert (one.lowest_c, one.highest_c) == pytest.approx(
         (celsius_at(reading).min(), celsius_at(reading).max()), abs=0.1)
     assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
-    told = remarks(result)[0]
-    assert (told.code, told.axes) == ('temperature', ('gyro_x',))
-    assert told.values == {
+    said = remarks(result)[0]
+    assert (said.code, said.axes) == ('temperature', ('gyro_x',))
+    assert said.values == {
         'per_kelvin': one.per_kelvin, 'per_kelvin_low': one.ci95[0],
         'per_kelvin_high': one.ci95[1], 'unit': 'rad/s', 'lowest_c': one.lowest_c,
         'highest_c': one.highest_c, 'curved': False, 'lag_s': None}
@@ -163,20 +163,20 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
     (lambda s: (s[::20] + 1e6, celsius_at(s[::20])),
      {'fault': 'short', 'covered_share': 0.0}),
 ])
-def test_readings_that_are_no_use_are_told(hour, readings, expected):
+def test_readings_that_are_no_use_are_reported(hour, readings, expected):
     seconds, rows = hour
     stream = Characterization(kind='topic')
     take(stream, stamps_of(seconds), rows)
     reading, celsius = readings(seconds)
     stream.take_temperature(stamps_of(reading), celsius)
     result = stream.result()
-    [told] = remarks(result)
-    assert told.code == 'thermometer'
-    assert {key: value for key, value in told.values.items() if key in expected} == expected
+    [said] = remarks(result)
+    assert said.code == 'thermometer'
+    assert {key: value for key, value in said.values.items() if key in expected} == expected
     assert axis_of(result) is None
 
 
-def test_coarse_steps_and_gaps_of_the_readings_are_told(hour):
+def test_coarse_steps_and_gaps_of_the_readings_are_reported(hour):
     seconds, rows = hour
     stream = Characterization(kind='topic')
     take(stream, stamps_of(seconds), rows)

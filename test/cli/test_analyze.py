@@ -51,7 +51,7 @@ def test_json_holds_exactly_what_python_returns(recording, analyzed, capsys):
 
 
 @pytest.mark.parametrize(('step', 'flaw'), [(0.0, 'constant'), (-0.01, 'out of order')])
-def test_a_table_whose_times_do_not_go_on_is_told_of_its_times(tmp_path, fails_with, step, flaw):
+def test_a_table_whose_times_stand_still_is_refused_by_its_times(tmp_path, fails_with, step, flaw):
     rows = ['time_s,gyro_x,gyro_y,gyro_z', *(
         f'{1000 + step * place:.2f},{place % 7},{place % 5},{place % 3}' for place in range(2000))]
     (tmp_path / 'imu.csv').write_text('\n'.join(rows))
@@ -246,7 +246,7 @@ def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording)
     assert on_a_terminal([*COMMAND, str(recording), '--no-progress']) == b''
 
 
-def test_an_output_that_cannot_be_written_is_told_before_the_work(
+def test_an_output_that_cannot_be_written_is_reported_before_the_work(
         recording, tmp_path, monkeypatch, fails_with):
     file = tmp_path / 'file'
     file.write_text('')

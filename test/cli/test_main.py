@@ -150,7 +150,7 @@ CENTURY = 'argument {}: {} is more than a hundred years'
      "argument --format: 'bmp' is not one of png, svg, pdf, latex"),
     ('report r.json --width 3', "argument --width: '3' is not a width of 5 to 50 cm"),
 ])
-def test_wrong_usage_is_told_in_two_lines_with_the_right_word(words, line, wrong_usage):
+def test_wrong_usage_is_reported_in_two_lines_with_the_right_word(words, line, wrong_usage):
     verb = next((word for word in words.split()[:1] if word in VERBS), '')
     wrong_usage(f'{" " if verb else ""}{verb}: error: {line}', *words.split())
 

@@ -72,14 +72,14 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['simulate', 'consumer_mems', '--output', ''], f"--output '': {EMPTY}"),
     (['info', ''], f"recording '': {EMPTY}"),
 ])
-def test_what_is_not_to_be_replaced_is_told_and_stays(arguments, line, folder, fails_with):
+def test_what_is_not_to_be_replaced_is_reported_and_stays(arguments, line, folder, fails_with):
     before = {path: path.read_bytes() for path in folder.iterdir()}
     # Before the work, of which something would be printed.
     assert fails_with(line, *arguments) == ''
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_a_link_planted_in_the_output_folder_is_told_before_the_work(folder, fails_with):
+def test_a_link_planted_in_the_output_folder_is_reported_before_the_work(folder, fails_with):
     (folder / 'out').mkdir()
     (folder / 'out' / 'result.json').symlink_to(folder / 'r.json')
     before = (folder / 'r.json').read_bytes()

@@ -177,7 +177,7 @@ def test_check_goes_through_a_folder_of_recordings(
     (9000, ['--strict'], 0, None),
     (9000, ['--strict', '--min-duration', '1h'], 4,
      '5 min of data, and no less than 60 min may pass')])
-def test_a_doubt_is_explained_and_has_a_status_of_its_own(
+def test_what_is_undecided_is_explained_and_has_a_status_of_its_own(
         result_file, tmp_path, against, capsys, limit, options, status, reason):
     assert against(result_file, f'gyro: {{x: {{rate_random_walk: {limit} deg/h/sqrt(h)}}}}',
                    *options) == status
@@ -347,7 +347,7 @@ def test_a_folder_of_a_result_is_taken_for_the_result(verb, folder, tmp_path, fa
 
 
 @pytest.mark.parametrize('verb', ['analyze', 'info'])
-def test_a_result_is_no_recording_and_what_to_do_with_it_is_told(verb, folder, fails_with):
+def test_a_result_is_no_recording_and_what_to_do_with_it_is_reported(verb, folder, fails_with):
     for given in (folder, folder / 'result.json'):
         fails_with(f'{given}: a result of imu_allan analyze, not a recording; go on with '
                    f'imu_allan report, tune, export or check {folder / "result.json"}',

@@ -92,10 +92,10 @@ def test_how_far_another_day_may_be_off_is_said(result_file, output_of):
 
 def test_what_changed_within_the_recording_is_said(result_file, output_of, tmp_path):
     result = load_result(result_file)
-    told = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
+    seen = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
                    half_s=600.0)
-    save_result(replace(result, warnings=(told,)), tmp_path / 'told.json')
-    out = output_of('tune', tmp_path / 'told.json', '--coast', '3h').splitlines()
+    save_result(replace(result, warnings=(seen,)), tmp_path / 'seen.json')
+    out = output_of('tune', tmp_path / 'seen.json', '--coast', '3h').splitlines()
     assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second; '
             'numbers for a filter lie between the two.'
             in out)
@@ -178,23 +178,23 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
         assert word in drawn, word
 
 
-@pytest.mark.parametrize(('options', 'told'), [
+@pytest.mark.parametrize(('options', 'seen'), [
     (['--plot', 'drift.png'], '--plot shows what --verify OTHER_RECORDING finds: name one'),
     (['--verify', 'x', '--plot', 'drift.jpg'],
      '--plot drift.jpg: write a file that ends in .png, .svg, .pdf'),
     (['--aiding', '10s', '--coast', '1s'],
      '--coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least one interval')])
-def test_what_cannot_be_is_told_before_anything_is_read(result_file, options, told, fails_with):
-    assert fails_with(told, 'tune', result_file, *options) == ''
+def test_what_cannot_be_is_refused_before_anything_is_read(result_file, options, seen, fails_with):
+    assert fails_with(seen, 'tune', result_file, *options) == ''
 
 
-def test_a_picture_of_models_alone_is_told(result_file, tmp_path, fails_with):
+def test_a_picture_of_models_alone_is_reported(result_file, tmp_path, fails_with):
     fails_with('--plot: a result holds no series to run filters over: name the recording itself '
                'behind --verify', 'tune', result_file, '--verify', result_file, '--plot',
                tmp_path / 'drift.png')
 
 
-def test_a_result_without_drift_model_is_told(result_file, tmp_path, fails_with):
+def test_a_result_without_drift_model_is_reported(result_file, tmp_path, fails_with):
     result = load_result(result_file)
     old = replace(result, axes={name: replace(axis, drift_model=None)
                                 for name, axis in result.axes.items()})

@@ -24,15 +24,15 @@ def consistency():
     return loaded('consistency')
 
 
-def test_the_filter_is_consistent_on_noise_that_it_is_told(consistency):
+def test_the_filter_is_consistent_on_noise_that_it_is_given(consistency):
     n, k = np.array([1e-4] * 3 + [1e-3] * 3), np.array([1e-6] * 3 + [1e-5] * 3)
     rates = np.stack([imu_allan.simulate({'noise_density': n[i], 'rate_random_walk': k[i]},
                                          12_000, 1.0, i) for i in range(6)], axis=1)
     nees, nis = consistency.run(rates, (n, k), 1)
     assert nis.mean() == pytest.approx(1, abs=0.1)
     assert nees[:, -1].mean() == pytest.approx(1, abs=0.4)
-    doubtful, _ = consistency.run(rates, (n / 3, k / 3), 1)
-    assert doubtful[:, -1].mean() > 4
+    overconfident, _ = consistency.run(rates, (n / 3, k / 3), 1)
+    assert overconfident[:, -1].mean() > 4
 
 
 def test_the_covariance_stays_one_where_the_heading_is_lost(consistency):
@@ -52,7 +52,7 @@ def test_the_dynamics_are_those_of_an_imu_at_rest(consistency):
     assert f[0, 10] == pytest.approx(consistency.GRAVITY * 8 / 6)
 
 
-def test_gtsam_claims_what_happens_where_its_numbers_are_right(consistency, monkeypatch):
+def test_gtsam_predicts_what_happens_where_its_numbers_are_right(consistency, monkeypatch):
     pytest.importorskip('gtsam')
     monkeypatch.setitem(sys.modules, 'consistency', consistency)
     smoothing = loaded('with_gtsam')
@@ -62,8 +62,8 @@ def test_gtsam_claims_what_happens_where_its_numbers_are_right(consistency, monk
     nees, nis = smoothing.run(rates, (n, k), 1)
     assert nis.mean() == pytest.approx(1, abs=0.15)
     assert 0.4 < nees[:, -1].mean() < 2.5
-    doubtful, _ = smoothing.run(rates, (n / 3, k / 3), 1)
-    assert doubtful[:, -1].mean() > 4
+    overconfident, _ = smoothing.run(rates, (n / 3, k / 3), 1)
+    assert overconfident[:, -1].mean() > 4
 
 
 def test_without_gtsam_the_example_says_what_to_install(consistency, monkeypatch):

@@ -24,7 +24,7 @@ def test_a_pattern_that_finds_nothing_names_the_path():
         unit_name('a/b.csv', name_pattern('sn([0-9]+)'))
 
 
-def test_what_is_no_pattern_is_told():
+def test_what_is_no_pattern_is_reported():
     line = '--name-from: ( is neither folder nor file nor a regular expression (<words>)'
     with refused(Varying(line)):
         name_pattern('(')

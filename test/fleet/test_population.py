@@ -20,7 +20,7 @@ def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet: dict[str, Resu
     assert (dead.axis, dead.key, dead.fault) == ('accel_x', None, 'constant')
 
 
-def test_the_spread_between_units_is_told_apart_from_measuring(fleet: dict[str, Result]) -> None:
+def test_the_spread_between_units_is_kept_apart_from_measuring(fleet: dict[str, Result]) -> None:
     traits = {(trait.axis, trait.key): trait for trait in population(fleet).traits}
     for axis in ('gyro_x', 'accel_z'):
         density = traits[axis, 'noise_density']

@@ -195,7 +195,7 @@ NAMES = [IMU, 'std_msgs/Header', 'geometry_msgs/Vector3', 'a/A', 'a/B', 'a/C', '
 ODD_NAMES = ['A', 'no_such/Type', 'wstring', 'string<=5', 'time', '', 'a/msg/F', '1']
 ENDINGS = ['', '', '', '', '[]', '[2]', '[<=3]']
 ODD_ENDINGS = ['[0]', '[-1]', '[1000000000]', '[' + '9' * 30 + ']', '[<=]', '[2][2]', '=3', "='x'",
-               ' 5', ' # told']
+               ' 5', ' # seen']
 FIELDS = ['header', 'imu', 'linear_acceleration', 'angular_velocity', 'stamp', 'time_usec']
 
 

@@ -174,7 +174,7 @@ class Node:
             return value.value_type(performed(value.value, self._context))
         if isinstance(value, (str, bool, int, float)):
             return value
-        # A substitution that is not told its type is read as YAML.
+        # A substitution that is not given its type is read as YAML.
         return yaml.safe_load(performed(value, self._context))
 
 

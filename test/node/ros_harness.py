@@ -91,7 +91,7 @@ class Process:
     @property
     def lines(self) -> list[str]:
         """Return the lines of its log as a user reads them."""
-        return told_in(self.log)
+        return said_in(self.log)
 
     @property
     def running(self) -> bool:
@@ -139,7 +139,7 @@ def lossless(topic: str) -> dict[str, str]:
             f'qos_overrides.{topic}.subscription.history': 'keep_all'}
 
 
-def told_in(log: str) -> list[str]:
+def said_in(log: str) -> list[str]:
     """Return the lines of a log, without level, time and name of the node."""
     return [re.sub(r'^\[[A-Z]+\] \[[\d.]+\] \[[^\]]*\]: ', '', line) for line in log.splitlines()]
 
@@ -371,7 +371,7 @@ class Health:
         """Give one of its values; NaN before it has come."""
         return float(self.values(part).get(key, 'nan'))
 
-    def told(self, part: str, message: 'str | Varying', level: bytes | None = None) -> bool:
+    def said(self, part: str, message: 'str | Varying', level: bytes | None = None) -> bool:
         """Whether it has ever said so."""
         return any(status.name.endswith(f': {part}') and message == status.message
                    and level in (None, status.level) for status in self.heard)

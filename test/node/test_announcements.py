@@ -33,7 +33,7 @@ def result() -> Result:
     return run.result()
 
 
-def test_a_condition_is_told_once_when_it_begins_and_once_when_it_is_over(
+def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
         announcements: Announcements, heard: Heard) -> None:
     counts = {'malformed': 1, 'lost': 3, 'rejected': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
@@ -70,7 +70,7 @@ def test_a_condition_is_told_once_when_it_begins_and_once_when_it_is_over(
         'info no message is rejected any more; 1 was in all']
 
 
-def test_a_remark_is_told_once_and_says_itself_why_messages_are_rejected(
+def test_a_remark_is_reported_once_and_says_itself_why_messages_are_rejected(
         announcements: Announcements, heard: Heard) -> None:
     found = finding('several_publishers')
     for now in range(3):
@@ -78,7 +78,7 @@ def test_a_remark_is_told_once_and_says_itself_why_messages_are_rejected(
     assert heard.lines[1:] == [f'warning {message_of(found, live=True)}']
 
 
-def test_a_coefficient_is_told_when_it_becomes_observable(
+def test_a_coefficient_is_reported_when_it_becomes_observable(
         announcements: Announcements, heard: Heard, result: Result) -> None:
     announcements.see_result(result)
     announcements.see_result(result)
@@ -87,18 +87,18 @@ def test_a_coefficient_is_told_when_it_becomes_observable(
         f'info observable: noise density (rad/s/sqrt(Hz)) of {axes}')) == 1
 
 
-def test_a_kind_of_trouble_that_goes_on_is_told_ever_more_rarely(
+def test_a_kind_of_trouble_that_goes_on_is_reported_ever_more_rarely(
         heard: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     log, clock = Log(heard), [0.0]
     monkeypatch.setattr('time.monotonic', lambda: clock[0])
-    told = []
+    said = []
     for second in range(24 * 3600):
         clock[0] = float(second)
         for number in range(3):
             if log.warning(f'{second * 3 + number} of a kind', 'kind'):
-                told.append(second)
-    assert told[:7] == [0, 10, 30, 70, 150, 310, 630]
-    assert len(told) == 7 + (24 * 3600 - 631) // 600
+                said.append(second)
+    assert said[:7] == [0, 10, 30, 70, 150, 310, 630]
+    assert len(said) == 7 + (24 * 3600 - 631) // 600
     # What has kept quiet for long is news.
     clock[0] += 3600.0
     assert log.warning('again', 'kind')
@@ -119,7 +119,7 @@ def test_growth_is_that_of_the_window_and_begins_anew_with_a_run() -> None:
     assert (recent['lost'], recent['missing']) == (0, 1)
 
 
-def test_progress_is_told_every_minute_and_later_every_hour(
+def test_progress_is_reported_every_minute_and_later_every_hour(
         announcements: Announcements, heard: Heard, result: Result) -> None:
     announcements.see_timeline(0.0, facts(), summary())
     heard.lines.clear()

@@ -31,7 +31,7 @@ def framed(payload: bytes, version: bytes = b'%d' % VERSION) -> bytes:
     return b'imu_allan.state/' + version + b'\n' + hashlib.sha256(payload).digest() + payload
 
 
-def test_a_state_of_another_layout_is_told_by_its_version() -> None:
+def test_a_state_of_another_layout_is_reported_by_its_version() -> None:
     for version, reason in ((VERSION - 1, 'foreign'), (VERSION + 1, 'newer')):
         with pytest.raises(UnusableState, match=(
                 f'^it has version {version}, this imu_allan reads {VERSION}$')) as caught:

@@ -78,7 +78,7 @@ def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
     {'diagnostics.RECENT_S': 5.0, 'temperature_topic._MATCHING_S': 1.0,
      'temperature_topic._SILENCE_S': 5.0},
     slow({})], ids=['short', 'true'])
-def test_one_bad_moment_is_told_once_and_is_no_warning_for_the_rest_of_the_run(
+def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(
         ros: Ros, health: Health, window: dict[str, float]) -> None:
     topic = ros.name('imu/temperature')
     node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
@@ -97,8 +97,8 @@ def test_one_bad_moment_is_told_once_and_is_no_warning_for_the_rest_of_the_run(
     driver.next += 1
     malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 30 s: '
                         '<words>')
-    meanwhile(driver, lambda: health.told('reception', malformed))
-    meanwhile(driver, lambda: health.told('timeline', Varying('<words> in the last 30 s')))
+    meanwhile(driver, lambda: health.said('reception', malformed))
+    meanwhile(driver, lambda: health.said('timeline', Varying('<words> in the last 30 s')))
     meanwhile(driver, lambda: Varying(f'no temperature on {topic} for <number> s') in node.lines)
     publisher.publish(Temperature(temperature=20.0))
     meanwhile(driver, lambda: f'temperatures come on {topic} again' in node.lines)

@@ -126,7 +126,7 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
     assert document['timeline']['samples'] == 4000
 
 
-def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the_end(
+def test_an_output_folder_that_takes_nothing_is_reported_at_once_and_replaced_at_the_end(
         ros: Ros, health: Health) -> None:
     (ros.folder / 'file').write_text('in the way')
     unwritable = str(ros.folder / 'file' / 'output')
@@ -137,7 +137,7 @@ def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the
     ros.until(lambda: line in node.lines)
     driver = Driver(ros).wait_for_node()
     driver.publish(4000)
-    ros.until(lambda: health.told('storage', line, b'\2'))
+    ros.until(lambda: health.said('storage', line, b'\2'))
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
     assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '

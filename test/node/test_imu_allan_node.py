@@ -30,7 +30,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from ros_harness import Health, Ros, told_in
+from ros_harness import Health, Ros, said_in
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -321,7 +321,7 @@ def test_parameters_that_fit_each_other_can_be_set_one_after_the_other(live: Ros
     [log] = live.folder.glob('imu_allan_node_*.log')
     change(live, 'aiding_interval', 100.0)
     live.until(lambda: ('aiding_interval: 100 s is longer than coast, 30 s: filter_random_walk '
-                        'is NaN until they fit') in told_in(log.read_text()))
+                        'is NaN until they fit') in said_in(log.read_text()))
     change(live, 'coast', 600.0)
     change(live, 'aiding_interval', 0.2)
     assert log.read_text().count('until they fit') == 1

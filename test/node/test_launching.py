@@ -14,7 +14,7 @@ from imu_allan.writers.result_file import save_result
 from launch_stand_ins import declared, launched, ROOT
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_harness import Ros, told_in
+from ros_harness import Ros, said_in
 from whole_lines import refused
 
 LAUNCH = ROOT / 'launch'
@@ -65,7 +65,7 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
             **{name: given[name] for name in names if name in given and name != 'use_sim_time'}}
         topics = ros.name('front/a/gyro'), ros.name('front/a/accel')
         assert ros.until(lambda: f'characterizing the IMU on {" and ".join(topics)}'
-                         in told_in(log.read_text()))
+                         in said_in(log.read_text()))
         assert 'DEBUG' in log.read_text()
     finally:
         process.terminate()

@@ -25,8 +25,8 @@ from ros_harness import (
     Process,
     RATE_HZ,
     Ros,
+    said_in,
     start_repeatedly,
-    told_in,
 )
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Imu, Temperature
@@ -185,12 +185,12 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         for given in (*(given for given, _ in cases), *no_filter)])
     used.close()
     for status, text in results[len(cases):]:
-        assert (status, told_in(text)) == (
+        assert (status, said_in(text)) == (
             0, [f'characterizing the IMU on {ros.name("imu/data_raw")}'])
     for (status, text), (_, line) in zip(results, cases, strict=False):
         assert status == 1, line
         # rcl complains of a broken file by itself, before it gives an error.
-        own = [told for told in text.splitlines() if 'broken.yaml' not in line or told.startswith(
+        own = [said for said in text.splitlines() if 'broken.yaml' not in line or said.startswith(
             'imu_allan_node: ')]
         assert own[-1:] == [Varying(f'imu_allan_node: {line}')], text
         assert len(own) == 1 or line.startswith('<words>'), text
@@ -263,7 +263,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros: Ros, health: Health) ->
         f'too short for what comes between two looks; leave {depth} out, or set it to 2.5 s of '
         'messages')
     # Said while it is recent, which on a busy machine it no longer is by now.
-    assert health.told('reception', line, b'\1')
+    assert health.said('reception', line, b'\1')
     assert node.lines.count(line) >= 1  # type: ignore[arg-type]
     assert health.number('reception', 'queue') == 10
     assert 'too unevenly' not in node.log
@@ -275,13 +275,13 @@ def test_a_publisher_of_another_type_or_qos_is_named(
     topic = ros.name('imu/data_raw')
     assert node.running
     other = ros.node.create_publisher(Temperature, topic, 10)
-    ros.until(lambda: health.told('reception', f'{name} publishes sensor_msgs/msg/Temperature, '
+    ros.until(lambda: health.said('reception', f'{name} publishes sensor_msgs/msg/Temperature, '
                                   'not sensor_msgs/msg/Imu'))
     ros.node.destroy_publisher(other)
     unreliable = ros.node.create_publisher(Imu, topic, QoSProfile(
         depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
     # The node of a test asks for reliable delivery, with overrides.
-    ros.until(lambda: health.told(
+    ros.until(lambda: health.said(
         'reception', f'the QoS of {name} does not go with that asked for (Best effort publisher '
         'and reliable subscription); choose another with qos_overrides'))
     ros.node.destroy_publisher(unreliable)
@@ -341,7 +341,7 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
     assert gap['duration_s'] == pytest.approx(400 / RATE_HZ, rel=1e-6)
 
 
-def test_silence_is_told_with_the_topics_that_there_are(
+def test_silence_is_reported_with_the_topics_that_there_are(
         shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
     other = Driver(shared_ros, 'camera/imu')
     shared_ros.node.destroy_publisher(shared_driver.publisher)

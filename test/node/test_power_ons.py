@@ -163,14 +163,14 @@ def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
     driver = Driver(ros).wait_for_node()
 
-    def told() -> list[float]:
+    def said() -> list[float]:
         driver.publish(200)
         return [float(entry.value) for array in arrays[-1:] for status in array.status
                 if status.name.endswith('gyro_x') for entry in status.values
                 if entry.key == 'turn_on_bias/value']
 
     # Between 0.2 rad/s and none.
-    [sigma] = ros.until(told)
+    [sigma] = ros.until(said)
     assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
     document = ros.saved()
     assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers told apart by the numbers of their messages."""
+"""Publishers distinguished by the numbers of their messages."""
 
 from imu_allan.node.publishers import MIXED, Publishers
 import numpy as np

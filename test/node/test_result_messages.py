@@ -163,9 +163,9 @@ def test_the_estimation_tells_every_finding_in_the_order_of_the_result() -> None
     result = with_words(replace(
         result_of({name: axis_result(name, ALL) for name in AXES}), warnings=tuple(found)))
     status = shown('estimation', facts(), summary(), result)
-    told = [entry.key for entry in status.values if entry.key.startswith('remarks/')]
-    assert [key.split('/')[1] for key in told] == [one.code for one in result.warnings]
-    assert len(set(told)) == len(result.warnings)
+    said = [entry.key for entry in status.values if entry.key.startswith('remarks/')]
+    assert [key.split('/')[1] for key in said] == [one.code for one in result.warnings]
+    assert len(set(said)) == len(result.warnings)
     # Those to act upon come first, and make the message unless they may be over.
     assert [one.severity for one in result.warnings] == ['act'] * 3 + ['know']
     assert status.level == WARN

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run goes on after a crash or a reboot; what it cannot go on with is kept and told."""
+"""A run goes on after a crash or a reboot; what it cannot go on with is kept and reported."""
 
 import hashlib
 from pathlib import Path
@@ -28,9 +28,9 @@ from ros_harness import (
     Process,
     RATE_HZ,
     Ros,
+    said_in,
     start_repeatedly,
     STARVED_S,
-    told_in,
 )
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -122,7 +122,7 @@ def test_a_look_takes_longer_where_jitter_could_be_the_reason(
         assert str(why) == f'it is of 200 Hz, the messages now come at {rate_hz:g} Hz'
 
 
-def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None:
+def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros: Ros) -> None:
     whole = encode_state({'a': np.zeros(9)})
     payload = b'from the future'
     no_state = 'it is not a state file of imu_allan'
@@ -146,7 +146,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None
         [aside] = path.parent.glob('state.*Z')
         assert aside.name.startswith(f'state.{reason}.')
         assert aside.read_bytes() == content
-        assert told_in(text) == [
+        assert said_in(text) == [
             f'a new run: {path} could not be resumed from, {why}; it is kept as {aside.name}',
             f'characterizing the IMU on {ros.name("imu/data_raw")}']
 
@@ -161,7 +161,7 @@ def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: P
     assert [status for status, _ in results] == [0, 0]
     [aside] = kept_aside(ros)
     assert aside.read_bytes() == content
-    assert [told_in(text)[0] for _, text in results] == [
+    assert [said_in(text)[0] for _, text in results] == [
         f'a new run: {checkpoint} could not be resumed from, it was made with other parameters '
         f'(gap_tolerance 5, now 9); it is kept as {aside.name}',
         Varying(f'a new run: {second} could not be resumed from, it is of the topic '
@@ -171,16 +171,16 @@ def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: P
 def test_reset_empties_the_state_file_at_once(
         ros: Ros, checkpoint: Path, health: Health) -> None:
     node = start(ros)
-    ros.until(lambda: health.told('storage', f'resumed 10 s of data from {checkpoint}'))
+    ros.until(lambda: health.said('storage', f'resumed 10 s of data from {checkpoint}'))
     assert ros.call(Trigger, 'imu_allan/reset').success
-    ros.until(lambda: health.told('storage', 'a new run'))
+    ros.until(lambda: health.said('storage', 'a new run'))
     node.popen.kill()
     node.popen.wait()
     assert kept_in(checkpoint).messages == 0
     assert kept_aside(ros) == []
 
 
-def test_a_state_file_that_cannot_be_written_any_more_is_told_and_costs_no_result(
+def test_a_state_file_that_cannot_be_written_any_more_is_reported_and_costs_no_result(
         ros: Ros) -> None:
     folder = ros.folder / 'disk'
     node = ros.start('imu_allan_node', {'state_file': str(folder / 'state'),

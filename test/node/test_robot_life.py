@@ -122,7 +122,7 @@ def test_a_node_that_starts_on_a_moving_robot_learns_from_the_first_stop_alone(r
     assert_density(ros.until(saved), 50.0)
 
 
-def test_an_axis_that_falls_quiet_is_told_and_loses_no_run(ros: Ros) -> None:
+def test_an_axis_that_falls_quiet_is_reported_and_loses_no_run(ros: Ros) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5}, constants={'reports.LOOK_S': 1.0})
     driver = Driver(ros).wait_for_node()
     # A fan shakes one axis, and is switched off: two minutes until the new level is believed.

@@ -86,7 +86,7 @@ def test_before_there_is_data_nobody_can_tell(tmp_path: Path) -> None:
     assert finding == Finding('specification', 'warn', 'cannot tell yet: no axis has a result')
 
 
-def test_a_verdict_is_told_once_it_is_certain_and_a_limit_that_breaks_later_too(
+def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
         tmp_path: Path) -> None:
     standards = Standards(spec_file=written(
         tmp_path, 'gyro: {noise_density: 1.3e-3 rad/s/sqrt(Hz)}'))
@@ -117,8 +117,8 @@ def test_the_same_imu_is_as_in_the_reference(tmp_path: Path, healthy: Result) ->
         Finding('reference', 'ok', 'as in the reference: 3 axes')]
 
 
-def test_a_departure_from_the_reference_is_told_with_figures(tmp_path: Path,
-                                                             healthy: Result) -> None:
+def test_a_departure_from_the_reference_is_reported_with_figures(tmp_path: Path,
+                                                                 healthy: Result) -> None:
     save_result(healthy, tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
     shaken = measured('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
@@ -148,6 +148,6 @@ def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'spec_file': spec})
     driver = Driver(ros).wait_for_node()
     # Certain takes longer than likely.
-    ros.until(lambda: driver.publish(500) or health.told(
+    ros.until(lambda: driver.publish(500) or health.said(
         'specification', Varying(above('1e-4')), b'\2'))
     assert Varying(f'specification: {above("1e-4")}') in node.lines

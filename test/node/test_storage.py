@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stays of a run while a disk is full for a moment, and what is told of it."""
+"""What stays of a run while a disk is full for a moment, and what is reported of it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,7 +80,7 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     assert 'error its latest samples are not in it: No space left on device' in heard.lines
 
 
-def test_a_run_keeps_its_folder_over_a_restart_and_another_that_begins_alike_has_its_own(
+def test_a_run_keeps_its_folder_over_a_restart_and_another_that_begins_equally_has_its_own(
         storage: Storage, worker: Worker, tmp_path: Path) -> None:
     runs = [new_run(SETUP), new_run(SETUP)]
     for run in runs:
@@ -113,7 +113,7 @@ def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
     assert len(done) == 1
 
 
-def test_a_configuration_that_cannot_be_made_at_the_end_is_told_once(
+def test_a_configuration_that_cannot_be_made_at_the_end_is_reported_once(
         worker: Worker, facts: Facts, heard: Any, tmp_path: Path) -> None:
     storage = Storage('/imu_allan', SETUP, worker, facts, Log(heard), {
         'state_file': '', 'output_dir': str(tmp_path / 'output'), 'checkpoint_period': 60.0,

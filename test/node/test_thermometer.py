@@ -37,7 +37,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
                                  'temperature_topic': 'imu/temperature'},
               constants={'temperature_topic._MATCHING_S': 1.0})
     driver = Driver(ros).wait_for_node()
-    ros.until(lambda: health.told('reception', f'nothing publishes {ros.name("imu/temperature")}: '
+    ros.until(lambda: health.said('reception', f'nothing publishes {ros.name("imu/temperature")}: '
                                   'there is no temperature'))
     thermometer = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
     ros.until(lambda: thermometer.get_subscription_count() == 1)

@@ -28,7 +28,7 @@ def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros: Ros, health: H
                  'are passed over; give every IMU a topic of its own'):
         ros.until(lambda line=line: line in node.lines)
         assert node.lines.count(line) == 1
-    ros.until(lambda: health.told('reception', mixed, b'\2'))
+    ros.until(lambda: health.said('reception', mixed, b'\2'))
     ros.node.destroy_publisher(second.publisher)
     first.publish(300)
     first.until_taken()
@@ -84,7 +84,7 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None
         driver.until_taken()
     repeat = (f'the messages on {driver.topic} repeat from the first one on, as a recording '
               'played in a loop does: what has come before is passed over')
-    ros.until(lambda: repeat in node.lines and health.told('reception', repeat))
+    ros.until(lambda: repeat in node.lines and health.said('reception', repeat))
     document = ros.until(ros.saved)
     assert document['timeline']['samples'] == 2000
     assert document['timeline']['out_of_order'] == document['timeline']['duplicates'] == 0
@@ -96,7 +96,7 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None
     assert set(document['axes']) == set(AXES)
 
 
-def test_two_nodes_of_one_name_are_told_and_have_a_folder_each(ros: Ros) -> None:
+def test_two_nodes_of_one_name_are_reported_and_have_a_folder_each(ros: Ros) -> None:
     nodes = [ros.start('imu_allan_node', constants={'reports.LOOK_S': 1.0}) for _ in range(2)]
     driver = Driver(ros)
     ros.until(lambda: driver.publisher.get_subscription_count() == 2)

@@ -132,13 +132,13 @@ def test_a_run_of_two_topics_goes_on_after_a_kill(ros: Ros) -> None:
                               f'{topics}; it is kept as state.topic.<words>') in third.lines)
 
 
-def test_a_half_that_is_silent_costs_the_other_nothing_and_is_told(ros: Ros, health: Health
-                                                                   ) -> None:
+def test_a_half_that_is_silent_costs_the_other_nothing_and_is_reported(ros: Ros, health: Health
+                                                                       ) -> None:
     camera = Camera(ros)
     camera.publish('accel', half('accel', 20.0))
     document = camera.saved(2500)
     assert sorted(document['axes']) == ['accel_x', 'accel_y', 'accel_z']
-    ros.until(lambda: health.told('reception gyro', Varying('no message for <number> s'), b'\2'))
+    ros.until(lambda: health.said('reception gyro', Varying('no message for <number> s'), b'\2'))
     for name, part in ('gyro', 'reception'), ('accel', 'timeline'):
         status = health.status(f'{part} {name}')
         assert status is not None

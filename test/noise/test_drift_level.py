@@ -45,7 +45,7 @@ def test_the_level_is_that_of_the_drift_alone():
     assert squares.mean() == pytest.approx(truth, rel=0.1)
 
 
-def test_a_walk_has_the_spread_that_its_increments_make():
+def test_a_random_walk_has_the_spread_that_its_increments_make():
     rate, steps = 1e-4, 100
     walk = np.cumsum(np.random.default_rng(3).normal(
         0, rate * (PART_S / steps)**0.5, (RECORDS, PARTS * steps)), axis=1)

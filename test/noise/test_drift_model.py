@@ -41,14 +41,14 @@ def test_slow_noise_comes_back_as_processes_of_its_allan_variance(terms, hours, 
 
 
 def test_a_process_that_the_fit_has_found_keeps_the_long_end_down():
-    """Doubt about a random walk that the data has already ruled out is worth nothing."""
+    """Uncertainty about a random walk that the data has already ruled out is worth nothing."""
     terms = {'noise_density': N, 'gauss_markov': {'sigma': N, 'correlation_time_s': 60.0}}
     groups = groups_of(simulate(terms, HOUR, RATE, seed=1))
     truth = gauss_markov_avar(N, 60.0, [600.0])[0]
-    told, untold = (drift_avar(fit_drift_model(groups, 1 / RATE, time), (), [600.0])[0] / truth
-                    for time in (60.0, None))
-    assert told < 3
-    assert untold > 2 * told
+    given, withheld = (drift_avar(fit_drift_model(groups, 1 / RATE, time), (), [600.0])[0] / truth
+                       for time in (60.0, None))
+    assert given < 3
+    assert withheld > 2 * given
 
 
 def test_processes_are_in_order_and_no_more_than_four():
@@ -100,7 +100,7 @@ def test_too_few_bands_give_no_model():
     assert fit_drift_model(groups.below(float(groups.frequency[6])), 1 / RATE) is None
 
 
-def test_the_allan_variance_adds_noise_walk_processes_and_lines():
+def test_the_allan_variance_adds_noise_random_walk_processes_and_lines():
     model = DriftModel(2.0, 3.0, (GaussMarkov(0.5, 7.0),), 0.1, 100.0)
     tau = np.array([0.3, 5.0])
     np.testing.assert_allclose(

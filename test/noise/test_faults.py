@@ -28,7 +28,7 @@ def without_small(samples, width):
 @pytest.mark.parametrize('width', [0.25, 0.5, 1.0, 2.0, 2.5])
 @pytest.mark.parametrize('step', [1e-4, 0.02, 0.1])
 @pytest.mark.parametrize('mean', [0.0, 0.4])
-def test_a_deadband_is_told(width, step, mean):
+def test_a_deadband_is_reported(width, step, mean):
     for unit in (1e-5, 1.0):
         stepped = step * np.round((WHITE + mean) / step)
         found = deadband(shown(unit * without_small(stepped, width)), 0)
@@ -95,7 +95,7 @@ def test_whole_values_about_a_mean_off_zero_have_no_deadband(sigma, mean, share)
 
 @pytest.mark.parametrize(('mean', 'share'), [
     (0.0, 0.0), (0.0, 0.02), (0.0, 0.05), (0.0, 0.1), (0.004, 0.0), (0.004, 0.02), (0.004, 0.05)])
-def test_a_deadband_is_told_despite_losses(mean, share):
+def test_a_deadband_is_reported_despite_losses(mean, share):
     samples = without_small(1e-4 * np.rint(30 * WHITE[:9000] + 1e4 * mean), 0.0015)
     found = deadband(shown(*interpolated(samples, share, np.random.default_rng(9))), 0)
     assert found.width == pytest.approx(0.0015, rel=0.2)
@@ -128,7 +128,7 @@ def test_a_coarse_output_that_a_matrix_mixes_has_no_deadband(sigma):
 
 @pytest.mark.parametrize('level', [0.0, 0.5, 1.5, 2.2])
 @pytest.mark.parametrize('step', [1e-3, 0.1, 0.25])
-def test_a_clipped_axis_is_told_at_either_end(level, step):
+def test_a_clipped_axis_is_reported_at_either_end(level, step):
     stepped = step * np.round(WHITE / step)
     top = step * round(level / step)
     for sign in (1, -1):
@@ -139,7 +139,7 @@ def test_a_clipped_axis_is_told_at_either_end(level, step):
     assert cut_off(shown(stepped), 0) is None
 
 
-def test_noise_clipped_at_two_and_a_half_sigma_is_told():
+def test_noise_clipped_at_two_and_a_half_sigma_is_reported():
     rows = np.random.default_rng(4).normal(size=(20_000, 48))
     finished = shown(np.clip(rows, -2.5, 2.5))
     assert all(cut_off(finished, axis) is not None for axis in range(48))
@@ -196,7 +196,7 @@ def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, 
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
-def test_a_clipped_axis_is_told_where_samples_are_missing_with_its_share_of_those_there(share):
+def test_a_clipped_axis_is_reported_where_samples_are_missing_with_its_share_of_those_there(share):
     clipped = np.minimum(0.1 * np.round(WHITE / 0.1), 1.0)
     samples, missing = interpolated(clipped, share)
     found = cut_off(shown(samples, missing), 0)

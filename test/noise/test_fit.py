@@ -97,7 +97,7 @@ def test_white_noise_has_no_other_term(seeds):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('records', [5, slow(10)])
-def test_walk_that_levels_off_is_a_gauss_markov_process(records):
+def test_random_walk_that_levels_off_is_a_gauss_markov_process(records):
     # Two hours of a minute's correlation: few coefficients know, too few for the whole band's sum.
     model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
     axes = [characterize(simulate(model, 360_000, 50.0, seed), 50.0) for seed in range(records)]
@@ -135,7 +135,7 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('seeds', [range(2), slow(range(2, 5))])
-def test_walk_that_goes_on_is_no_gauss_markov_process(seeds):
+def test_random_walk_that_goes_on_is_no_gauss_markov_process(seeds):
     for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
                   {**SENSOR, 'rate_random_walk': 5e-4 * DEGREE}):
         axes = [characterize(simulate(model, 360_000, RATE, seed), RATE) for seed in seeds]
@@ -253,7 +253,7 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
     for key, truth in terms.items():
         found = axis.coefficients[key]
         low, high = found.ci95
-        # A median lies a little beside the most likely value, and a doubt widens.
+        # A median lies a little beside the most likely value, and uncertainty widens.
         assert abs(found.value - truth) < 0.08 * bound[key]
         widest = 3 if key == 'noise_density' else 1.5
         assert 0.9 * bound[key] < high - low < widest * bound[key]
@@ -345,7 +345,7 @@ def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():
 
 
 @pytest.mark.parametrize('low_pass', [butter(4, 5, fs=200.0), ([0.5, 0.5], [1.0])])
-def test_a_steep_and_a_gentle_low_pass_are_told_and_leave_the_density_alone(low_pass):
+def test_a_steep_and_a_gentle_low_pass_are_reported_and_leave_the_density_alone(low_pass):
     white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
     axis, remarks = characterized(lfilter(*low_pass, white), 200.0)
     assert 'band_limited' in remarks

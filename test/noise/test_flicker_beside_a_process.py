@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Gauss-Markov process that is not told does not make a bias instability that is too large."""
+"""A Gauss-Markov process that is not reported makes no bias instability that is too large."""
 
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
@@ -25,14 +25,14 @@ def bias_instability(hours, sigma, time_s, seed):
     return characterize(record, RATE).coefficients['bias_instability']
 
 
-def test_a_process_too_weak_to_be_told_is_no_flicker():
+def test_a_process_too_weak_to_be_reported_is_no_flicker():
     above = [found.ci95[0] > FLICKER for seed in range(10)
              if (found := bias_instability(1, 1.5, 20.0, seed)).observable]
-    # Without the doubt about a process nine are.
+    # Without the uncertainty about a process nine are.
     assert sum(above) <= 6
 
 
-# Of 40 are too large, without the doubt: 36, 10 and 27.
+# Of 40 are too large, without it: 36, 10 and 27.
 @pytest.mark.slow
 @pytest.mark.parametrize(('hours', 'sigma', 'time_s', 'most'), [
     (1, 1.5, 20.0, 22), (1, 2.0, 60.0, 6), (3, 1.0, 60.0, 18)])

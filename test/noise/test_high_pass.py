@@ -45,7 +45,7 @@ def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: flo
 
 
 @pytest.mark.parametrize(('time_s', 'hours'), [(10.0, 1.0), (30.0, 3.0)])
-def test_a_filter_is_told_where_flicker_hides_the_level_of_the_white_noise(time_s, hours):
+def test_a_filter_is_reported_where_flicker_hides_the_level_of_the_white_noise(time_s, hours):
     axis = imu_allan.characterize(hour_without_bias(time_s, 3, hours), 10.0)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)
     assert holds(axis.coefficients['noise_density'], 7.9e-5)
@@ -90,14 +90,14 @@ def reaches(axis: AxisResult, key: str) -> float:
 @pytest.mark.parametrize(('time_s', 'hours', 'walk', 'fewest'), [
     (10.0, 1.0, 0.0, 60), (60.0, 1.0, 0.0, 27), (60.0, 1.0, 1e-6, 18), (60.0, 3.0, 0.0, 55),
     (600.0, 1.0, 0.0, 0)])
-def test_shares_of_filters_that_are_told_beside_flicker(time_s, hours, walk, fewest):
+def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk, fewest):
     """And what becomes of the others: of sixty records each."""
     found = [characterized(hour_without_bias(time_s, seed, hours, rate_random_walk=walk), 10.0)
              for seed in range(60)]
     left = [(axis, words) for axis, words in found if axis.high_passed_hz is None]
     low, walks = (sum(reaches(axis, key) < truth for axis, _ in left)
                   for key, truth in (('bias_instability', 2.4e-5), ('rate_random_walk', walk)))
-    print(f'{time_s:g} s, {hours:g} h, K {walk:g}: told in {60 - len(left)} of 60; B below the '
+    print(f'{time_s:g} s, {hours:g} h, K {walk:g}: seen in {60 - len(left)} of 60; B below the '
           f'truth in {low}, K in {walks}')
     assert 60 - len(left) >= fewest
     assert max(low, walks) <= 8
@@ -110,7 +110,7 @@ def test_a_sensor_as_it_is_is_never_taken_for_filtered(terms):
     words = [characterized(simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed), 10.0)
              [1] for seed in range(200)]
     filtered = sum('high_passed' in one for one in words)
-    print(f'{terms}: told in {filtered} of 200')
+    print(f'{terms}: seen in {filtered} of 200')
     assert filtered <= 2
 
 
@@ -131,7 +131,7 @@ def test_what_is_said_of_a_zero_that_is_taken_anew_every_minute():
 @pytest.mark.parametrize(('gain', 'more'), [
     slow(0.01, {}), (0.01, {'rate_random_walk': 3e-6}), slow(0.02, {'bias_instability': 2e-5}),
     slow(0.1, {}), (0.2, {'bias_instability': 2e-5})])
-def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_told(gain, more):
+def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more):
     axis = imu_allan.characterize(without_bias(sensor(3, **more), gain), RATE_HZ)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)
     # What differs from the sample before by so much has more power at the top.

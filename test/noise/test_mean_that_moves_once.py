@@ -53,7 +53,7 @@ def test_a_random_walk_is_found_beside_a_mean_that_moves(trend):
 
 
 @pytest.mark.slow
-def test_means_that_move_make_few_walks_and_cover_the_flicker():
+def test_means_that_move_make_few_random_walks_and_cover_the_flicker():
     """Forty records of each trend and size: binomial bounds of 99.9 % on 3 % and 95 %."""
     records = [coefficients(STILL, seed, trend(size)) for trend in TRENDS.values()
                for size in (30, 300) for seed in range(40)]

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mean that moves is told from a random walk."""
+"""A mean that moves is distinguished from a random walk."""
 
 from characterized import characterized, one_axis, taken_in
 from imu_allan.noise.posterior.maximum import maximise
@@ -25,8 +25,8 @@ def test_slow_cycle_is_no_random_walk():
     assert remarks['slow_cycle'] == {'period_s': axis.trend.cycle_s}
     assert axis.trend.warm_up is None
     assert axis.trend.cycle_s == pytest.approx(1200, rel=0.05)
-    [told] = included({'gyro_y': axis})
-    assert told == ("The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
+    [said] = included({'gyro_y': axis})
+    assert said == ("The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
                     'numbers, unlike in the coefficients: right where the filter will meet it, '
                     'too; else record without it.')
 

@@ -228,14 +228,14 @@ def test_a_strong_settling_is_no_noise_and_leaves_the_coefficients():
     assert found.estimates['bias_instability'].value == pytest.approx(4e-4, rel=0.3)
 
 
-def test_a_walk_that_is_a_single_bump_is_not_reported():
+def test_a_random_walk_that_is_a_single_bump_is_not_reported():
     time = np.arange(360_000) / 50.0
     bump = 2e-3 * np.exp(-0.5 * ((time - 3600) / 600)**2)
     [found] = of_records(simulate(MODEL, 360_000, 50.0, 3) + bump, rate=50.0)
     assert not found.estimates['rate_random_walk'].observable
 
 
-def test_a_process_is_told_with_its_time():
+def test_a_process_is_reported_with_its_time():
     rng = np.random.default_rng(5)
     decay = np.exp(-1 / (20.0 * 60.0))
     process = lfilter([1], [1, -decay], rng.normal(0, 8e-4 * np.sqrt(1 - decay**2), 216_000))

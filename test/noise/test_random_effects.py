@@ -23,7 +23,7 @@ def test_scatter_that_measuring_explains_is_no_spread_between_units():
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1.0, 1e6])
-def test_values_more_alike_than_their_errors_leave_a_spread_possible(scale):
+def test_values_closer_than_their_errors_leave_a_spread_possible(scale):
     effects = random_effects(scale * np.array([1.0, 1.01, 0.99, 1.0, 1.005]),
                              np.full(5, 0.1 * scale))
     assert effects.between == 0.0

@@ -115,7 +115,7 @@ def test_drawing_nothing_from_a_stream_changes_nothing():
     np.testing.assert_array_equal(one.draw(20), other.draw(20))
 
 
-def test_steps_of_flicker_vary_alike_at_every_place_and_depend_on_distance_alone():
+def test_steps_of_flicker_vary_equally_at_every_place_and_depend_on_distance_alone():
     rng = np.random.default_rng(0)
     draws = np.array([np.diff(flicker(9, rng)) for _ in range(20_000)])
     # Fourth difference of t^2 ln|t| / 2 pi, the generalised covariance of the phase.

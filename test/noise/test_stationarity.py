@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that changes is seen, its size told, and intervals are wider there and only there."""
+"""Noise that changes is seen, its size reported, and intervals are wider there and only there."""
 
 from itertools import pairwise
 
@@ -56,13 +56,13 @@ def test_a_tenth_more_in_one_half_is_seen_with_its_size(samples):
     assert fast.amplitude[0] / fast.amplitude[-1] == pytest.approx(1.1, abs=0.02)
 
 
-def test_a_step_of_the_noise_is_told_and_widens_the_intervals():
+def test_a_step_of_the_noise_is_reported_and_widens_the_intervals():
     record = simulate(SENSOR, SAMPLES, RATE, 1)
     changed = record.copy()
     changed[:200_000] *= 1.5
     axis, remarks = characterized(changed, RATE)
-    told = remarks['not_steady']
-    assert (told['higher'], told['change_share']) == ('first', pytest.approx(0.5, abs=0.1))
+    said = remarks['not_steady']
+    assert (said['higher'], said['change_share']) == ('first', pytest.approx(0.5, abs=0.1))
     assert not axis.stationarity.steady
     first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
     assert first.noise_density / last.noise_density == pytest.approx(1.5, rel=0.03)
@@ -138,12 +138,12 @@ def with_gaps(record, period, lost):
 
 
 def alarms(kind, samples, seeds, period=10**6, lost=0):
-    told = 0
+    said = 0
     for seed in seeds:
         estimator = with_gaps(short_record(kind, samples, seed), period, lost)
         powers = short_powers(estimator.finished().periodogram)
-        told += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
-    return told
+        said += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
+    return said
 
 
 @pytest.mark.parametrize('kind', SHORT)
@@ -184,7 +184,7 @@ def halves_and_whole(seed, samples=300_000):
     return whole, [half.coefficients['noise_density'].ci95 for half in halves]
 
 
-def test_a_change_too_small_to_be_told_contradicts_no_part():
+def test_a_change_too_small_to_be_reported_contradicts_no_part():
     whole, halves = halves_and_whole(1)
     assert whole.stationarity.steady
     low, high = whole.coefficients['noise_density'].ci95

@@ -105,13 +105,13 @@ def test_an_unrelated_temperature_changes_nothing(model):
                 assert found.value == pytest.approx(plain.coefficients[key].value, rel=0.1)
 
 
-def test_a_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
+def test_a_random_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
     for one in axes_of(NOISE, lambda seed: lagging(walking(seed), 400.0),
                        lambda seed: 1e-3 * walking(seed)):
         assert not walk_of(one).observable
 
 
-def test_what_a_lag_leaves_of_the_temperature_is_doubt_about_the_flicker():
+def test_what_a_lag_leaves_of_the_temperature_makes_the_flicker_uncertain():
     # By itself, with the lag 35 s off, its interval began above the truth.
     found, = axes_of(NOISE, lambda _: lagging(walking(6), 180.0),
                      lambda _: 1e-3 * walking(6), 1, 6)
@@ -121,7 +121,7 @@ def test_what_a_lag_leaves_of_the_temperature_is_doubt_about_the_flicker():
 @pytest.mark.parametrize(('lag', 'shown', 'felt'), [
     (180.0, partial(lagging, seconds=180.0), np.array), (-180.0, np.array, partial(
         lagging, seconds=180.0))])
-def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_told(lag, shown, felt):
+def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_reported(lag, shown, felt):
     found = axes_of(NOISE, lambda seed: shown(heated(seed)),
                     lambda seed: 1e-3 * felt(heated(seed)), 4)
     heat = [one.trend.temperature for one in found]
@@ -156,7 +156,7 @@ def test_what_a_lag_does_to_a_temperature_is_undone():
 
 
 @pytest.mark.slow
-def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
+def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
     def temperatures(number):
         phase = number * 1000
         return [lambda seed, one=one: one(phase + seed) for one in (
@@ -175,7 +175,7 @@ def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
 
 
 @pytest.mark.thorough
-def test_a_ramp_beside_the_temperature_is_told_apart():
+def test_a_ramp_beside_the_temperature_is_distinguished():
     def mean(seed):
         return 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME
 

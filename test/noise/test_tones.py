@@ -16,7 +16,7 @@ from scipy.signal import firwin, lfilter
 DT = 0.01
 
 
-def pieces_of(samples):
+def parts_of(samples):
     spectrum = Periodogram(1)
     spectrum.absorb(samples[None], 0, 0)
     spectrum.finish()
@@ -24,7 +24,7 @@ def pieces_of(samples):
 
 
 def lines_of(samples, sections=None):
-    sections = pieces_of(samples) if sections is None else sections
+    sections = parts_of(samples) if sections is None else sections
     bins = bins_of(sections, DT)
     return find_lines(sections, bins, 0, DT, maximise(grouped(bins, 0)))
 
@@ -49,7 +49,7 @@ def test_bins_of_a_line_are_left_out_of_long_and_short_blocks_and_no_others(freq
     time = np.arange(7 * 4096 + 3584) * DT
     noise = np.random.default_rng(1).normal(size=len(time))
     samples = noise + 2 * np.sin(2 * np.pi * frequency * time)
-    sections = pieces_of(samples)
+    sections = parts_of(samples)
     bins, (lines, keep) = bins_of(sections, DT), lines_of(samples, sections)
     assert lines[0].frequency_hz == pytest.approx(frequency, abs=0.01)
     fine = [number for number, section in enumerate(sections) if section.step == 1]
@@ -148,7 +148,7 @@ def test_no_line_is_sought_in_a_part_of_a_few_bins():
     tone = np.sin(2 * np.pi * 17.0 * np.arange(8192) * DT)
     samples = np.random.default_rng(1).normal(size=8192) + tone
 
-    [section] = pieces_of(samples)
+    [section] = parts_of(samples)
     lines, keep = lines_of(samples, [replace(section, first=2 * 1383, last=2 * 1403)])
     assert lines == []
     assert keep.all()

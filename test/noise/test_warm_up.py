@@ -31,16 +31,16 @@ def covers(interval, value):
 
 
 @pytest.mark.parametrize(('amplitude', 'time'), [(0.01, 1800.0), (0.1, 120.0), (0.1, 7200.0)])
-def test_no_ramp_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
-    axis, told = warmed(lambda t: amplitude * np.exp(-t / time), 1)
-    assert set(told) == {'warm_up'}
+def test_no_ramp_random_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
+    axis, said = warmed(lambda t: amplitude * np.exp(-t / time), 1)
+    assert set(said) == {'warm_up'}
     assert axis.coefficients[N].value == pytest.approx(1e-4, rel=0.01)
     assert axis.trend.ramp is None
     assert not axis.coefficients[K].observable
     assert axis.band_edge_hz is None
     warm = axis.trend.warm_up
     assert warm.amplitude == pytest.approx(amplitude, rel=0.1)
-    assert told['warm_up']['amplitude'] == warm.amplitude
+    assert said['warm_up']['amplitude'] == warm.amplitude
     assert covers(warm.time_constant_ci95, time)
     assert axis.trend.second_warm_up is None
     assert axis.stationarity.steady
@@ -59,14 +59,14 @@ def test_a_warm_up_of_some_minutes_in_a_night_is_one_exponential():
 
 
 def test_a_die_and_its_housing_are_two_exponentials():
-    axis, told = warmed(lambda t: 0.01 * np.exp(-t / 120) + 0.005 * np.exp(-t / 1200), 2, hours=2)
+    axis, said = warmed(lambda t: 0.01 * np.exp(-t / 120) + 0.005 * np.exp(-t / 1200), 2, hours=2)
     warm = axis.trend.warm_up
     assert covers(warm.time_constant_ci95, 120)
     assert covers(axis.trend.second_warm_up.time_constant_ci95, 1200)
     assert axis.coefficients[B].value == pytest.approx(2e-5, rel=0.3)
     assert not axis.coefficients[K].observable
-    assert told['warm_up']['exponentials'] == 2
-    assert told['warm_up']['steady_after_s'] > 120
+    assert said['warm_up']['exponentials'] == 2
+    assert said['warm_up']['steady_after_s'] > 120
 
 
 def test_a_ramp_beside_a_warm_up_is_both():
@@ -99,14 +99,14 @@ def test_the_numbers_for_a_filter_have_the_warm_up_in_them_and_it_is_said():
     numbers = [tune(axis, 0.1, 60.0).random_walk for axis in (warm, cold)]
     assert numbers[0] > 10 * numbers[1]
     assert included({'gyro_x': cold}) == []
-    told = included({'gyro_x': cold, 'gyro_y': warm})
-    assert told[0] == (
+    said = included({'gyro_x': cold, 'gyro_y': warm})
+    assert said[0] == (
         'The warm-up of gyro y is in these numbers, unlike in the coefficients: --start auto or '
         '--start TIME of analyze leaves it out, where the recording is long enough.')
     heated = replace(warm, trend=replace(warm.trend, warm_up=None, temperature=(
         TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
-    told = included({'gyro_z': heated})
-    assert told[0] == (
+    said = included({'gyro_z': heated})
+    assert said[0] == (
         'What temperature does to gyro z is in these numbers, unlike in the coefficients: a '
         'recording at one temperature is without it.')
 
@@ -119,8 +119,8 @@ def test_the_coefficients_beside_warm_ups_are_as_good_as_without():
         generator = np.random.default_rng(seed)
         amplitude, time = np.exp(generator.uniform(np.log([1e-3, 120]), np.log([0.1, 7200])))
         hours = generator.choice([1.0, 2.0, 4.0])
-        axis, told = warmed(lambda t, a=amplitude, c=time: a * np.exp(-t / c), seed, hours=hours)
-        wrong.append(bool(set(told) - {'warm_up', 'short_recording'}))
+        axis, said = warmed(lambda t, a=amplitude, c=time: a * np.exp(-t / c), seed, hours=hours)
+        wrong.append(bool(set(said) - {'warm_up', 'short_recording'}))
         for key in (N, B):
             found = axis.coefficients[key]
             inside[key].append(covers(found.ci95, MODEL[key]) if found.observable

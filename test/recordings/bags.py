@@ -67,7 +67,7 @@ def refusal(path: Path, content: str | bytes | None = None, **options: Any) -> s
     return reason
 
 
-def told(path: Path, code: str, **values: object) -> Finding:
+def said(path: Path, code: str, **values: object) -> Finding:
     """Return a finding about a recording."""
     return finding(code, recording=str(path), **values)
 
@@ -253,7 +253,7 @@ class FailingRecording(Recording):
 
 
 def no_axes(header: str) -> str:
-    """Return what is told of a first line without an axis."""
+    """Return what is reported of a first line without an axis."""
     return (
         'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
         f'({header[:80]}); a CSV recording begins with a line such as '

@@ -165,7 +165,7 @@ def followed_by_itself(table: str) -> Callable[[Path], Path]:
 
 
 def longer(data: bytearray, start: int, head: int, after: int, payload: int) -> None:
-    """Let a row claim a gigabyte, and its first overflow page follow itself."""
+    """Let a row declare a gigabyte, and its first overflow page follow itself."""
     grown = encoded(OVERFLOWING, after - start)
     if grown is None:
         # Three bytes hold up to two million: seven times what is there.

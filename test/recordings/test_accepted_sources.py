@@ -259,7 +259,7 @@ CHECKED = {'bare', 'halves', 'named fields', 'px4 fifo', 'ULog', 'named columns'
 @pytest.mark.parametrize(('name', 'checked'), [
     *((name, name in CHECKED) for name in SOURCES),
     *(slow(name, True) for name in SOURCES if name not in CHECKED)])
-def test_info_analyze_check_and_the_node_read_a_source_alike(name, checked, tmp_path, capsys):
+def test_info_analyze_check_and_the_node_read_a_source_equally(name, checked, tmp_path, capsys):
     source = SOURCES[name](tmp_path)
     words = [word for key, value in source.options.items()
              for word in (f'--{key.replace("_", "-")}', value)]
@@ -288,10 +288,10 @@ def test_info_analyze_check_and_the_node_read_a_source_alike(name, checked, tmp_
     if source.kinds:
         reading = RecordingOptions(**source.options)
         with open_recording(source.path, options=reading) as recording:
-            told = [topic.messages.reported() for topic in recording.topics]
+            said = [topic.messages.reported() for topic in recording.topics]
         node = [imu_messages(kind, definition, options=reading).reported()
                 for kind, definition in source.kinds.items()]
-        assert told == node * (len(told) // len(node))
+        assert said == node * (len(said) // len(node))
 
 
 def check(source, words, result, tmp_path):
@@ -332,7 +332,7 @@ def no_such_field(folder: Path) -> Source:
 NO_IMU = 'no topic of type sensor_msgs/msg/Imu; it holds /sensor0 '
 
 
-@pytest.mark.parametrize(('make', 'reason', 'told'), [
+@pytest.mark.parametrize(('make', 'reason', 'said'), [
     (without_accelerometer, 'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the '
      'definition that comes with it; name the fields with --gyro and --accel',
      NO_IMU + '(px4_msgs/msg/SensorCombined); {reason}'),
@@ -344,7 +344,7 @@ NO_IMU = 'no topic of type sensor_msgs/msg/Imu; it holds /sensor0 '
     (no_such_field, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw',
      NO_IMU + '(my_driver/msg/Frame); {reason}')],
     ids=lambda value: getattr(value, '__name__', ''))
-def test_what_one_refuses_all_refuse_with_the_same_reason(make, reason, told, tmp_path, capsys):
+def test_what_one_refuses_all_refuse_with_the_same_reason(make, reason, said, tmp_path, capsys):
     source = make(tmp_path)
     words = [word for key, value in source.options.items() for word in (f'--{key}', value)]
     (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n')
@@ -358,7 +358,7 @@ def test_what_one_refuses_all_refuse_with_the_same_reason(make, reason, told, tm
                     '--accel-topic') in out.splitlines()
         else:
             assert status == 1
-            assert err == f'imu_allan: {source.path}: {told.format(reason=reason)}\n'
+            assert err == f'imu_allan: {source.path}: {said.format(reason=reason)}\n'
     [(kind, definition)] = source.kinds.items()
     with refused(reason):
         imu_messages(kind, definition, options=RecordingOptions(**source.options))

@@ -137,18 +137,18 @@ def test_info_says_what_is_joined(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('bias', [0.0, 1e-3])
-def test_samples_that_an_orientation_filter_changed_are_told(tmp_path, bias):
+def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path, bias):
     sensor = block(400, 800, True, True)
     behind = replace(sensor, samples=sensor.samples - np.repeat([bias, 0], 3))
     path = write(tmp_path / 'a.mcap', {'/imu/data_raw': sensor, '/imu/data': behind})
     for topic in ('/imu/data', '/imu/data_raw'):
         with open_recording(path) as recording:
             assert choose_streams(recording, topic) == [Stream(topic)]
-            told = [(remark.code, remark.values['raw']) for remark in recording.remarks]
-        assert told == ([('filtered', '/imu/data_raw')] if bias and topic == '/imu/data' else [])
+            heard = [(remark.code, remark.values['raw']) for remark in recording.remarks]
+        assert heard == ([('filtered', '/imu/data_raw')] if bias and topic == '/imu/data' else [])
 
 
-def test_an_orientation_filter_alone_in_a_recording_is_told_by_what_it_leaves(tmp_path):
+def test_an_orientation_filter_alone_in_a_recording_is_reported_by_what_it_leaves(tmp_path):
     sensor = block(100, 30_000, True, True)
     bias, behind = np.zeros(3), sensor.samples.copy()
     for number, rate in enumerate(sensor.samples[:, :3]):
@@ -156,9 +156,9 @@ def test_an_orientation_filter_alone_in_a_recording_is_told_by_what_it_leaves(tm
         behind[number, :3] = rate - bias
         bias += 0.04 * (rate - bias)
     result = analyze(write(tmp_path / 'a.mcap', {'/imu/data': replace(sensor, samples=behind)}))
-    [told] = [remark for remark in result.warnings if remark.code == 'high_passed']
-    assert told.axes == ('gyro_x', 'gyro_y', 'gyro_z')
-    assert told.values['corner_hz'] == pytest.approx([0.04 * 100 / (2 * np.pi)] * 3, rel=0.3)
+    [heard] = [remark for remark in result.warnings if remark.code == 'high_passed']
+    assert heard.axes == ('gyro_x', 'gyro_y', 'gyro_z')
+    assert heard.values['corner_hz'] == pytest.approx([0.04 * 100 / (2 * np.pi)] * 3, rel=0.3)
     for name, axis in result.axes.items():
         assert axis.coefficients['noise_density'].observable
         assert (axis.high_passed_hz is not None) == (name[0] == 'g')
@@ -174,7 +174,7 @@ def test_a_stated_rate_is_that_of_its_own_half(tmp_path):
         assert axes['accel_x'].sample_rate_hz == pytest.approx(accel_rate_hz or 250, rel=1e-4)
 
 
-def test_what_cannot_be_told_is_asked_for(tmp_path):
+def test_what_cannot_be_known_is_asked_for(tmp_path):
     path = write(tmp_path / 'a.mcap', {
         '/a': block(250, 200, False, True), '/b': block(400, 200, True, False),
         '/c': block(400, 200, True, True)})
@@ -215,7 +215,7 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
 @pytest.mark.parametrize(('rate_hz', 'phase'), [
     (63, 0), (100, 0), (250, 0), (390, 0), (520, 0),
     *((200, phase) for phase in (0, .05, .1, .15, .2, .25, .3, .35, .4, .45)), (200.02, .1)])
-def test_a_half_that_is_interpolated_is_told(tmp_path, rate_hz, phase):
+def test_a_half_that_is_interpolated_is_reported(tmp_path, rate_hz, phase):
     both = block(400, 8_000, True, False)
     slow = block(rate_hz, 11_000, False, True)
     slow.header_ns[:] -= round(phase * 5_000_000)

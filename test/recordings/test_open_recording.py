@@ -124,7 +124,7 @@ def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
         choose_topic(Listed(topics, others), topic)
 
 
-def test_a_topic_that_holds_nothing_readable_is_told_at_its_end():
+def test_a_topic_that_holds_nothing_readable_is_reported_at_its_end():
     with refused('bag: topic /a holds no readable message; --topic names another'):
         list(read_blocks(Listed({'/a': None}, {}), '/a'))
 

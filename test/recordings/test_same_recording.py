@@ -51,7 +51,7 @@ def test_coarse_values_of_one_batch_are_not_the_same_by_chance(samples, batch, s
     assert not recording(stamps, coarse).shares_messages_with(recording(stamps, coarse[::-1]))
 
 
-def test_stamps_that_are_all_alike_take_no_memory(samples):
+def test_stamps_that_are_all_equal_take_no_memory(samples):
     stamps = np.full(COUNT, 7)
     fingerprint = Fingerprint()
     block = ImuBlock(stamps, stamps, samples, np.zeros((COUNT, 2), np.bool_), 'imu')

@@ -135,7 +135,7 @@ def test_a_column_is_taken(tmp_path, samples):
     assert not follows(analyze(path))
 
 
-def test_a_column_that_is_no_temperature_is_told(tmp_path):
+def test_a_column_that_is_no_temperature_is_reported(tmp_path):
     path = tmp_path / 'a.csv'
     rows = [f'{i / 100},{(i * i) % 7},warm' for i in range(500)]
     path.write_text('\n'.join(['time_s,gyro_x,temp', *rows, '']))

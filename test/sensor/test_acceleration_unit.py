@@ -118,13 +118,13 @@ def test_a_start_near_one_makes_no_g_of_what_follows(first, gravity, acceleratio
         assert unit.decision is False
 
 
-@pytest.mark.parametrize('nothing_told', ['not a number', 'zero', 'absent'])
-def test_messages_without_acceleration_do_not_wait(nothing_told):
+@pytest.mark.parametrize('nothing_said', ['not a number', 'zero', 'absent'])
+def test_messages_without_acceleration_do_not_wait(nothing_said):
     block = messages(nothing, 100)
-    if nothing_told == 'absent':
+    if nothing_said == 'absent':
         block.absent[:, 1] = True
     else:
-        block.samples[:, 3:] = 0.0 if nothing_told == 'zero' else np.nan
+        block.samples[:, 3:] = 0.0 if nothing_said == 'zero' else np.nan
     assert [len(part) for part in AccelerationUnit()(block)] == [100]
 
 

@@ -11,7 +11,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, tuple[str, str]]:
-    """Characterize 100 s at 100 Hz with noise of a sample and a bias; what is told by axis."""
+    """Characterize 100 s at 100 Hz with noise of a sample and a bias; what is reported by axis."""
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
     samples[:, :3] += gyro_bias
@@ -25,7 +25,7 @@ def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, t
             for axis in found.axes}
 
 
-@pytest.mark.parametrize(('gyro', 'bias', 'accel', 'told'), [
+@pytest.mark.parametrize(('gyro', 'bias', 'accel', 'said'), [
     (0.005, 0.02, 0.05, {}),
     # A poor one of 17 deg/h beside the turn of the Earth, and a quiet one.
     (1e-6, 7.3e-5, 1e-3, {}),
@@ -35,6 +35,6 @@ def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, t
     (0.001, 0.0, 2.0, {'accel': ('noise_density', 'mg')}),
     (0.001, 0.0, 200.0, {'accel': ('noise_density', 'counts')}),
 ])
-def test_what_no_sensor_has_at_rest_is_told_with_the_likeliest_unit(gyro, bias, accel, told):
+def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
     found = implausible_axes(gyro, bias, accel)
-    assert found == {f'{sensor}_{axis}': why for sensor, why in told.items() for axis in 'xyz'}
+    assert found == {f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}

@@ -69,7 +69,7 @@ def codes(seen: Result | TimelineSummary) -> set[str]:
     return {found.code for found in findings_of(seen)}
 
 
-def told(seen: Result | TimelineSummary, code: str) -> Finding:
+def said(seen: Result | TimelineSummary, code: str) -> Finding:
     """Give a finding as it is shown: of all its axes in one."""
     return next(one for one in presented(findings_of(seen)) if one.code == code)
 

@@ -44,13 +44,13 @@ class Truth:
     """
     What is true of a scenario.
 
-    `told` are codes of which one at least must stand in the result for a number to be wrong;
+    `said` are codes of which one at least must stand in the result for a number to be wrong;
     `exact` whether missing samples can be counted to the last one.
     """
 
     rate_hz: float
     density: float
-    told: set[str] = field(default_factory=set)
+    said: set[str] = field(default_factory=set)
     missing: int = 0
     exact: bool = True
     faults: list[str] = field(default_factory=list)
@@ -236,14 +236,14 @@ def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def header_speed(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let the header clock run at another speed."""
-    truth.told.add('clock_speed')
+    truth.said.add('clock_speed')
     m.header = m.header * float(rng.choice([0.1, 0.5, 2.0, 10.0]))
     return m
 
 
 def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Repeat the last value for part of the recording."""
-    truth.told |= {'frozen', 'late_start'}
+    truth.said |= {'frozen', 'late_start'}
     n = len(m.place)
     lasts = int(n * rng.choice([0.1, 0.3, 0.6]))
     first = int(rng.choice([0, (n - lasts) // 2, n - lasts]))
@@ -262,7 +262,7 @@ def knock(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Knock at the table."""
     if len(m.place) < _SHORT_S * truth.rate_hz:
         # A knock with its margins is the larger part of it.
-        truth.told.add('refused')
+        truth.said.add('refused')
     at = int(rng.integers(len(m.place) // 4, len(m.place) * 3 // 4))
     width = max(int(0.05 * truth.rate_hz), 1)
     m.samples[at:at + width] += rng.normal(size=m.samples[at:at + width].shape) * 60 * SIGMA
@@ -285,14 +285,14 @@ def constant_axis(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Declare the accelerometer as not provided from some time on."""
-    truth.told.add('field_vanished')
+    truth.said.add('field_vanished')
     m.absent[int(len(m.place) * rng.uniform(0.2, 0.8)):, 1] = True
     return m
 
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Mix in a second sensor of the same frame_id."""
-    truth.told |= {'several_publishers', 'alternating'}
+    truth.said |= {'several_publishers', 'alternating'}
     offset = rng.uniform(0.3, 0.5) / truth.rate_hz
     other = Messages(m.place, m.header + offset, m.receive + offset,
                      m.samples + rng.normal(size=6) * 3 * SIGMA
@@ -309,7 +309,7 @@ def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Go on at half the rate from some time on."""
-    truth.told.add('rate_changed')
+    truth.said.add('rate_changed')
     at = int(len(m.place) * rng.uniform(0.05, 0.95))
     rows = np.concatenate([np.arange(at), np.arange(at, len(m.place), 2)])
     return m.pick(rows)
@@ -317,7 +317,7 @@ def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Publish every sample twice, half an interval apart."""
-    truth.told |= {'held_values', 'band_limited'}
+    truth.said |= {'held_values', 'band_limited'}
     rows = np.repeat(np.arange(len(m.place)), 2)
     twice = m.pick(rows)
     half = np.tile([0, 0.5 / truth.rate_hz], len(m.place))
@@ -327,7 +327,7 @@ def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Spoil one sample in a hundred by a large value."""
-    truth.told |= {'spikes'}
+    truth.said |= {'spikes'}
     hit = rng.random(len(m.place)) < 0.01
     m.samples[hit] += rng.choice([-1, 1], (np.count_nonzero(hit), 6)) * 30 * SIGMA
     return m
@@ -386,7 +386,7 @@ def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def noise_changes(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let the noise of all axes double or halve for good."""
-    truth.told |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
+    truth.said |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
     at = int(len(m.place) * rng.uniform(0.15, 0.85))
     level = m.samples.mean(axis=0)
     m.samples[at:] = level + (m.samples[at:] - level) * rng.choice([0.5, 2.0])
@@ -426,7 +426,7 @@ def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> Mes
 
 def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Tilt the sensor once, within two seconds."""
-    truth.told |= {'motion', 'rest_within_motion'}
+    truth.said |= {'motion', 'rest_within_motion'}
     at = m.place[0] + len(m.place) * rng.uniform(0.2, 0.8)
     turned = np.clip((m.place - at) / (2 * truth.rate_hz), 0, 1)
     m.samples[:, 3] += 2.0 * turned
@@ -530,10 +530,10 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
     if 'tilt' in truth.faults and np.ptp(messages.header) < _TILT_S:
         # By its stamps the record is so short that the turn, and where its means are held against
         # those of two seconds before, and a second on each side, are all of it.
-        truth.told.add('refused')
+        truth.said.add('refused')
     if 'noise_changes' in truth.faults and len(messages.place) < _LONG_S * rate_hz:
         # It takes a minute to tell a louder sensor from an engine, of what no outage takes away.
-        truth.told.add('refused')
+        truth.said.add('refused')
     return messages, truth, rng
 
 
@@ -580,7 +580,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     """Give what is silently wrong, how many axes have a false slow term, and of how many."""
     wrong: list[str] = []
     codes = {remark.code for remark in result.warnings}
-    told = bool(codes & (truth.told | {'counted_samples'}))
+    said = bool(codes & (truth.said | {'counted_samples'}))
     rate = result.timeline.sample_rate_hz
     off = _bound(result, 'tau_error_share', 'rate_error_share')
     too_high = _bound(result, 'density_high_share')
@@ -590,8 +590,8 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     if not result.axes and not codes:
         wrong.append('no axes and no word')
     if rate is None and 'unknown_rate' in codes:
-        told = True
-    if (rate is None or not -may - hidden < rate / truth.rate_hz - 1 < may) and not told:
+        said = True
+    if (rate is None or not -may - hidden < rate / truth.rate_hz - 1 < may) and not said:
         wrong.append(f'rate {rate}')
     false_terms = 0
     for name, axis in result.axes.items():
@@ -602,13 +602,13 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
             low, high = (density.value + 3 * (end - density.value) for end in density.ci95)
             least = DENSITY_TOLERANCE + off / 2 + missing
             near = -least < density.value / truth.density - 1 < least + too_high
-            if not (near or low <= truth.density <= high) and not told:
+            if not (near or low <= truth.density <= high) and not said:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')
         false_terms += any(axis.coefficients[key].observable
                            for key in ('bias_instability', 'rate_random_walk'))
     if 'several_publishers' in codes and 'two_publishers' not in truth.faults:
         wrong.append('one publisher passes for several')
-    exact = truth.exact and not told and 'uneven_stamps' not in codes
+    exact = truth.exact and not said and 'uneven_stamps' not in codes
     if exact and result.timeline.missing != truth.missing:
         wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
     return wrong, false_terms, len(result.axes)
@@ -620,14 +620,14 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     messages, truth, rng = compose(seed, samples, kinds)
     messages.samples[:, rng.permutation(6)[axes_there:]] = np.nan
     if not np.isfinite(messages.samples).any():
-        truth.told.add('refused')
+        truth.said.add('refused')
     try:
         wrong, false_terms, axes = judge(
             characterized(messages, rng, numbered=numbered and not before(truth)), truth)
     except ImuAllanError as error:
-        told = 'refused' in truth.told or ('several_publishers' in truth.told
+        said = 'refused' in truth.said or ('several_publishers' in truth.said
                                            and str(error) == f'{MOVES}; {OR_TWO}')
-        wrong = [] if told else [f'refused: {error}']
+        wrong = [] if said else [f'refused: {error}']
         false_terms, axes = 0, 0
     except Exception as error:
         wrong, false_terms, axes = [f'{type(error).__name__}: {error}'], 0, 0

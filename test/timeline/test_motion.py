@@ -95,7 +95,7 @@ def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving
     assert places[0] >= moving_s * rate_hz
 
 
-def test_kept_motion_stays_and_is_told():
+def test_kept_motion_stays_and_is_reported():
     block = still(12_000)
     assert not run(block, motion='keep')[0].remarks
     block.samples[6000:6100] += 1.0
@@ -152,7 +152,7 @@ def test_a_knock_on_an_axis_that_is_constant_otherwise_is_cut_out():
     assert summary.motions == 1
 
 
-def test_a_fan_that_goes_on_running_is_told_and_kept_after_a_while():
+def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
     block = still(120_000)
     block.samples[60_000:] += np.random.default_rng(1).normal(size=(60_000, 6)) * 3.5 * SIGMA
     summary, even = run(block)

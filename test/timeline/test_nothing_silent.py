@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Faults that made a number wrong without a word: each is right now, or told."""
+"""Faults that made a number wrong without a word: each is right now, or reported."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, takes_turns
 from imu_allan.timeline.rest_level import baseline_of
 from imu_allan.writers.words import message_of, presented
-from imu_messages import codes, run, told
+from imu_messages import codes, run, said
 import numpy as np
 import pytest
 from repeated import combined, slow
@@ -157,7 +157,7 @@ def test_batches_with_an_outage_now_and_then_keep_their_rate(size):
 @pytest.mark.parametrize(('share', 'where'), combined(
     [0.1, 0.3, 0.6], ['start', 'middle', 'end'],
     everyday=[(0.6, 'start'), (0.3, 'middle'), (0.6, 'end')]))
-def test_a_frozen_sensor_is_left_out_and_told(share, where):
+def test_a_frozen_sensor_is_left_out_and_reported(share, where):
     messages, truth, _ = gyro()
     n = len(messages.place)
     lasts = int(share * n)
@@ -169,10 +169,10 @@ def test_a_frozen_sensor_is_left_out_and_told(share, where):
     assert 'motion' not in codes(result)
     if where == 'start':
         assert result.timeline.rejected == pytest.approx(lasts, abs=1)
-        assert told(result, 'late_start').values == {'messages': lasts}
+        assert said(result, 'late_start').values == {'messages': lasts}
         assert 'axis_late_start' not in codes(result)
     else:
-        assert told(result, 'frozen').values == {
+        assert said(result, 'frozen').values == {
             'messages': result.timeline.rejected,
             'since_s': pytest.approx(messages.header[first], abs=1e-6)}
 
@@ -264,7 +264,7 @@ def test_many_missing_samples_leave_the_noise_density_right(lost):
     result = characterized(lose(messages, lost, rng))
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     off = lost in (0.6, '11000')
-    assert told(result, 'many_missing').values['density_error_share'] == (0.25 if off else None)
+    assert said(result, 'many_missing').values['density_error_share'] == (0.25 if off else None)
     assert_right(result, truth, 0.25 if off else 0.03)
 
 
@@ -394,7 +394,7 @@ def test_batches_dated_back_by_a_wrong_interval_have_the_rate_of_their_reading(o
 
 @pytest.mark.parametrize('offset', [0.3, 0.5])
 @pytest.mark.parametrize('noisier', [1.0, 2.0])
-def test_two_publishers_with_one_frame_id_are_told(offset, noisier):
+def test_two_publishers_with_one_frame_id_are_reported(offset, noisier):
     messages, truth, rng = rest()
     second, _ = at_rest(len(messages.place), truth.rate_hz, rng)
     second.samples[:, :5] *= noisier
@@ -447,12 +447,12 @@ def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second()
 
 
 @pytest.mark.parametrize('speed', [0.001, 0.1, 10.0, 1000.0])
-def test_clocks_of_different_speed_are_told(speed):
+def test_clocks_of_different_speed_are_reported(speed):
     messages, _, _ = rest()
     receive = messages.header[-1]
     messages.header = messages.header * speed
     summary, _ = run(messages.block())
-    assert told(summary, 'clock_speed').values == {
+    assert said(summary, 'clock_speed').values == {
         'ratio': pytest.approx(messages.header[-1] / receive, rel=5e-3)}
 
 
@@ -466,7 +466,7 @@ def test_a_clock_that_jumped_has_another_speed_only_where_it_runs_at_one(speed):
     assert 'clock_jumps' in codes(summary)
     assert ('clock_speed' in codes(summary)) == (speed > 1)
     if speed > 1:
-        assert told(summary, 'clock_speed').values == {'ratio': pytest.approx(10, rel=5e-3)}
+        assert said(summary, 'clock_speed').values == {'ratio': pytest.approx(10, rel=5e-3)}
 
 
 @pytest.mark.parametrize('share', [0.2, 0.7])
@@ -515,7 +515,7 @@ def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_
     for name in names:
         assert result.axes[name].signal.mean[0] is None
     assert codes(result) - {'slow_cycle'} <= {'axis_late_start', 'short_recording'}
-    assert told(result, 'axis_late_start') == late_for(late, *names)
+    assert said(result, 'axis_late_start') == late_for(late, *names)
 
 
 def test_an_absurd_value_wakes_no_axis():
@@ -525,7 +525,7 @@ def test_an_absurd_value_wakes_no_axis():
     result = characterized(messages)
     assert_right(result, truth, 0.05)
     assert 'motion' not in codes(result)
-    assert told(result, 'axis_late_start') == late_for(4999, 'accel_x', 'accel_y', 'accel_z')
+    assert said(result, 'axis_late_start') == late_for(4999, 'accel_x', 'accel_y', 'accel_z')
 
 
 @pytest.mark.parametrize(('rate_hz', 'dead'), combined(
@@ -615,7 +615,7 @@ def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
 
 
 @pytest.mark.parametrize('first_s', [15.0, 41.0])
-def test_another_rate_within_the_first_messages_is_told_and_no_mixture_measured(first_s):
+def test_another_rate_within_the_first_messages_is_reported_and_no_mixture_measured(first_s):
     slow, _, rng = rest(50.0, first_s)
     fast, _ = at_rest(10_000, 100.0, rng)
     joined = Messages(*(np.concatenate([getattr(slow, name), getattr(fast, name)])
@@ -625,7 +625,7 @@ def test_another_rate_within_the_first_messages_is_told_and_no_mixture_measured(
     result = characterized(joined)
     assert result.timeline.sample_rate_hz == pytest.approx(
         50.0 if first_s > 30 else 100.0, rel=2e-3)
-    change = told(result, 'rate_changed').values
+    change = said(result, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((50, 100), rel=1e-3)
     # What is cut out before the first sample that is used has no time.
     assert change['at_s'] == (pytest.approx(first_s, abs=1) if first_s > 30 else None)
@@ -633,32 +633,32 @@ def test_another_rate_within_the_first_messages_is_told_and_no_mixture_measured(
     assert len(result.axes) == 6
 
 
-def test_a_short_part_at_twice_the_rate_is_cut_out_and_told():
+def test_a_short_part_at_twice_the_rate_is_cut_out_and_reported():
     faster, slower = 200, 900
     messages, truth, _ = gyro(duration_s=(faster + slower) / 100)
     time = np.cumsum(np.where(messages.place < faster, 0.5, 1.0)) / truth.rate_hz
     result = characterized(replace(messages, header=time, receive=time + 1e-3))
     assert_right(result, truth, 0.1)
     assert result.timeline.samples == pytest.approx(slower, abs=4)
-    change = told(result, 'rate_changed').values
+    change = said(result, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((200, 100), rel=1e-3)
     assert change['at_s'] is None
 
 
-def test_another_rate_is_told_where_messages_are_dropped_in_turn_as_well():
+def test_another_rate_is_reported_where_messages_are_dropped_in_turn_as_well():
     messages, _, _ = rest(duration_s=40)
     rows = np.concatenate([np.arange(700), np.arange(700, len(messages.place), 2)])
     result, _ = run(lose(messages.pick(rows), '11100').block())
-    change = told(result, 'rate_changed').values
+    change = said(result, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((100, 50), rel=1e-3)
 
 
-def test_another_rate_too_brief_for_uneven_stamps_to_cut_it_out_is_told_as_high_as_it_is():
+def test_another_rate_too_brief_for_uneven_stamps_to_cut_it_out_is_reported_as_high_as_it_is():
     messages, truth, _ = rest(5.0, 900)
     kept = lose(messages, '111100')
     kept = kept.pick(np.concatenate([np.arange(228), np.arange(228, len(kept.place), 2)]))
     result, _ = run(kept.block())
-    uneven = told(result, 'uneven_rate').values
+    uneven = said(result, 'uneven_rate').values
     # Four of six messages come at first: in the mean of the recording it is a tenth of that more.
     assert uneven['highest_hz'] == pytest.approx(truth.rate_hz * 4 / 6, rel=0.15)
 
@@ -668,13 +668,13 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
     time = np.cumsum(np.where(messages.place < 15_000, 1.0, 1 / 1.018)) / truth.rate_hz
     result = characterized(replace(messages, header=time, receive=time + 1e-3))
     assert_right(result, replace(truth, rate_hz=30_000 / time[-1]))
-    varies = told(result, 'uneven_rate').values
+    varies = said(result, 'uneven_rate').values
     assert [varies[f'{which}_hz'] for which in ('lowest', 'highest', 'mean')] == pytest.approx(
         [100, 101.8, 30_000 / time[-1]], rel=5e-5)
 
 
 @pytest.mark.parametrize('at', [0.1, 0.5, 0.9])
-def test_a_rate_step_of_one_percent_leaves_the_mean_rate_and_is_told_beyond_half_of_it(at):
+def test_a_rate_step_of_one_percent_leaves_the_mean_rate_and_is_reported_beyond_half_of_it(at):
     messages, _, _ = rest(duration_s=300)
     time = np.cumsum(np.where(messages.place < 30_000 * at, 1.0, 1 / 1.01)) / 100
     summary, _ = run(replace(messages, header=time, receive=time + 1e-3).block())
@@ -769,7 +769,7 @@ def test_a_message_that_came_twice_is_one_although_an_axis_has_no_value():
     (lost, noisier) for lost in (0.2, 0.4, 0.6) for noisier in (0.1, 2.0)] + [
     (pattern, 1.0) for pattern in ('110', '11110', '1100', '1111110')] + [
     ('0' * 7 + '1' * 20, 0.0)])
-def test_two_publishers_are_told_between_losses_too(lost, noisier):
+def test_two_publishers_are_reported_between_losses_too(lost, noisier):
     messages, _, rng = rest(duration_s=60)
     messages.samples[1::2] += 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
     messages.samples[1::2] += noisier * SIGMA * rng.normal(size=messages.samples[1::2].shape)
@@ -837,7 +837,7 @@ def test_a_few_samples_alone_at_an_end_are_behind_a_gap_whatever_the_stamps(alon
 
 
 @pytest.mark.parametrize('seed', [5_000_071, 5_000_595, 5_002_621])
-def test_two_publishers_are_told_between_losses_and_jitter_of_one_clock(seed):
+def test_two_publishers_are_reported_between_losses_and_jitter_of_one_clock(seed):
     # Found by the scenarios: the rate was up to twice that of each, without a word.
     messages, _, _ = compose(seed)
     assert PERHAPS_TWO & codes(run(messages.block().part(slice(5000)))[0])
@@ -974,7 +974,7 @@ def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
     result = characterized(kept, numbered=True)
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     assert result.timeline.missing == missed(kept)
-    uneven = told(result, 'uneven_stamps').values
+    uneven = said(result, 'uneven_stamps').values
     assert (uneven['clock'], uneven['numbered']) == ('header', True)
     if lost < 0.5:
         assert_right(result, truth, 0.05, axes=1)
@@ -1080,7 +1080,7 @@ def test_messages_of_zeros_cost_nothing_but_themselves_however_rare(rate_hz, sha
     assert_right(result, truth, 0.04)
     assert result.timeline.motion == ()
     assert result.timeline.rejected == np.count_nonzero(hit)
-    assert told(result, 'spikes').values == {'messages': np.count_nonzero(hit)}
+    assert said(result, 'spikes').values == {'messages': np.count_nonzero(hit)}
 
 
 @pytest.mark.parametrize('at', [0, 1, 3583, 3584, 4095, 4096, 5997, 5999])
@@ -1099,17 +1099,17 @@ def test_spikes_close_together_in_a_short_record_are_no_motion():
     messages.samples[hit] += 30 * SIGMA
     result = characterized(messages)
     assert_right(result, truth, 0.1)
-    assert told(result, 'spikes').values == {'messages': len(hit)}
+    assert said(result, 'spikes').values == {'messages': len(hit)}
     assert 'motion' not in codes(result)
 
 
-def test_spikes_in_a_hundredth_of_the_messages_are_left_out_and_told():
+def test_spikes_in_a_hundredth_of_the_messages_are_left_out_and_reported():
     messages, truth, rng = rest(1000.0, 30)
     hit = rng.random(len(messages.place)) < 0.01
     messages.samples[hit] += 30 * SIGMA * rng.choice([-1, 1], (np.count_nonzero(hit), 6))
     result = characterized(messages)
     assert_right(result, truth)
-    assert told(result, 'spikes').values['messages'] == pytest.approx(
+    assert said(result, 'spikes').values['messages'] == pytest.approx(
         np.count_nonzero(hit), rel=0.05)
 
 
@@ -1119,7 +1119,7 @@ def test_an_axis_without_noise_stays_constant_where_samples_are_missing():
     result = characterized(keep(messages, rng.random(len(messages.place)) > 0.005))
     density = result.axes['gyro_z'].coefficients['noise_density']
     assert not density.observable
-    constant = told(result, 'constant_axis')
+    constant = said(result, 'constant_axis')
     assert (constant.axes, constant.values['value']) == (('gyro_z',), pytest.approx(0.1))
     assert result.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
         truth.density, rel=0.03)
@@ -1144,7 +1144,7 @@ def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
     result = characterized(keep(twice, rng.random(len(twice.place)) >= lost))
     assert_right(result, truth, 0.04)
     assert 'motion' not in codes(result)
-    assert told(result, 'held_values').values == {
+    assert said(result, 'held_values').values == {
         'share': pytest.approx(0.5 - lost / 2, abs=5e-3)}
 
 
@@ -1187,7 +1187,7 @@ def test_a_sensor_of_less_than_four_hertz_has_a_result():
 
 
 @pytest.mark.parametrize('rise_s', [slow(0.01), 5.0])
-def test_a_slow_turn_is_told(rise_s):
+def test_a_slow_turn_is_reported(rise_s):
     messages, _, _ = gyro()
     turn = np.clip(np.minimum(messages.header - 60, 90 - messages.header) / rise_s, 0, 1)
     messages.samples[:, 2] += 0.01 * turn
@@ -1195,7 +1195,7 @@ def test_a_slow_turn_is_told(rise_s):
     turned = result.axes['gyro_z'].coefficients
     assert not any(turned[key].observable for key in SLOW)
     assert turned['rate_random_walk'].upper95 > 0
-    slow = told(result, 'slow_motion')
+    slow = said(result, 'slow_motion')
     assert (slow.axes, slow.values['count']) == (('gyro_z',), 1)
     assert [slow.values[name] for name in ('size', 'start_s', 'duration_s')] == [
         pytest.approx(0.011, abs=1e-3), pytest.approx(65, abs=5), pytest.approx(25, abs=5)]

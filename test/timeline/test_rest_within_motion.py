@@ -6,7 +6,7 @@ from io import StringIO
 
 from imu_allan.characterization.verdict import verdicts
 from imu_allan.writers.table import print_result
-from imu_messages import told
+from imu_messages import said
 import numpy as np
 import pytest
 from repeated import slow
@@ -40,13 +40,13 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         density = axis.coefficients['noise_density']
         low, high = density.ci95
         assert low - (density.value - low) < truth.density < high + (high - density.value)
-    assert told(result, 'rest_within_motion').values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
+    assert said(result, 'rest_within_motion').values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
     assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
         400 - rest_s, abs=0.6)
 
 
 def test_the_segments_at_rest_are_named():
-    assert told(characterized(driven('drives first', 20)[0]), 'rest_within_motion').values == {
+    assert said(characterized(driven('drives first', 20)[0]), 'rest_within_motion').values == {
         'share': pytest.approx(0.88, abs=5e-3), 'rest_s': pytest.approx(46.5, abs=0.05),
         'rests': 3, 'starts_s': pytest.approx([183, 263, 343], abs=0.5),
         'durations_s': pytest.approx([15.5] * 3, abs=0.05)}

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
-from imu_messages import codes, cut, pick, rows_by_place, run, START_NS, still, told
+from imu_messages import codes, cut, pick, rows_by_place, run, said, START_NS, still
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -50,7 +50,7 @@ def test_clean_messages_come_out_as_they_went_in():
     assert summary.start_time == '2023-11-14T22:13:20Z'
 
 
-def assert_alike(some: list[EvenBlock], others: list[EvenBlock]) -> None:
+def assert_equal(some: list[EvenBlock], others: list[EvenBlock]) -> None:
     for one, other in zip(some, others, strict=True):
         assert np.array_equal(one.samples, other.samples)
         assert np.array_equal(one.interpolated, other.interpolated)
@@ -81,7 +81,7 @@ def test_however_messages_are_split_saved_and_looked_at_the_outcome_is_the_same(
             assert np.array_equal(rows_by_place(so_far)[1], rows_by_place(expected)[1])
     blocks += stage.flush()
     assert stage.summary() == summary
-    assert_alike(blocks, even)
+    assert_equal(blocks, even)
 
 
 @settings(max_examples=30, deadline=None)
@@ -196,11 +196,11 @@ def test_unusable_values_are_rejected_and_interpolated(value):
     assert summary.present == (True,) * 6
 
 
-@pytest.mark.parametrize(('axes', 'told_codes'), [
+@pytest.mark.parametrize(('axes', 'said_codes'), [
     (slice(3, 6), set()), (slice(2, 3), {'axis_not_finite'})])
-def test_what_is_absent_throughout_is_not_present_and_costs_the_others_nothing(axes, told_codes):
+def test_what_is_absent_throughout_is_not_present_and_costs_the_others_nothing(axes, said_codes):
     block = still(10_000)
-    if told_codes:
+    if said_codes:
         block.samples[:, axes] = np.nan
     else:
         block.absent[:, 1] = True
@@ -212,7 +212,7 @@ def test_what_is_absent_throughout_is_not_present_and_costs_the_others_nothing(a
     assert np.isnan(rows[:, ~there]).all()
     assert np.array_equal(rows[:, there], block.samples[:, there])
     assert summary.timeline.rejected == 0
-    assert codes(summary) == told_codes
+    assert codes(summary) == said_codes
 
 
 def test_messages_without_any_field_are_refused():
@@ -231,7 +231,7 @@ def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted()
     summary, even = run(blocks)
     assert np.array_equal(rows_by_place(even)[1], one.samples)
     assert (summary.timeline.samples, summary.timeline.rejected) == (2000, 2000)
-    assert told(summary, 'several_frames').values == {
+    assert said(summary, 'several_frames').values == {
         'frame_id': 'imu_link', 'others': ['base_link'], 'rejected': [2000]}
 
 
@@ -248,7 +248,7 @@ def test_where_samples_are_counted_those_of_another_frame_leave_no_gap():
 def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
     summary, _ = run([still(200), *(replace(still(1), frame_id=f'frame_{i}')
                                     for i in range(1000))])
-    assert len(told(summary, 'several_frames').values['others']) < 20
+    assert len(said(summary, 'several_frames').values['others']) < 20
     assert summary.timeline.rejected == 1000
 
 
@@ -307,7 +307,7 @@ def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
     block = still(10_000)
     summary, even = run(replace(block, header_ns=spoil(block.header_ns)))
     assert summary.clock == 'receive'
-    assert told(summary, 'receive_clock').values == {'flaw': flaw}
+    assert said(summary, 'receive_clock').values == {'flaw': flaw}
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
     assert np.array_equal(rows_by_place(even)[1], block.samples)
     assert summary.start_time is not None
@@ -379,13 +379,13 @@ def test_a_refused_stream_stays_refused():
 
 
 @pytest.mark.parametrize('other_hz', [200.0, 110.0, 50.0])
-def test_a_rate_change_half_way_is_told_and_the_other_rate_left_out(other_hz):
+def test_a_rate_change_half_way_is_reported_and_the_other_rate_left_out(other_hz):
     first, then = still(30_000), still(20_000, other_hz, seed=1)
     shift = int(first.header_ns[-1] - START_NS + 1e9 / other_hz)
     then = replace(then, header_ns=then.header_ns + shift, receive_ns=then.receive_ns + shift)
     summary, even = run([first, then])
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-3)
-    change = told(summary, 'rate_changed').values
+    change = said(summary, 'rate_changed').values
     assert (change['from_hz'], change['to_hz']) == pytest.approx((100, other_hz), rel=1e-3)
     assert change['at_s'] == pytest.approx(300, abs=3)
     assert change['left_out'] == summary.timeline.rejected == pytest.approx(20_000, abs=300)
@@ -425,12 +425,12 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
 
 
 @pytest.mark.parametrize('gravity', [0.0, 1.0, 5.0])
-def test_gravity_far_from_its_value_is_told(gravity):
+def test_gravity_far_from_its_value_is_reported(gravity):
     block = still(2000)
     block.samples[:, 3:] += [1.0, 0, 0.1]
     assert run(block)[0].remarks == ()
     block.samples[:, 3:] += [-1.0, 0, gravity - 9.91]
-    assert told(run(block)[0], 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
+    assert said(run(block)[0], 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
 
 
 def test_a_stream_of_gaps_lists_a_bounded_number_of_them():

@@ -88,7 +88,7 @@ def test_any_kind_of_real_number_is_one(number):
                                       lambda axis: imu_allan.state_space(axis, 1.0)])
 @pytest.mark.parametrize(('axis', 'kind'), [
     (None, 'NoneType'), ('gyro_x', 'str'), (1.0, 'float'), ({}, 'dict'), (np.ones(3), 'ndarray')])
-def test_what_is_no_axis_is_told(function, axis, kind):
+def test_what_is_no_axis_is_reported(function, axis, kind):
     with refused(f"expected an axis of a result, such as result.axes['gyro_x'], not {kind}",
                  TypeError):
         function(axis)

@@ -27,7 +27,7 @@ def hours():
     return simulate(TERMS, round(4 * 3600 * RATE), RATE, seed=2)
 
 
-def test_a_steady_sensor_is_predicted_as_well_as_it_claims(hours):
+def test_a_steady_sensor_is_predicted_as_well_as_it_predicts(hours):
     [found] = halves_of(hours)
     assert found.trained_s == found.tested_s == pytest.approx(7200, rel=0.01)
     assert [row.interval_s for row in found.innovations] == pytest.approx([3.2, 9.6, 60.8])
@@ -42,7 +42,7 @@ def test_a_sensor_that_changes_half_way_is_caught():
     quiet, loud = (simulate({'noise_density': n}, round(3600 * RATE), RATE, seed)
                    for n, seed in ((1e-3, 1), (3e-3, 2)))
     [found] = halves_of(np.concatenate((quiet, loud)))
-    # One direction sees nine times, the other a ninth of what it claims.
+    # One direction sees nine times, the other a ninth of what it predicts.
     assert found.innovations[0].nis == pytest.approx((9 + 1 / 9) / 2, rel=0.1)
     assert found.innovations[0].of_halves == pytest.approx((1 / 9, 9), rel=0.1)
 

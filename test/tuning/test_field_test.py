@@ -41,7 +41,7 @@ def met_in(rows, **times):
     return field_test(AXES, means_of(EvenBlock(rows, 0)), 1.0, **times)
 
 
-def test_the_same_sensor_is_met_as_claimed():
+def test_the_same_sensor_is_met_as_predicted():
     for one in met_in(rest(7200)).values():
         assert one.stops == 1
         assert one.tested_s == pytest.approx(7200)
@@ -57,7 +57,7 @@ def test_the_same_sensor_is_met_as_claimed():
         assert one.random_walk_ci95[1] / one.random_walk_ci95[0] < 2
 
 
-def test_threefold_noise_is_a_factor_of_the_noise_and_fourfold_drift_of_the_walk():
+def test_threefold_noise_is_a_factor_of_the_noise_and_fourfold_drift_of_the_random_walk():
     for one in met_in(rest(7200, noise=3.0)).values():
         assert one.tuned.innovations[0].nis == pytest.approx(8, abs=1.5)
         assert one.noise_ci95[0] < 3 < one.noise_ci95[1]
@@ -115,7 +115,7 @@ def test_an_interval_holds_its_factor_however_far():
         assert 2000 < one.noise_ci95[0] < one.noise_factor < one.noise_ci95[1] < 4000
 
 
-def test_a_recording_without_a_stop_is_told_and_other_axes_are_left_out():
+def test_a_recording_without_a_stop_is_reported_and_other_axes_are_left_out():
     with refused('nothing is at rest for 16 s in a row: too short to run a filter over'):
         met_in(rest(10))
     assert field_test({'accel_x': AXES['gyro_x']}, means_of(EvenBlock(rest(60), 0))) == {}
@@ -154,27 +154,27 @@ def known_long_and_short(drift):
     """Give the test for numbers of a long and a short record, and the uncertainty of the short."""
     means = means_of(EvenBlock(rest(1800, drift=drift), 0))
     # 1.5 * 1200/60 degrees of freedom, and of the variance over 60 s nine tenths are drift.
-    doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (N / K)**2 * 3 / 60**2)
+    half_width = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (N / K)**2 * 3 / 60**2)
     return *(field_test({'gyro_x': axis_of(N, K, known=(0.01, known_s))}, means, 1.0)['gyro_x']
-             for known_s in (1e6, 400.0)), doubt
+             for known_s in (1e6, 400.0)), half_width
 
 
 def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
-    long, short, doubt = known_long_and_short(1.0)
+    long, short, half_width = known_long_and_short(1.0)
     for ours, other in zip(short.random_walk_ci95, long.random_walk_ci95, strict=True):
         assert np.log(ours / short.random_walk_factor)**2 == pytest.approx(
-            np.log(other / long.random_walk_factor)**2 + doubt**2, rel=0.05)
+            np.log(other / long.random_walk_factor)**2 + half_width**2, rel=0.05)
     assert short.random_walk_factor == long.random_walk_factor
     assert short.noise_ci95 == long.noise_ci95
 
 
-def test_the_bound_of_a_drift_that_is_nearly_gone_is_as_doubtful_as_its_shape():
+def test_the_bound_of_a_drift_that_is_nearly_gone_is_as_uncertain_as_its_shape():
     """However far the likeliest factor lies below the bound."""
-    long, short, doubt = known_long_and_short(1e-9)
+    long, short, half_width = known_long_and_short(1e-9)
     assert short.random_walk_factor < 0.1 * short.random_walk_ci95[1]
     assert short.random_walk_ci95[0] == long.random_walk_ci95[0] == 0
     assert short.random_walk_ci95[1] / long.random_walk_ci95[1] == pytest.approx(
-        np.exp(doubt), rel=0.05)
+        np.exp(half_width), rel=0.05)
 
 
 @pytest.mark.slow

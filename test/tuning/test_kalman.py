@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Filters of true models: what they claim is what happens; many run as each does alone."""
+"""Filters of true models: what they predict is what happens; many run as each does alone."""
 
 from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
@@ -24,7 +24,7 @@ def test_the_unknown_start_is_forgotten_after_one_mean():
     assert abs(first[1]) < 0.1
 
 
-def test_innovations_of_a_true_model_are_white_and_of_the_claimed_size():
+def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():
     terms = {'noise_density': 1e-3, 'rate_random_walk': 2e-5,
              'gauss_markov': {'sigma': 4e-4, 'correlation_time_s': 20.0}}
     samples = simulate(terms, 200_000, 10.0, seed=5)
@@ -53,7 +53,7 @@ def test_innovations_beside_eighty_lines_are_of_the_expected_size(amplitude, wit
         assert nis == pytest.approx(expected, rel=within)
 
 
-def test_a_missing_mean_leaves_a_gap_and_more_doubt():
+def test_a_missing_mean_leaves_a_gap_and_more_uncertainty():
     space = state_space(axis_of(1e-3, 1e-4), 1.0)
     means = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 100, 1.0)
     means[60:80] = np.nan

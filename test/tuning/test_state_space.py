@@ -40,7 +40,7 @@ def test_the_rest_of_a_slow_process_keeps_its_digits():
     assert space.measurement[0, 0] == pytest.approx(2 / 3 * 1e-7, rel=1e-6)
 
 
-def test_the_walk_has_the_moments_of_its_integral_over_the_step():
+def test_the_random_walk_has_the_moments_of_its_integral_over_the_step():
     step, walk = 4.0, 3.0
     mean, start, end = integrated(lambda u, v: walk**2 * np.minimum(u, v), step)
     space = state_space(axis_of(0.0, walk), step)
@@ -74,7 +74,7 @@ def test_a_step_that_is_not_known_is_refused(step, line):
         state_space(axis, step)
 
 
-def test_an_axis_without_a_drift_model_is_told():
+def test_an_axis_without_a_drift_model_is_reported():
     axis = replace(axis_of(1.0), drift_model=None)
     with refused('this axis has no drift model (it is constant, too short, or from a result of '
                  'an older version): analyze the recording again'):

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What filters with one bias state claim and what happens to them; the numbers chosen for them."""
+"""What filters with one bias state predict and what happens; the numbers chosen for them."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def one(value):
     (Filters.with_random_walk(*WALKING, 1.0), {'walk': 3e-5}),
     (Filters.markov(*MARKOV, 1.0), PROCESS)],
     ids=['walking', 'markov'])
-def test_a_filter_claims_what_the_kalman_filter_of_its_model_claims_and_that_happens(
+def test_a_filter_predicts_what_the_kalman_filter_of_its_model_predicts_and_that_happens(
         filters, drift):
     truth = axis_of(2e-3, **drift)
     np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0],
@@ -72,7 +72,7 @@ def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, term
         assert happened(samples, filters, horizon) == pytest.approx(expected, rel=within)
 
 
-def test_a_sensor_that_is_white_noise_and_walk_keeps_its_numbers():
+def test_a_sensor_that_is_white_noise_and_random_walk_keeps_its_numbers():
     tuning = tune(axis_of(1e-3, 5e-5), 1.0, 60.0)
     assert tuning.noise_density == pytest.approx(1e-3, rel=0.01)
     assert tuning.random_walk == pytest.approx(5e-5, rel=0.08)
@@ -90,7 +90,7 @@ def test_a_sensor_that_is_noise_and_a_process_keeps_its_triple():
     assert ratios == pytest.approx([1.0] * 7, abs=0.02)
 
 
-def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
+def test_a_drift_that_no_random_walk_describes_is_not_said_to_be_known():
     """The exported walk of a flicker-like sensor is near zero; the tuned one covers its drift."""
     axis = axis_of(1e-3, **DECADES)
     process = tune(axis, 1.0, 60.0, 'gauss_markov')
@@ -162,7 +162,7 @@ def test_the_conservative_set_covers_the_unsteadiness_of_the_recording():
 
 
 def test_a_conservative_filter_of_short_steps_is_still_worth_something():
-    """What doubt there is in fast noise goes into N: a random walk that covers it has no end."""
+    """What is uncertain in fast noise goes into N: a random walk that covers it has no end."""
     axis = axis_of(6.6e-4, 1.7e-5, ((2.5e-4, 0.1), (1.5e-4, 20.0), (1.6e-4, 300.0)),
                    known=(0.1, 3e3), stationarity=unsteady(0.5))
     curve = replace(axis.curve, adev=tuple(
@@ -178,7 +178,7 @@ def test_a_conservative_filter_of_short_steps_is_still_worth_something():
 
 
 def conservative_ratios(process, coast_s, *known_to_s):
-    """Return what is expected over what a conservative filter claims, for records so long."""
+    """Return what is expected over what a conservative filter predicts, for records so long."""
     return [tune(axis_of(1e-3, 0.0, (process,), known=(0.01, to)), 1.0, coast_s,
                  conservative=True).coast_ratio for to in known_to_s]
 
@@ -196,7 +196,7 @@ def test_a_slow_process_that_stands_clear_of_the_noise_is_known_by_its_steps():
     assert 0.75 * many < few < 0.95 * many
 
 
-def test_a_short_time_between_corrections_makes_no_walk():
+def test_a_short_time_between_corrections_makes_no_random_walk():
     # A candidate that nobody would see at 50 ms is one that everybody sees at a microsecond.
     walks = [tune(axis_of(1e-3, 5e-5), aiding, 60.0).random_walk
              for aiding in (1.0, 0.05, 1e-3, 1e-6)]

@@ -27,7 +27,7 @@ def test_more_noise_in_motion_is_a_factor_of_the_noise():
     assert found.excess[-1].ratio < 1.5
 
 
-def test_more_drift_in_motion_is_a_factor_of_the_walk():
+def test_more_drift_in_motion_is_a_factor_of_the_random_walk():
     found = verify(HERE, axis_of(1e-3, 2e-4), tune(HERE, 1.0))
     assert found.random_walk_factor == pytest.approx(4, rel=0.15)
     assert found.noise_factor == pytest.approx(1, rel=0.05)
@@ -39,12 +39,12 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     short = axis_of(1e-3, 5e-5, known=(0.01, 400.0))
     there = axis_of(1e-3, 2e-4)
     # 1.5 * 1200/60 degrees of freedom, and of the variance over 60 s three quarters are drift.
-    doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (1e-3 / 5e-5)**2 * 3 / 60**2)
+    half = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (1e-3 / 5e-5)**2 * 3 / 60**2)
     found = verify(short, there, tune(short, 1.0))
     low, high = found.random_walk_ci95
     # The other's curve is stated without an interval.
     factor = found.random_walk_factor
-    assert np.log([factor / low, high / factor]) == pytest.approx([doubt, doubt], rel=0.05)
+    assert np.log([factor / low, high / factor]) == pytest.approx([half, half], rel=0.05)
     assert found.noise_ci95 == (found.noise_factor, found.noise_factor)
 
 

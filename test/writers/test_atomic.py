@@ -42,7 +42,7 @@ def test_a_file_in_the_place_of_a_folder_is_named(tmp_path):
         write_atomically(tmp_path / 'file' / 'below', b'x')
 
 
-def test_a_folder_in_the_place_of_the_file_is_told(tmp_path):
+def test_a_folder_in_the_place_of_the_file_is_reported(tmp_path):
     (tmp_path / 'folder').mkdir()
     with refused(unwritable(tmp_path / 'folder', 'is a directory')):
         write_atomically(tmp_path / 'folder', b'x')

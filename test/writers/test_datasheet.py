@@ -227,7 +227,7 @@ def test_a_falling_ramp_counts_as_much_as_a_rising_one(result, interval, outcome
     assert verdict.value == abs(value)
 
 
-def test_one_failure_fails_the_sensor_and_one_doubt_keeps_it_from_passing(result):
+def test_one_failure_fails_the_sensor_and_one_undecided_limit_keeps_it_from_passing(result):
     specification = parse_model(
         'gyro: {noise_density: 3 deg/sqrt(h), rate_random_walk: 70 deg/h/sqrt(h)}')
     verdicts = check(result, specification)

@@ -192,7 +192,7 @@ def test_a_file_for_opencv_has_the_numbers_that_its_consumer_reads(
         assert (node.string() if isinstance(value, str) else node.real()) == value
 
 
-def test_openvins_is_told_that_nothing_is_misaligned(easy, tmp_path):
+def test_openvins_reads_that_nothing_is_misaligned(easy, tmp_path):
     storage = opencv(export(easy, 'openvins').text, tmp_path)
     imu = storage.getNode('imu0')
     for key in ('T_i_b', 'Tw', 'R_IMUtoGYRO', 'Ta', 'R_IMUtoACC', 'Tg'):
@@ -394,7 +394,7 @@ def test_names_from_a_recording_cannot_add_lines(build, consumer, tmp_path):
         assert shape == {key: type(value) for key, value in yaml.safe_load(tame).items()}
 
 
-def test_a_missing_rate_is_told_and_may_be_given(build):
+def test_a_missing_rate_is_reported_and_may_be_given(build):
     result = build(timeline=Timeline(None, 10, 1.0))
     with refused('the configuration for vins_fusion needs the sample rate, which this result '
                  'does not have; give it with --rate HZ'):
@@ -488,7 +488,7 @@ def test_psins_takes_sigma_and_correlation_time(easy):
     assert found['TauG'] == found['TauA'] == [200.0, 200.0, 200.0]
 
 
-def test_psins_is_told_what_makes_its_filter_take_the_drift(easy):
+def test_psins_is_given_what_makes_its_filter_take_the_drift(easy):
     # etm.m reads ins.tauG, infinite after insinit.m; only kfinit186 has sqg and sqa in its Qt.
     text = export(easy, 'psins').text
     after = text[text.index('imuerr = imuerrset('):]
@@ -850,7 +850,7 @@ def test_what_is_expected_of_measured_numbers_is_widened_only_where_something_is
     text = export_as_wished(drifting, 'kalibr', None, wishes).text
     assert 'expected NIS' in text
     assert widened in text.splitlines()
-    # Without a random walk, or a bound of it, nothing is claimed that could be expected.
+    # Without a random walk, or a bound of it, nothing is predicted that could be expected.
     unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
         axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
         upper95=None)}) for name, axis in drifting.axes.items()}
@@ -895,11 +895,11 @@ def test_where_each_axis_has_its_own_numbers_each_is_expected_to_be_right(drifti
             export_as_wished(drifting, consumer).text).values():
         assert 0.8 < nis_low <= nis_high < 1.1
         assert 0.7 < least <= most < 1.4
-    # Of the axis with a tenth of the noise the worst pair claims a hundred times the variance.
+    # Of the axis with a tenth of the noise the worst pair predicts a hundred times the variance.
     assert said(export_as_wished(drifting, 'kalibr').text)['gyro'][2] < 0.05
 
 
-def test_glim_says_what_the_larger_of_both_walks_makes_of_the_gyroscope(drifting):
+def test_glim_says_what_the_larger_of_both_random_walks_makes_of_the_gyroscope(drifting):
     text = export_as_wished(drifting, 'glim').text
     found, own = said(text), said(export_as_wished(drifting, 'lio_sam').text)
     assert found['accel'] == own['accel']

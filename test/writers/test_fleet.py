@@ -94,7 +94,7 @@ def test_a_name_is_no_formula_in_the_table(fleet):
     assert "\n'=1+1,," in fleet_csv(Fleet(results))
 
 
-def test_a_fleet_of_nothing_but_failures_is_told(fleet):
+def test_a_fleet_of_nothing_but_failures_is_reported(fleet):
     nothing = Fleet({}, {}, fleet.failures)
     assert 'unit13' in fleet_html(nothing)
     assert json.loads(fleet_json(nothing))['units'] == []
@@ -141,7 +141,7 @@ def test_a_page_of_forty_units_can_be_read(make_result, tmp_path, browser, dark)
     assert pages_in_print(page, browser) == 4
 
 
-def test_a_unit_is_named_where_it_sticks_out_and_not_among_the_dots_of_others(fleet):
+def test_a_unit_is_named_where_it_is_an_outlier_and_not_among_the_dots_of_others(fleet):
     results = dict(fleet.results)
     usual, odd = results['unit1'], results['unit5']
     # Of gyro x alone.

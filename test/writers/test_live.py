@@ -27,7 +27,7 @@ def test_slow_noise_beside_white_noise_leaves_a_good_and_a_bad_unit_on_the_bench
 
 
 @pytest.mark.parametrize('seed', [0, 1, 2])
-def test_a_walk_that_may_level_off_fails_no_unit_on_the_bench(seed):
+def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench(seed):
     """Of a process of a minute the record says no more than a bound for the random walk."""
     flicker_size, count = 2.4e-5, 25_000
     rows = np.full((count, 6), np.nan)

@@ -156,15 +156,15 @@ def test_the_mean_has_the_digits_that_its_error_leaves(result):
 
 
 def test_what_to_act_upon_is_in_full_and_the_rest_is_named(result):
-    told = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=(
+    seen = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=(
         finding('gauss_markov', ('gyro_x',), sigma=0.01, unit='rad/s', correlation_time_s=9.0),
         finding('poor_fit', ('gyro_x',), misfit_share=0.12)))
-    assert ' '.join(printed(told, 80).split()).endswith(
+    assert ' '.join(printed(seen, 80).split()).endswith(
         'poor fit: gyro x: no sum of noise terms describes this spectrum: the best is off by '
         '12 %. -> look for vibration, or a filter in the sensor or driver '
         'Good to know (1): correlated noise (imu_allan explain NAME, or --verbose).')
     assert 'with a correlation time of 9 s' in ' '.join(
-        printed(told, 80, verbose=True).split())
+        printed(seen, 80, verbose=True).split())
 
 
 def test_findings_of_one_kind_are_one_sentence(result):
@@ -196,8 +196,8 @@ LONG = 'the noise of this axis is not what it was ' * 5
 
 
 def test_a_pipe_gets_plain_text_unbroken_or_of_the_width_that_is_stated(result, tmp_path):
-    told = replace(result, warnings=(Finding('poor_fit', 'act', message=LONG),))
-    (tmp_path / 'r.json').write_text(told.to_json())
+    seen = replace(result, warnings=(Finding('poor_fit', 'act', message=LONG),))
+    (tmp_path / 'r.json').write_text(seen.to_json())
     done = subprocess.run(
         [sys.executable, '-c', """
 import os, sys
@@ -219,7 +219,7 @@ for columns in sys.argv[2:]:
         assert max(map(len, text.splitlines())) <= columns
 
 
-def test_what_recording_on_would_bring_is_told(result):
+def test_what_recording_on_would_bring_is_reported(result):
     axis = result.axes['gyro_x']
     density = replace(axis.coefficients['noise_density'], ci_halves_in_s=7200.0)
     walk = replace(axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,

@@ -214,7 +214,7 @@ def test_white_noise_of_interpolated_samples_is_given_back():
     assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
 
 
-def test_columns_that_cannot_be_told_apart_share_what_they_explain():
+def test_columns_that_cannot_be_distinguished_share_what_they_explain():
     from imu_allan.noise.posterior.non_negative import non_negative
 
     column = np.array([1.0, 2.0, 3.0])

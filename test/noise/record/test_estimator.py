@@ -102,7 +102,7 @@ def test_adding_a_constant_changes_only_the_mean():
     assert raised.mean - plain.mean == pytest.approx(9.81)
 
 
-def test_sample_rate_only_stretches_time():
+def test_sample_rate_only_scales_time():
     slow, fast = characterize(RECORD[:, 0], 50), first_axis()
     np.testing.assert_allclose(np.array(slow.curve.tau_s), 2 * np.array(fast.curve.tau_s))
     assert slow.coefficients['noise_density'].value == pytest.approx(

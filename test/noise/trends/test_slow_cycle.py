@@ -44,7 +44,7 @@ def axes_of(samples):
 
 @pytest.mark.parametrize(('shape', 'size', 'cycles'),
                          [(sine, 0.1, 26.3), (heater, 0.01, 6.37), (heater, 0.1, 3.4)])
-def test_no_walk_process_or_low_pass_is_made_of_a_strong_cycle(shape, size, cycles):
+def test_no_random_walk_process_or_low_pass_is_made_of_a_strong_cycle(shape, size, cycles):
     period = HOURS * 3600 / cycles
     [found] = shown(size * shape(TIME / period + 0.3))
     [without] = shown(0 * TIME)
@@ -80,7 +80,7 @@ def test_chance_makes_no_cycle_of_a_short_record(seed):
     assert found.trend.cycle_s is None
 
 
-def test_a_walk_beside_a_cycle_is_found():
+def test_a_random_walk_beside_a_cycle_is_found():
     walk = 3e-4
     [found] = shown(0.01 * sine(TIME / 700), model={**MODEL, K: walk})
     assert found.trend.cycle_s == pytest.approx(700, rel=0.01)
@@ -88,7 +88,7 @@ def test_a_walk_beside_a_cycle_is_found():
     assert holds(found.coefficients[K], walk)
 
 
-def test_a_cycle_and_a_warm_up_are_told_from_one_another():
+def test_a_cycle_and_a_warm_up_are_reported_from_one_another():
     [found] = shown(0.01 * sine(TIME / 500) + 1.0 * np.exp(-TIME / 900), seed=4)
     assert found.trend.cycle_s == pytest.approx(500, rel=0.01)
     assert found.trend.second_warm_up is None
@@ -115,7 +115,7 @@ def test_a_cycle_of_several_records_has_one_period_and_a_size_in_each():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('walk', 'found'), [(0.0, 0.02), (1.8e-4, 1.0)])
-def test_cycles_of_ten_times_the_flicker_and_more_give_no_walk_and_hide_none(walk, found):
+def test_cycles_of_ten_times_the_flicker_and_more_give_no_random_walk_and_hide_none(walk, found):
     walks, covered, wrong = [], [], []
     for seed in range(60):
         generator = np.random.default_rng(seed)

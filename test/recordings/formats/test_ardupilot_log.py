@@ -8,7 +8,7 @@ from struct import calcsize, pack
 import subprocess
 import sys
 
-from bags import read, told
+from bags import read, said
 from imu_allan import analyze
 from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording
@@ -150,7 +150,7 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
         [remark] = recording.remarks
-    assert remark == told(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
+    assert remark == said(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
                           reason=remark.values['reason'])
     axes = analyze(path).axes
     assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
@@ -159,10 +159,10 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
     assert messages.header_ns[:2].tolist() == [5000, 1_005_000]
 
 
-def test_filtered_samples_are_told(tmp_path):
+def test_filtered_samples_are_reported(tmp_path):
     result = analyze(write(tmp_path / 'a.bin', imu(2000)))
     assert [remark for remark in result.warnings if remark.code == 'filtered'] == [
-        told(tmp_path / 'a.bin', 'filtered', by='autopilot')]
+        said(tmp_path / 'a.bin', 'filtered', by='autopilot')]
 
 
 def test_batches_are_unrolled_and_show_n_alone(tmp_path):
@@ -173,7 +173,7 @@ def test_batches_are_unrolled_and_show_n_alone(tmp_path):
     assert messages.header_ns[0] == 10**9
     result = analyze(path)
     assert [remark for remark in result.warnings if remark.code == 'batches'] == [
-        told(path, 'batches', topic=topic) for topic in ('ISBD_GYR', 'ISBD_ACC')]
+        said(path, 'batches', topic=topic) for topic in ('ISBD_GYR', 'ISBD_ACC')]
     for name, axis in result.axes.items():
         shown = {key for key, found in axis.coefficients.items() if found.observable}
         assert shown == {'noise_density'}
@@ -211,7 +211,7 @@ def test_damage_is_quiet(tmp_path):
 
 @pytest.mark.parametrize(('name', 'field'), [
     ('IMU', 'GyrZ'), ('IMU', 'TimeUS'), ('GYR', 'GyrX'), ('ISBH', 'smp_rate'), ('ISBD', 'seqno')])
-def test_a_message_without_a_field_is_told_with_the_field(tmp_path, name, field):
+def test_a_message_without_a_field_is_reported_with_the_field(tmp_path, name, field):
     messages = {'IMU': imu(), 'GYR': raw('GYR', 1000, 300, 0.01)}.get(name, batches(1, 2, 0.01))
     path = write(tmp_path / 'a.bin', messages)
     whole = FORMATS[name][2].encode()

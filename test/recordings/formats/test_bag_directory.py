@@ -17,8 +17,8 @@ from bags import (
     joined,
     mcap_written,
     read,
+    said,
     serialized,
-    told,
     write_db3,
     write_mcap,
     write_metadata,
@@ -70,10 +70,10 @@ def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
     (split_bag / 'metadata.yaml').unlink()
     after, [remark] = read(split_bag)
     assert_same(block(1500), after)
-    assert remark == told(split_bag, 'no_metadata', reason=None)
+    assert remark == said(split_bag, 'no_metadata', reason=None)
 
 
-def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
+def test_damaged_metadata_is_reported_and_the_files_are_read(split_bag):
     for text, reason in [
             # These three in the words of the YAML library, and of Python.
             ('rosbag2_bagfile_information: {', ''), ('[' * 100_000, ''), ('\0', ''),
@@ -87,7 +87,7 @@ def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
         (split_bag / 'metadata.yaml').write_text(text)
         after, [remark] = read(split_bag)
         assert_same(block(1500), after)
-        assert remark == told(split_bag, 'no_metadata', reason=remark.values['reason'])
+        assert remark == said(split_bag, 'no_metadata', reason=remark.values['reason'])
         assert reason in remark.values['reason'].splitlines()[0]
 
 
@@ -95,7 +95,7 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     (split_bag / 'bag_10.mcap').unlink()
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert remark == told(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
+    assert remark == said(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
 
 
 def test_a_bag_without_any_of_its_files_is_refused(split_bag):
@@ -111,7 +111,7 @@ def test_a_file_of_it_that_cannot_be_read_is_a_remark(split_bag):
     (split_bag / 'bag_10.mcap').write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert remark == told(split_bag, 'damaged_recording', fault='file',
+    assert remark == said(split_bag, 'damaged_recording', fault='file',
                           reason=remark.values['reason'])
     assert remark.values['reason'].startswith(f'{split_bag}/bag_10.mcap: ')
     assert 'git lfs pull' in remark.values['reason']
@@ -166,10 +166,10 @@ def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
     assert_same(block(len(after)), after)
     assert len(after) > 1000
     cut, end = remarks
-    assert cut == told(packed, 'truncated_recording', fault='compressed',
+    assert cut == said(packed, 'truncated_recording', fault='compressed',
                        reason=cut.values['reason'])
     assert figures(cut.values['reason'])[1:] == [size]
-    assert end == told(packed, 'truncated_recording', fault='ends', end=end.values['end'],
+    assert end == said(packed, 'truncated_recording', fault='ends', end=end.values['end'],
                        whole_chunks=end.values['whole_chunks'])
     assert len(figures(end.values['end'])) == 2
 
@@ -200,7 +200,7 @@ def test_messages_compressed_one_by_one_are_read(tmp_path, container):
     write_metadata(tmp_path, [path.name], [('/imu', IMU, 300)],
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
-    assert remark == told(path, 'malformed_messages', what='message', count=1, topic='/imu',
+    assert remark == said(path, 'malformed_messages', what='message', count=1, topic='/imu',
                           type='sensor_msgs/Imu', first=remark.values['first'])
     assert figures(remark.values['first']) == [0, 312]
     assert_same(joined([block(7), block(292, first=8)]), after)
@@ -274,7 +274,7 @@ def test_two_imu_topics_are_both_named():
         choose_topic(recording)
 
 
-def test_messages_that_metadata_counts_and_no_file_holds_are_told(tmp_path):
+def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
     write_db3(tmp_path / 'bag_0.db3', block(90))
     write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
     with open_recording(tmp_path) as recording:
@@ -282,4 +282,4 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_told(tmp_path):
         recording.remark('many_definitions')
         list(recording.decoded('/imu'))
         assert recording.remarks[1:] == [
-            told(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu')]
+            said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu')]

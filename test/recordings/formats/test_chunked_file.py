@@ -9,7 +9,7 @@ from bags import (
     figures,
     read,
     ROS1_COMPRESSIONS,
-    told,
+    said,
     write_bag,
     write_mcap,
 )
@@ -37,7 +37,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, write, compression):
     lost = 3000 - len(after)
     assert 20 < lost < 200
     assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
-    assert remark == told(path, 'damaged_recording', fault='chunks', broken=1,
+    assert remark == said(path, 'damaged_recording', fault='chunks', broken=1,
                           chunks=len(starts), first=remark.values['first'], lost=lost, of=3000,
                           topic='/imu')
     assert figures(remark.values['first'])[0] == starts[2] + BODY[write]
@@ -54,6 +54,6 @@ def test_reading_goes_on_at_the_next_chunk_that_the_index_names(tmp_path, write,
     after, [remark] = read(path)
     lost = 3000 - len(after)
     assert 20 < lost < 200
-    assert remark == told(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=3000,
+    assert remark == said(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=3000,
                           topic='/imu', first=remark.values['first'])
     assert figures(remark.values['first']) == [size, starts[2]]

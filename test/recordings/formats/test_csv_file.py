@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 import time
 
-from bags import no_axes, read, refusal, START_NS, told
+from bags import no_axes, read, refusal, said, START_NS
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
@@ -32,12 +32,12 @@ def read_text(path: Path, text: str, **options: object) -> tuple[ImuBlock, list[
 
 
 def bad_lines(path: Path, count: int, first: str) -> Finding:
-    return told(path, 'malformed_messages', what='line', count=count, first=first)
+    return said(path, 'malformed_messages', what='line', count=count, first=first)
 
 
 def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
             count: int | None = None) -> Finding:
-    return told(path, 'ignored_columns', perhaps_axes=perhaps_axes, columns=columns,
+    return said(path, 'ignored_columns', perhaps_axes=perhaps_axes, columns=columns,
                 count=len(columns) if count is None else count)
 
 
@@ -90,7 +90,7 @@ def test_a_time_column_counts_before_a_rate(path):
     assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 500_000_000]
 
 
-def test_a_file_of_many_pieces_is_read_whole(path):
+def test_a_file_of_many_blocks_is_read_whole(path):
     count = 60_000
     time = START_NS // 10**9 + np.arange(count) / 1024
     samples = np.random.default_rng(1).normal(size=(count, 6))
@@ -284,7 +284,7 @@ def test_what_may_be_something_else_is_not_taken(path, header):
 
 
 @pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])
-def test_times_that_are_written_as_dates_are_no_numbers_and_told(path, options):
+def test_times_that_are_written_as_dates_are_no_numbers_and_reported(path, options):
     text = 'time,gx\n2014-06-24T19:02:59.75Z,1\n2014-06-24T19:02:59.76Z,2\n'
     assert refusal(path, text, **options) == (
         'line 2: 2014-06-24T19:02:59.75Z,1 lacks a number in a column that is read; a column that '
@@ -330,7 +330,7 @@ def test_columns_can_be_numbered_from_one(path, text, others):
 @pytest.mark.parametrize('text', [
     '#time,w0,w1\n1,2,3\n2,3,4\n', '# time w0 w1\n1 2 3\n2 3 4\n',
     '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n', '# a logger\n\ntime;w0;w1\n1;2;3\n2;3;4\n'])
-def test_a_header_behind_the_mark_of_a_comment_is_told_by_the_names_of_the_user(path, text):
+def test_a_header_behind_the_mark_of_a_comment_is_reported_by_the_names_of_the_user(path, text):
     path.write_text(text)
     columns = (('gyro_x', 'w0'), ('time', 'time'))
     block, _ = read(path, options=RecordingOptions(columns=columns))
@@ -366,7 +366,7 @@ def test_the_number_of_the_temperature_is_its_place_whatever_stands_in_other_col
 
 
 def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
-    """Return what is told of times whose unit is not known."""
+    """Return what is reported of times whose unit is not known."""
     return (
         f'the times are {interval} apart, which in {unit} would be {hz} Hz, the rate of no IMU; '
         "say what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the "
@@ -399,7 +399,7 @@ def test_units_may_stand_in_a_line_of_their_own(path, units):
     assert remarks == [ignored(path, ['note'])]
 
 
-def test_a_unit_below_that_nobody_knows_is_told(path):
+def test_a_unit_below_that_nobody_knows_is_reported(path):
     assert refusal(path, 'time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n') == (
         'column accel_z: LSB cannot be turned into m/s^2')
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of a CSV file that are not what its header says."""
 
-from bags import read, refusal, told
+from bags import read, refusal, said
 from imu_allan.recordings import RecordingOptions
 import numpy as np
 import pytest
@@ -101,7 +101,7 @@ def test_a_damaged_line_does_not_part_seconds_from_their_nanoseconds(tmp_path):
     messages, [remark] = read(path)
     assert messages.header_ns.tolist() == [
         125_000_000 * place for place in range(len(ROWS)) if place != 9]
-    assert remark == told(path, 'malformed_messages', what='line', count=1,
+    assert remark == said(path, 'malformed_messages', what='line', count=1,
                           first='line 11: 1,100000000000,' + ','.join(map(str, ROWS[9].tolist())))
 
 

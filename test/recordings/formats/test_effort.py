@@ -14,7 +14,7 @@ from bags import (
     mcap_record,
     read,
     ros1_record,
-    told,
+    said,
     write_bag,
     write_mcap,
 )
@@ -54,9 +54,9 @@ def with_chunks(path: Path, added: bytes) -> Path:
 def assert_too_much(path: Path, remarks: list[Finding], chunks: int, times: int) -> int:
     """Return how many chunks were left out as the file expands to too much."""
     end, broken = remarks
-    assert end == told(path, 'truncated_recording', fault='ends', whole_chunks=chunks,
+    assert end == said(path, 'truncated_recording', fault='ends', whole_chunks=chunks,
                        end=end.values['end'])
-    assert broken == told(path, 'damaged_recording', fault='chunks', chunks=chunks,
+    assert broken == said(path, 'damaged_recording', fault='chunks', chunks=chunks,
                           broken=broken.values['broken'], first=broken.values['first'])
     assert figures(broken.values['first'])[1:] == [times]
     return broken.values['broken']
@@ -167,21 +167,21 @@ def test_definitions_that_take_long_to_parse_are_not_all_searched(tmp_path):
         b'sensor_msgs/Imu ] ' + b'a' * 100_000])))
     with open_recording(path) as recording:
         assert [imu.name for imu in recording.topics] == ['/imu']
-        told = list(recording.reasons.values())
-    assert len(told) == 60
-    assert told[:20] == [Varying(f'the definition of a/msg/T{number} cannot be parsed (<words>)')
+        said = list(recording.reasons.values())
+    assert len(said) == 60
+    assert said[:20] == [Varying(f'the definition of a/msg/T{number} cannot be parsed (<words>)')
                          for number in range(100, 120)]
-    assert set(told[20:]) == {'not looked into, after 20 others'}
+    assert set(said[20:]) == {'not looked into, after 20 others'}
 
 
 @pytest.mark.slow
-def test_connections_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path):
+def test_connections_beyond_those_of_any_robot_are_not_listed_but_reported(tmp_path):
     path = write_bag(tmp_path / 'a.bag', MESSAGES)
     with path.open('ab') as file:
         file.write(connections(100, 70_000 * [b'']))
     after, [remark] = read(path)
     assert len(after) == len(MESSAGES)
-    assert remark == told(path, 'many_topics', what='connections', listed=65_536)
+    assert remark == said(path, 'many_topics', what='connections', listed=65_536)
 
 
 def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():

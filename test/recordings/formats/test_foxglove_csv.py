@@ -5,7 +5,7 @@
 from csv import DictReader
 from pathlib import Path
 
-from bags import read, told
+from bags import read, said
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import open_recording
 import numpy as np
@@ -50,7 +50,7 @@ def test_the_lines_of_a_message_come_together_to_the_bit(tmp_path):
         int(row['receive time'].replace('.', '')) for row in rows]
 
 
-def test_messages_received_at_once_are_told_apart_by_their_stamps(tmp_path):
+def test_messages_received_at_once_are_distinguished_by_their_stamps(tmp_path):
     path = write(tmp_path / 'pairs.csv', {'/imu': 1.0})
     lines = path.read_text().split('\n')
     for number, line in enumerate(lines[1:], 1):
@@ -70,10 +70,10 @@ def test_messages_that_nothing_tells_apart_are_counted(tmp_path):
         line.rsplit(',', 1)[0] + ',7.0' for line in lines if line.startswith('0.0,')]))
     messages, [remark] = read(path, '/imu')
     assert messages.samples.tolist() == [[7.0] * 6, *SAMPLES[1:].tolist()]
-    assert remark == told(path, 'merged_messages', count=1)
+    assert remark == said(path, 'merged_messages', count=1)
 
 
-def test_what_is_missing_or_no_number_is_told(tmp_path):
+def test_what_is_missing_or_no_number_is_reported(tmp_path):
     path = write(tmp_path / 'a.csv', {'/imu': 1.0}, '\n1,2,3\n1,x,,/imu.angular_velocity.x,5\n'
                  '1,1700000000.0,,/imu.orientation.x,5\n', headers=False)
     lines = path.read_text().split('\n')
@@ -82,7 +82,7 @@ def test_what_is_missing_or_no_number_is_told(tmp_path):
     messages, remarks = read(path)
     assert np.argwhere(np.isnan(messages.samples)).tolist() == [[7, 2]]
     assert not messages.header_ns.any()
-    assert remarks == [told(path, 'malformed_messages', what='line', count=2)]
+    assert remarks == [said(path, 'malformed_messages', what='line', count=2)]
     assert list(AXES)[2] == 'gyro_z'
 
 

@@ -18,8 +18,8 @@ from bags import (
     mcap_chunk,
     mcap_written,
     read,
+    said,
     serialized,
-    told,
     write_mcap,
 )
 from hypothesis import given, HealthCheck, settings, strategies as st
@@ -112,10 +112,10 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
                   if isinstance(record, Chunk)]
     for chunk in chunks:
         expected = [record for record in breakup_chunk(chunk) if hasattr(record, 'log_time')]
-        claim = message_places(chunk.data)[::-1]
+        places = message_places(chunk.data)[::-1]
         for wanted in ({channels[0]}, {channels[1], channels[3]}, set(channels)):
             batches, consumed = gather(
-                chunk.data, wanted, None, partial(np.copy, claim) if index else None)
+                chunk.data, wanted, None, partial(np.copy, places) if index else None)
             assert consumed == len(chunk.data)
             assert [(stamp, row.tobytes()) for batch in batches
                     for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True)] == [
@@ -123,17 +123,17 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
                 if record.channel_id in wanted]
 
 
-@pytest.mark.parametrize('claim', [
+@pytest.mark.parametrize('places', [
     lambda places: places[:-1], lambda places: places[1:] + 1, lambda places: places * 0,
     lambda places: places + 10**12, lambda places: places[:0],
     lambda places: np.delete(places, 500)], ids=['short', 'shifted', 'same', 'far', 'none', 'gap'])
-def test_a_wrong_message_index_loses_nothing(tmp_path, claim):
+def test_a_wrong_message_index_loses_nothing(tmp_path, places):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression='none', chunk_size=10**7,
                       others=lambda n: n % 2)
     with path.open('rb') as file:
         [chunk] = [record for record in StreamReader(file, emit_chunks=True).records
                    if isinstance(record, Chunk)]
-    batches, consumed = gather(chunk.data, {1}, None, lambda: claim(message_places(chunk.data)))
+    batches, consumed = gather(chunk.data, {1}, None, lambda: places(message_places(chunk.data)))
     assert consumed == len(chunk.data)
     assert np.concatenate([batch.receive_ns for batch in batches]).tolist() == (
         MESSAGES.receive_ns.tolist())
@@ -175,7 +175,7 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
             after, [remark] = read(path)
             counts.append(len(after))
             assert_same(after, joined([block(len(after))]))
-            assert remark == told(path, 'truncated_recording', fault='ends',
+            assert remark == said(path, 'truncated_recording', fault='ends',
                                   end=remark.values['end'], whole_chunks=len(counts) + 2)
             assert figures(remark.values['end']) == []
             path.write_bytes(whole[:end - 1])
@@ -194,7 +194,7 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
         assert remark.code == 'truncated_recording'
 
 
-def test_a_tail_of_zeros_is_told(tmp_path):
+def test_a_tail_of_zeros_is_reported(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
     whole = path.read_bytes()
     _, end = chunk_places(path)[3]
@@ -206,10 +206,10 @@ def test_a_tail_of_zeros_is_told(tmp_path):
 
 
 def damaged_chunk(path, remark, chunks, at, lost, broken=1):
-    """Return what is told of damaged chunks, in the words of `remark` of the first."""
+    """Return what is reported of damaged chunks, in the words of `remark` of the first."""
     first = remark.values['first']
     assert figures(first)[0] == at
-    return told(path, 'damaged_recording', fault='chunks', broken=broken, chunks=chunks,
+    return said(path, 'damaged_recording', fault='chunks', broken=broken, chunks=chunks,
                 first=first, lost=lost, of=1000, topic='/imu')
 
 
@@ -233,12 +233,12 @@ def test_malformed_messages_are_counted(tmp_path):
             message('/imu', stamp, row if number % 10 else b'\0\1\0\0junk')
     after, [remark] = read(path)
     assert len(after) == 900
-    assert remark == told(path, 'malformed_messages', what='message', count=100, topic='/imu',
+    assert remark == said(path, 'malformed_messages', what='message', count=100, topic='/imu',
                           type='sensor_msgs/Imu', first=remark.values['first'])
     assert figures(remark.values['first']) == [8, 312]
 
 
-def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_path):
+def test_a_file_cut_within_its_first_chunk_is_distinguished_from_an_empty_one(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
     start, _ = chunk_places(path)[0]
     path.write_bytes(path.read_bytes()[:start + 200])
@@ -249,8 +249,8 @@ def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_p
 
 
 @pytest.mark.parametrize('compression', COMPRESSIONS)
-@pytest.mark.parametrize(('size', 'figures_told'), [(2**62, [2**62]), (2**28, [])])
-def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, size, figures_told):
+@pytest.mark.parametrize(('size', 'figures_said'), [(2**62, [2**62]), (2**28, [])])
+def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, size, figures_said):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
     start, _ = chunk_places(path)[1]
     data = bytearray(path.read_bytes())
@@ -260,7 +260,7 @@ def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, si
     assert 800 < len(after) < 1000
     assert remark == damaged_chunk(path, remark, len(chunk_places(path)), start + 9,
                                    1000 - len(after))
-    assert figures(remark.values['first'])[1:][:len(figures_told)] == figures_told
+    assert figures(remark.values['first'])[1:][:len(figures_said)] == figures_said
     struct.pack_into('<Q', data, start + 1, 2**63 - 1)
     path.write_bytes(data)
     after, remarks = read(path)

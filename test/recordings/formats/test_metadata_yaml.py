@@ -4,7 +4,7 @@
 
 from pathlib import Path
 
-from bags import block, IMU, read, told, write_db3, write_metadata
+from bags import block, IMU, read, said, write_db3, write_metadata
 from measured_command import run
 import pytest
 
@@ -41,12 +41,12 @@ def test_metadata_that_grows_costs_the_process_little_time_and_memory(tmp_path, 
 @pytest.mark.parametrize(('text', 'reason'), [
     ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
     ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes')])
-def test_metadata_of_another_size_than_rosbag2_writes_is_told(tmp_path, text, reason):
+def test_metadata_of_another_size_than_rosbag2_writes_is_reported(tmp_path, text, reason):
     write_db3(tmp_path / 'a_0.db3', block(300))
     (tmp_path / 'metadata.yaml').write_text(text)
     after, [remark] = read(tmp_path)
     assert len(after) == 300
-    assert remark == told(tmp_path, 'no_metadata', reason=reason)
+    assert remark == said(tmp_path, 'no_metadata', reason=reason)
 
 
 @pytest.mark.parametrize('name', ['1:30', '0x10', '2024-01-01', 'yes', '010'])
@@ -66,7 +66,7 @@ def bag(folder: Path, *, count: int, times: int = 1) -> Path:
 def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
     after, [remark] = read(bag(tmp_path, count=600_000, times=2000))
     assert len(after) == 300
-    assert remark == told(tmp_path, 'no_metadata',
+    assert remark == said(tmp_path, 'no_metadata',
                           reason='relative_file_paths names a file twice')
 
 
@@ -74,10 +74,10 @@ def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
 def test_an_impossible_count_is_not_believed(tmp_path, count):
     after, [remark] = read(bag(tmp_path, count=count))
     assert len(after) == 300
-    assert remark == told(tmp_path, 'no_metadata', reason=f'message_count is {count}')
+    assert remark == said(tmp_path, 'no_metadata', reason=f'message_count is {count}')
 
 
-def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_path):
+def test_of_thousands_of_damaged_files_ten_are_reported_and_the_others_counted(tmp_path):
     write_db3(tmp_path / 'a_0.db3', block(300))
     for number in range(1, 3000):
         (tmp_path / f'a_{number}.db3').write_bytes(b'no database')

@@ -7,7 +7,7 @@ from struct import pack
 import subprocess
 import sys
 
-from bags import assert_same, read, told
+from bags import assert_same, read, said
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
@@ -69,7 +69,7 @@ def test_every_bit_of_sensor_combined_is_read(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['sensor_combined', 'sensor_gyro', 'sensor_gyro_fifo'])
-def test_a_log_that_pyulog_writes_is_read_alike(tmp_path, name):
+def test_a_log_that_pyulog_writes_is_read_equally(tmp_path, name):
     content = {'sensor_combined': combined, 'sensor_gyro': lambda: one(slice(0, 3)),
                'sensor_gyro_fifo': fifo}[name]
     first = write(tmp_path / 'a.ulg', {name: content()})
@@ -85,7 +85,7 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
         assert choose_streams(recording) == [
             Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
         [remark] = recording.remarks
-        assert remark == told(path, 'chosen_topic', topics=3, others=['sensor_combined'],
+        assert remark == said(path, 'chosen_topic', topics=3, others=['sensor_combined'],
                               chosen=['sensor_gyro', 'sensor_accel'],
                               reason=remark.values['reason'])
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
@@ -110,7 +110,7 @@ def test_fifos_are_unrolled_to_true_sample_times(tmp_path):
     assert messages.absent.all(axis=0).tolist() == [False, True]
 
 
-def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
+def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):
     form, messages = fifo()
     messages[7] = pack('<QQIffB12h', 9, 1_003_500, 7, float('nan'), 0.5, 4, *range(12))
     messages[9] = pack('<QQIffB12h', 9, 1_004_500, 7, 125.0, 0.5, 200, *range(12))
@@ -121,7 +121,7 @@ def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
     assert found.header_ns.tolist() == whole.header_ns[kept].tolist()
     assert found.samples.tobytes() == whole.samples[kept].tobytes()
     [remark] = remarks
-    assert remark == told(path, 'malformed_messages', what='message', count=2,
+    assert remark == said(path, 'malformed_messages', what='message', count=2,
                           topic='sensor_gyro_fifo', type='px4_msgs/msg/SensorGyroFifo',
                           first=remark.values['first'])
 
@@ -142,7 +142,7 @@ def test_a_thin_log_says_what_to_set(tmp_path):
     ('uint64_t timestamp;float[2] gyro_rad;float[3] accelerometer_m_s2;', 'gyro_rad[2]'),
     ('uint64_t timestamp;char[9] gyro_rad;float[3] accelerometer_m_s2;', 'gyro_rad[0]'),
     ('uint64_t timestamp;float[3] gyro_rad;vec3 accelerometer_m_s2;', 'accelerometer_m_s2[0]')])
-def test_a_topic_without_a_field_is_told_with_the_field(tmp_path, form, field):
+def test_a_topic_without_a_field_is_reported_with_the_field(tmp_path, form, field):
     path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, [bytes(60)] * COUNT)})
     with open_recording(path) as recording, refused(
             f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
@@ -150,7 +150,7 @@ def test_a_topic_without_a_field_is_told_with_the_field(tmp_path, form, field):
         choose_streams(recording)
 
 
-def test_what_is_damaged_is_left_out_and_told(tmp_path):
+def test_what_is_damaged_is_left_out_and_reported(tmp_path):
     form, messages = combined()
     path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)})
     data = path.read_bytes()
@@ -160,8 +160,8 @@ def test_what_is_damaged_is_left_out_and_told(tmp_path):
     path.write_bytes(data[:at] + bytes(70) + mark + data[at:-1])
     found, remarks = read(path)
     assert len(found) == COUNT - 1
-    assert remarks == [told(path, 'damaged_recording', fault='bytes', bytes=70),
-                       told(path, 'truncated_recording', fault='log', bytes=one - 1)]
+    assert remarks == [said(path, 'damaged_recording', fault='bytes', bytes=70),
+                       said(path, 'truncated_recording', fault='log', bytes=one - 1)]
 
 
 def test_what_was_appended_after_a_crash_is_read(tmp_path):

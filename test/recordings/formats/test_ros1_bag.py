@@ -15,8 +15,8 @@ from bags import (
     ROS1_COMPRESSIONS,
     ros1_record,
     ROS1_STORE,
+    said,
     serialized,
-    told,
     write_bag,
 )
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
@@ -54,7 +54,7 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
     after, [remark] = read(path)
     assert_same(block(len(after)), after)
     assert topic.count == len(after) > 300
-    assert remark == told(path, 'truncated_recording', fault='ends', whole_chunks=4,
+    assert remark == said(path, 'truncated_recording', fault='ends', whole_chunks=4,
                           end=remark.values['end'])
     assert figures(remark.values['end']) == [100, places[4]]
 

@@ -17,8 +17,8 @@ from bags import (
     insert,
     joined,
     read,
+    said,
     serialized,
-    told,
     write_db3,
 )
 from imu_allan.block import ImuBlock
@@ -128,7 +128,7 @@ def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     after, remarks = read(path)
     assert_same(block(len(after)), after)
     assert len(after) > 5000 * share * 0.9
-    assert remarks[0] == told(path, 'truncated_recording', fault='database',
+    assert remarks[0] == said(path, 'truncated_recording', fault='database',
                               missing_bytes=len(whole) - left, bytes=len(whole))
 
 
@@ -142,7 +142,7 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
     assert 4960 < len(after) < 5000
     assert after.receive_ns[[0, -1]].tolist() == MESSAGES.receive_ns[[0, -1]].tolist()
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
-    assert remark == told(path, 'damaged_recording', fault='database', places=1, read=len(after),
+    assert remark == said(path, 'damaged_recording', fault='database', places=1, read=len(after),
                           topic='/imu', reason=remark.values['reason'])
 
 
@@ -212,7 +212,7 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     after, [remark] = read(path)
     assert after.receive_ns.tolist() == [*block(4).receive_ns.tolist(), 0]
     assert_same(block(4), after.part(slice(4)))
-    assert remark == told(path, 'malformed_messages', what='message', count=3, topic='/imu',
+    assert remark == said(path, 'malformed_messages', what='message', count=3, topic='/imu',
                           type='sensor_msgs/Imu', first='not a blob of 1,048,576 bytes at most')
 
 

@@ -94,7 +94,7 @@ def test_of_many_tables_the_user_chooses(tmp_path):
         analyze(tmp_path)
 
 
-@pytest.mark.parametrize(('texts', 'told'), [
+@pytest.mark.parametrize(('texts', 'said'), [
     ({'acc': 'accel_x,accel_y,accel_z\n0,1,2\n', 'gyro': 'gyro_x,gyro_y,gyro_z\n0,1,2\n'},
      f'its CSV files give no gyroscope and no accelerometer; {{}}/acc.csv: {NO_TIME}; '
      f'{{}}/gyro.csv: {NO_TIME}'),
@@ -106,11 +106,11 @@ def test_of_many_tables_the_user_chooses(tmp_path):
     ({'imu': 'time,gyro_x,accel_x\n1,2,3\n', 'gps': 'time\n1\n'},
      'gyroscope and accelerometer are both in imu.csv; name the file itself'),
 ], ids=['no times', 'one sensor', 'recordings', 'recording'])
-def test_it_is_told_what_the_tables_of_a_folder_lack(tmp_path, texts, told):
+def test_it_is_reported_what_the_tables_of_a_folder_lack(tmp_path, texts, said):
     for name, text in texts.items():
         (tmp_path / f'{name}.csv').write_text(text)
     with refused(f'{tmp_path}: a folder of CSV files that are no IMU together: '
-                 f'{told.replace("{}", str(tmp_path))}'):
+                 f'{said.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
 
 
@@ -131,14 +131,14 @@ def times(folder: Path, name: str, start: str, rows: int = 3000) -> None:
         *(f'{int(start) + n / 100:.2f},{n % 7},{n % 5},{n % 3}' for n in range(rows))]))
 
 
-@pytest.mark.parametrize(('gyro', 'accel', 'told'), [
+@pytest.mark.parametrize(('gyro', 'accel', 'said'), [
     ('1700000000', '1700086400', 'run1_gyro.csv ends 24 h before run2_accel.csv begins'),
     ('1700000000', '0', 'run2_accel.csv ends 1.97e+04 days before run1_gyro.csv begins'),
 ])
-def test_tables_of_two_recordings_are_no_imu(tmp_path, capsys, gyro, accel, told):
+def test_tables_of_two_recordings_are_no_imu(tmp_path, capsys, gyro, accel, said):
     times(tmp_path, 'run1_gyro', gyro)
     times(tmp_path, 'run2_accel', accel)
-    reason = (f'{told}: two recordings, or two clocks; --gyro-topic run1_gyro.csv --accel-topic '
+    reason = (f'{said}: two recordings, or two clocks; --gyro-topic run1_gyro.csv --accel-topic '
               'run2_accel.csv takes them for one IMU nevertheless')
     with refused(f'{tmp_path}: {reason}'):
         analyze(tmp_path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import shutil
 import sqlite3
 
-from bags import assert_same, block, files_in, read, told, write_db3
+from bags import assert_same, block, files_in, read, said, write_db3
 from hostile_databases import HOSTILE
 from imu_allan.recordings import open_recording
 from measured_command import run
@@ -43,13 +43,13 @@ def test_a_hostile_database_costs_the_process_little_time_and_memory(tmp_path, n
     ('computed column', 'column data of messages is computed'),
     ('many tables', 'its schema has thousands of entries'),
     ('no numbers', 'no such column: rowid')])
-def test_what_is_not_read_is_told(tmp_path, name, reason):
+def test_what_is_not_read_is_reported(tmp_path, name, reason):
     path = HOSTILE[name](tmp_path)
     with refused(f'{path}: not a readable rosbag2 database ({reason})'):
         open_recording(path)
 
 
-def test_topics_whose_definitions_are_not_looked_into_are_told(tmp_path):
+def test_topics_whose_definitions_are_not_looked_into_are_reported(tmp_path):
     path = HOSTILE['many types'](tmp_path)
     with open_recording(path) as recording:
         assert len(recording.topics) == 1001
@@ -57,14 +57,14 @@ def test_topics_whose_definitions_are_not_looked_into_are_told(tmp_path):
         assert len(recording.reasons) == len(recording.other_topics) == 64_535
 
 
-def test_topics_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path):
+def test_topics_beyond_those_of_any_robot_are_not_listed_but_reported(tmp_path):
     path = HOSTILE['many topics'](tmp_path)
     with open_recording(path) as recording:
         assert len(recording.topics) == 65_536
-        assert recording.remarks == [told(path, 'many_topics', what='topics', listed=65_536)]
+        assert recording.remarks == [said(path, 'many_topics', what='topics', listed=65_536)]
 
 
-def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
+def test_messages_too_large_for_an_imu_are_reported_and_the_others_read(tmp_path):
     path = HOSTILE['large blobs'](tmp_path)
     after, [remark] = read(path)
     assert_same(block(2000), after)
@@ -75,7 +75,7 @@ def test_messages_of_more_bytes_than_the_file_are_read_no_further(tmp_path):
     path = HOSTILE['default values'](tmp_path)
     with open_recording(path) as recording:
         assert not list(recording.decoded('/imu'))
-        assert recording.remarks == [told(
+        assert recording.remarks == [said(
             path, 'damaged_recording', fault='database', places=1, read=0, topic='/imu',
             reason='its messages have more bytes than the file')]
 
@@ -84,7 +84,7 @@ def test_a_topic_entered_many_times_is_read(tmp_path):
     path = HOSTILE['one topic of many numbers'](tmp_path)
     after, [_, remark] = read(path)
     assert_same(block(2000), after)
-    assert remark == told(path, 'damaged_recording', fault='entries', topic='/imu',
+    assert remark == said(path, 'damaged_recording', fault='entries', topic='/imu',
                           entries=65_536, read=500)
 
 
@@ -129,7 +129,7 @@ def test_no_file_that_a_journal_names_is_deleted(tmp_path, lines):
     assert files_in(path.parent) == before
     after, [remark, *_] = read(path)
     assert len(after) > 3000
-    assert remark == told(path, 'unfinished_recording', fault='unusable', file='a.db3-journal',
+    assert remark == said(path, 'unfinished_recording', fault='unusable', file='a.db3-journal',
                           reason='rosbag2 leaves none')
     assert victim.read_bytes() == lines
 
@@ -157,5 +157,5 @@ def test_what_is_no_file_beside_a_database_is_not_used(tmp_path, kind, what):
      'folder': beside.mkdir}[what]()
     after, [remark] = read(path)
     assert_same(block(2000), after)
-    assert remark == told(path, 'unfinished_recording', fault='not_regular', file=f'a.db3-{kind}')
+    assert remark == said(path, 'unfinished_recording', fault='not_regular', file=f'a.db3-{kind}')
     assert victim.read_bytes() == b'anything at all'

@@ -6,7 +6,7 @@ from contextlib import closing
 import os
 from pathlib import Path
 
-from bags import database, figures, insert, joined, read, told
+from bags import database, figures, insert, joined, read, said
 from imu_allan.cdr import rows_like_first
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages import forms
@@ -246,7 +246,7 @@ def test_a_place_without_definitions_is_refused(tmp_path):
             open_recording(path, options=RecordingOptions(definitions=(tmp_path / name,)))
 
 
-def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
+def test_messages_that_do_not_fit_their_definition_are_reported(tmp_path):
     store = store_with({DRIVER: TEXT})
     made = cdr(store, driver_messages(store))
     made[5] = bytes(made[5])[:300]
@@ -254,7 +254,7 @@ def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER), made)
     messages, [remark] = read(path)
     assert len(messages) == COUNT - 2
-    assert remark == told(path, 'malformed_messages', what='message', count=2, topic='/sensor',
+    assert remark == said(path, 'malformed_messages', what='message', count=2, topic='/sensor',
                           type=DRIVER, first=remark.values['first'])
     assert figures(remark.values['first']) == [300, 364]
 

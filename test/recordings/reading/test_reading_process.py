@@ -99,8 +99,8 @@ def test_remarks_of_the_reading_come_back(tmp_path):
         file.truncate(path.stat().st_size // 2)
     expected, remarks = read_here(path)
     assert [remark.code for remark in remarks] == ['truncated_recording']
-    after, told = read_beside(path)
-    assert told == remarks
+    after, said = read_beside(path)
+    assert said == remarks
     assert_same(expected, after)
 
 

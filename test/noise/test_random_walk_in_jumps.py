@@ -48,7 +48,7 @@ def width(walk):
     return (walk.ci95[1] - walk.ci95[0]) / walk.value if walk.observable else np.inf
 
 
-def test_even_walks_are_known_as_well_as_they_can_be():
+def test_even_random_walks_are_known_as_well_as_they_can_be():
     walks = [walk_of(even(seed)) for seed in range(20)]
     assert sum(walk.observable for walk in walks) >= 18
     assert sum(width(walk) > 1.8 * BOUND / RANDOM_WALK for walk in walks) <= 4
@@ -56,12 +56,12 @@ def test_even_walks_are_known_as_well_as_they_can_be():
     assert sum(holds(walk, RANDOM_WALK) for walk in walks) >= 17
 
 
-def test_walk_of_a_few_jumps_is_known_less_well():
+def test_random_walk_of_a_few_jumps_is_known_less_well():
     assert sum(width(walk_of(jumping(seed))) > 1.4 * BOUND / RANDOM_WALK
                for seed in range(10)) >= 8
 
 
-def test_slow_trend_that_is_taken_out_makes_no_walk_uneven():
+def test_slow_trend_that_is_taken_out_makes_no_random_walk_uneven():
     trend = 0.05 * warming(300.0)(np.arange(HOUR) / RATE)
     records = [even(seed) + simulate({'bias_instability': FLICKER}, HOUR, RATE, 900 + seed)
                for seed in range(6)]
@@ -71,7 +71,7 @@ def test_slow_trend_that_is_taken_out_makes_no_walk_uneven():
         [width(walk) for walk in alone])
 
 
-def test_joint_walk_that_is_even_is_known_better_than_that_of_one_record():
+def test_joint_random_walk_that_is_even_is_known_better_than_that_of_one_record():
     records = [even(seed, HOUR // 2) for seed in range(3)]
     joint = joint_walk(records)
     assert width(joint) < np.median([width(walk_of(one)) for one in records])

@@ -23,7 +23,7 @@ def beside_a_process():
             for seed in range(20)]
 
 
-def test_a_process_is_seldom_reported_as_a_walk(beside_a_process):
+def test_a_process_is_seldom_reported_as_a_random_walk(beside_a_process):
     # Of .39 +- .04 of such records more than 13 in 20 come once in 200.
     walks = [axis.coefficients[RANDOM_WALK].observable for axis, _ in beside_a_process]
     assert sum(walks) <= 13
@@ -35,7 +35,7 @@ def test_flicker_beside_such_a_process_is_seldom_too_large(beside_a_process):
     assert sum(one.observable and one.ci95[0] > NOISE[FLICKER] for one in flicker) <= 1
 
 
-def test_a_walk_that_goes_on_is_known_nearly_as_well_as_by_the_bound():
+def test_a_random_walk_that_goes_on_is_known_nearly_as_well_as_by_the_bound():
     terms = {**NOISE, RANDOM_WALK: 1e-4}
     walks = [characterized(simulate(terms, 72_000, RATE, seed), RATE)[0].coefficients[RANDOM_WALK]
              for seed in range(20, 30)]
