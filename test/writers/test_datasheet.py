@@ -95,8 +95,8 @@ def falling_silent(result):
      'the axis is dead for 58.9 s from 5 min on: it gives one value all that time'),
     (falling_silent, 'the axis is dead from 45 min on: no noise is left there'),
     (lambda r: replace(r, warnings=(finding('frozen', messages=99, since_s=None),)),
-     'the sensor was dead for a part of the recording: 99 messages repeat one value again and '
-     'again: the sensor or its driver stood still, they are left out')])
+     'the sensor was dead for a part of the recording: 99 messages repeat one value: the sensor '
+     'or its driver stood still, they are left out')])
 def test_an_axis_that_does_not_measure_fails(result, broken, reason):
     verdict = only(broken(result), 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}')
     assert (verdict.verdict, verdict.reason) == ('fail', f'gyro_x N: {reason}')
