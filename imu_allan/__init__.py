@@ -13,6 +13,7 @@ from imu_allan.version import __version__
 
 # As type checkers read it; `typing` itself takes longer than all the rest here.
 TYPE_CHECKING = False
+
 if TYPE_CHECKING:
     from typing import Any
 
