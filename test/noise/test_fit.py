@@ -177,7 +177,7 @@ def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
 
 
 @pytest.mark.parametrize(('errors', 'observable'), [(2.2, False), (3.0, True)])
-def test_a_ramp_is_told_where_a_random_walk_would_drift_so_far_in_one_of_a_hundred_records(
+def test_a_ramp_is_reported_where_a_random_walk_would_drift_so_far_in_one_of_a_hundred_records(
         errors, observable):
     walk, samples = 3e-3, 60_000
     time = np.arange(samples) / RATE

@@ -430,7 +430,7 @@ def test_a_vibration_at_half_the_rate_is_said_to_be_perhaps_one(rate_hz, cycles,
     assert 'alternating' in found
 
 
-def test_two_sensors_too_alike_to_be_told_at_first_are_a_line_at_half_the_rate():
+def test_two_sensors_too_much_alike_to_be_two_are_a_line_at_half_the_rate():
     messages, _, _ = gyro(duration_s=600)
     messages.samples[1::2] += 0.1 * SIGMA
     found = [one for one in characterized(messages).warnings if one.code == 'tones']
@@ -778,7 +778,7 @@ def test_two_publishers_are_reported_between_losses_too(lost, noisier):
 
 @pytest.mark.parametrize('offset', [1 / 3, 0.5])
 @pytest.mark.parametrize('louder', [0.1, 2.0])
-def test_two_publishers_whose_stamps_make_a_faster_grid_are_told_between_losses(offset, louder):
+def test_two_publishers_whose_stamps_make_a_faster_grid_are_seen_between_losses(offset, louder):
     messages, truth, rng = rest(50.0, 60)
     messages.header = (messages.place // 2 + offset * (messages.place % 2)) / truth.rate_hz
     messages.receive = messages.header + 1e-3

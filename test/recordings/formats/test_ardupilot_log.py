@@ -236,7 +236,7 @@ def test_damage_is_quiet_where_standard_error_is_no_file(tmp_path, capsys):
     ('TimeUS,I,GyrX,GyrY,GyrZ', 'its format (FMT) has no usable field AccX'),
     ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
      'the fields of its format (FMT) do not add up to its length')])
-def test_a_format_of_fewer_fields_than_letters_is_told(tmp_path, given, reason):
+def test_a_format_of_fewer_fields_than_letters_is_named(tmp_path, given, reason):
     path = write(tmp_path / 'a.bin', imu())
     path.write_bytes(path.read_bytes().replace(
         FORMATS['IMU'][2].encode(), given.encode().ljust(len(FORMATS['IMU'][2]), b'\0')))
