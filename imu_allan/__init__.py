@@ -14,7 +14,7 @@ from imu_allan.version import __version__
 # As type checkers read it; `typing` itself takes longer than all the rest here.
 TYPE_CHECKING = False
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # noqa: I300
     from typing import Any
 
     from imu_allan.analysis import analyze
