@@ -9,12 +9,11 @@ nothing.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from imu_allan.version import __version__
 
-# As type checkers read it; `typing` itself takes longer than all the rest here.
-TYPE_CHECKING = False
-
-if TYPE_CHECKING:  # noqa: I300
+if TYPE_CHECKING:
     from typing import Any
 
     from imu_allan.analysis import analyze
