@@ -9,9 +9,7 @@ nothing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from imu_allan.version import __version__
+from imu_allan.version import __version__, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from typing import Any
