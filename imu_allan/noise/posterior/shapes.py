@@ -268,14 +268,14 @@ class Response:
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
         self._kept = (1 - interpolated * _taken_by_mean(nu))**2
         self._lost = interpolated * (1 - interpolated)
+        self._taken = _taken_by_mean(_EVERY)**2
 
     def of(self, power: Power, corner: float) -> Array:
         """Return it of a low-pass."""
         passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
-        taken = _taken_by_mean(_EVERY)**2
-        error = self._lost * (power(_EVERY, corner) * taken).mean()
+        error = self._lost * (power(_EVERY, corner) * self._taken).mean()
         return np.asarray((passed * self._kept + error)
-                          / (self._kept + self._lost * taken.mean()) + _ROUNDING)
+                          / (self._kept + self._lost * self._taken.mean()) + _ROUNDING)
 
 
 def _taken_by_mean(nu: Array) -> Array:
