@@ -9,10 +9,11 @@ names are understood stands in `imu_allan.recordings.formats.csv_header`.
 
 from codecs import BOM_UTF8
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+import csv
 from dataclasses import replace
-from itertools import compress, pairwise
+from itertools import pairwise
 from pathlib import Path
 import re
 
@@ -20,6 +21,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
     cells_of,
+    Clock,
     Columns,
     echoed_imu,
     is_remark,
@@ -37,9 +39,6 @@ from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
-TOPIC = NO_TOPIC
-"""The name that stands for a topic."""
-
 _READ_BYTES = 1 << 20
 """Some 10,000 lines, so that numpy works on many at once; longer than any line."""
 _LONGEST_HEADER = 1 << 20
@@ -55,8 +54,7 @@ _SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a file whose cells commas part."""
-_QUOTED = re.compile('"[^"]*"?')
-_GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
+_GROUPED = re.compile(r'(\d{1,3})(?:[.,]\d{3})+')
 
 
 class CsvRecording(FileRecording):
@@ -68,11 +66,11 @@ class CsvRecording(FileRecording):
             self._columns = self._found_columns()
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(path)}: {error}') from error
-        self.topics = [ImuTopic(TOPIC, None)]
-        self.untimed = self._columns.time is None
+        self.topics = [ImuTopic(NO_TOPIC, None)]
+        self.untimed = self._columns.clock is None
         if self._columns.temperature is not None:
             self.thermometers = [
-                ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
+                ImuTopic(f'{NO_TOPIC}:{options.temperature or "temperature"}', None)]
 
     @property
     def sensors(self) -> list[str]:
@@ -82,35 +80,26 @@ class CsvRecording(FileRecording):
     def span_ns(self) -> tuple[int, int] | None:
         """Return the least and the greatest stamp at its two ends; None where there are none."""
         found: list[int] = []
-        unit_s: float | None = None
-        with self._stored.open('rb') as file:
-            for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
-                file.seek(start)
-                data = file.read(_LOOKED_AT)
-                # Part of a number is another one.
-                lines = self._with_points(data.decode('utf-8', 'replace')).split('\n')[
-                    start > self._data_at:None if file.tell() == self.size_bytes else -1]
-                _, stamps, unit_s, _ = _parse(lines, self._columns, unit_s)
-                if stamps is None or not len(stamps):
-                    return None
-                found += [int(stamps.min()), int(stamps.max())]
+        for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
+            lines, _ = next(self._lines(start), ([], 0))
+            # Part of a number is another one.
+            _, stamps, _ = _parse(lines[start > self._data_at:], self._columns)
+            if stamps is None or not len(stamps):
+                return None
+            found += [int(stamps.min()), int(stamps.max())]
         return min(found), max(found)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""
         columns = self._columns
-        if topic != TOPIC and columns.temperature is not None:
+        if topic != NO_TOPIC and columns.temperature is not None:
             # A thermometer may be slower than the samples, its cells empty most of the time.
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
         first_rejected = ''
         line = self._first_line
-        time_unit_s: float | None = None
-        for text, position in self._texts():
-            lines = self._with_points(text).split('\n')
-            if lines[-1] == '':
-                lines.pop()
-            table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
+        for lines, position in self._lines(self._data_at):
+            table, stamps, bad = _parse(lines, columns)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
@@ -128,17 +117,18 @@ class CsvRecording(FileRecording):
             self.remark(
                 'malformed_messages', what='line', count=rejected, first=first_rejected)
 
-    def _texts(self) -> Iterator[tuple[str, int]]:
+    def _lines(self, start: int) -> Iterator[tuple[list[str], int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
         with self._stored.open('rb') as file:
-            file.seek(self._data_at)
+            file.seek(start)
             while data := file.read(_READ_BYTES):
                 last = file.readline(_READ_BYTES + 1)
                 if len(last) > _READ_BYTES:
                     raise ImuAllanError(
                         f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
                         f'than {_READ_BYTES} bytes; not a CSV file of samples')
-                yield (data + last).decode('utf-8', 'replace'), file.tell()
+                text = self._with_points((data + last).decode('utf-8', 'replace'))
+                yield text.removesuffix('\n').split('\n'), file.tell()
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:
@@ -169,38 +159,44 @@ class CsvRecording(FileRecording):
                 if not is_remark(header, options):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT)
-        columns = echoed_imu(header) or read_header(header, options)
-        below, newline, rest = after.decode('utf-8', 'replace').partition('\n')
-        units = with_units_below(header, below, columns, options)
-        if units is not None:
-            header, columns = units
+        delimiter, names = cells_of(header)
+        text = after.decode('utf-8', 'replace')
+        self._decimal_comma = delimiter != ',' and _DECIMAL_COMMA.search(header + text) is not None
+        self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(header + text) is not None
+        rows = self._rows(text, delimiter)
+
+        def is_usable(clock: Clock) -> bool:
+            return _moves(rows, clock)
+
+        columns = echoed_imu(header) or read_header(header, options, is_usable)
+        below = text.partition('\n')[0]
+        with_units = with_units_below(header, below, columns, options, is_usable)
+        if with_units is not None:
+            columns = with_units
+            del rows[:1]
             behind += len(after.partition(b'\n')[0]) + 1
             self._first_line += 1
-        if not columns.headless:
+        if columns.headless:
+            rows = self._rows(header, delimiter) + rows
+            if line.startswith(BOM_UTF8):
+                self._data_at += len(BOM_UTF8)
+        else:
             self._data_at, self._first_line = behind, self._first_line + 1
-        elif line.startswith(BOM_UTF8):
-            self._data_at += len(BOM_UTF8)
-        samples = (header if columns.headless else '') + below + newline + rest
-        self._decimal_comma = (columns.delimiter != ','
-                               and _DECIMAL_COMMA.search(samples) is not None)
-        self._quoted_comma = (columns.delimiter == ','
-                              and _QUOTED_COMMA.search(samples) is not None)
-        rows = self._with_points(samples).split('\n')
-        if not (columns.headless or columns.nanoseconds is None
-                or _are_split_seconds(rows, columns)):
-            columns = read_header(header, options, split=False)
-        if columns.stamped and _stand_still(rows[:_FIRST_LINES], columns):
-            other = read_header(header, options, stamped=False)
-            columns = columns if other.time is None else other
-        if not columns.headless:
-            _refuse_more_fields_than_names(cells_of(header)[1], rows, columns)
-        _refuse_grouped_times(rows, columns)
-        columns = _with_known_times(columns, rows, options.rate_hz)
+            _refuse_more_fields_than_names(names, rows)
+        if columns.clock is not None:
+            times = _column(rows, columns.clock.column)
+            _refuse_grouped_times(times)
+            columns = replace(columns, clock=_with_unit(columns.clock, times, options.rate_hz))
         self._report_ignored(columns)
-        if columns.time is None and options.rate_hz is None:
+        if columns.clock is None and options.rate_hz is None:
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
                                 "which column is the time: --columns 'time=NAME ms'")
         return columns
+
+    def _rows(self, text: str, delimiter: str | None) -> list[list[str]]:
+        """Take the lines of a text apart that hold anything."""
+        return [_cells(line, delimiter) for line in self._with_points(text).split('\n')
+                if line.strip()]
 
     def _with_points(self, text: str) -> str:
         """Write decimal commas as points."""
@@ -219,8 +215,8 @@ class CsvRecording(FileRecording):
                             columns=[printable(cell[:40]) for cell in cells[:10]])
 
 
-def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
-           ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, float | None, list[int]]:
+def _parse(lines: list[str], columns: Columns,
+           ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
     """
     Read the numbers of the columns used.
 
@@ -231,117 +227,106 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
         number is left out where there are other columns: it belongs to another topic.
     stamps : ndarray of int64, shape (n,), or None
         In nanoseconds; None without a time column.
-    time_unit_s : float or None
-        Seconds in one unit of time; None as long as there is none.
     bad : list of int
         The other lines, in order.
 
     """
-    bad: list[int] = []
-    kept, places = lines, np.arange(len(lines))
-    try:
-        table = np.loadtxt(lines, delimiter=columns.delimiter, usecols=columns.used, ndmin=2,
-                           comments=None)
-        whole = len(table) == len(lines)
-    except ValueError:
-        whole = False
-    if not whole:
-        rows: list[list[float]] = []
-        kept, numbers = [], []
-        for number, line in enumerate(lines):
-            if not line.strip():
-                continue
-            cells = line.split(columns.delimiter)
-            try:
-                rows.append([float(cells[column].strip(QUOTES) or 'nan')
-                             for column in columns.used])
-                kept.append(line)
-                numbers.append(number)
-            except (ValueError, IndexError):
-                bad.append(number)
-        table = np.array(rows, np.float64).reshape(-1, len(columns.used))
-        places = np.array(numbers, np.intp)
-    if columns.time is None:
-        return table, None, None, bad
-    times = table[:, 0]
-    known = np.isfinite(times)
-    if time_unit_s is None and known.any():
-        time_unit_s = convert(1.0, columns.time_unit or _apparent_unit(times[known][0]), 's')
-    unit = time_unit_s or 1.0
+    axes = [column for column, _, _ in columns.axes]
+    clock = columns.clock
+    if clock is None:
+        table, _, bad = _numbers(lines, columns.delimiter, axes)
+        return table, None, bad
+    columns_of_time = [clock.column] if clock.nanoseconds is None else [
+        clock.column, clock.nanoseconds]
+    table, places, bad = _numbers(lines, columns.delimiter, [*columns_of_time, *axes])
+    times, parts, table = table[:, 0], table[:, 1], table[:, len(columns_of_time):]
+    unit_s = convert(1.0, str(clock.unit), 's')
     # More seconds do not fit into 64 bits of nanoseconds.
-    timely = np.abs(times * unit) < 9.2e9
-    if columns.nanoseconds is not None:
+    timely = np.abs(times * unit_s) < 9.2e9
+    if clock.nanoseconds is not None:
         # Of a total, the first second looks like nanoseconds since a whole one.
-        timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
-    with_numbers = 1 if columns.nanoseconds is None else 2
+        timely &= (np.floor(times) == times) & ~((parts < 0) | (parts >= 1e9))
     some = np.ones_like(timely)
     if columns.ignored:
-        some &= ~np.isnan(table[:, with_numbers:]).all(axis=1)
+        some &= ~np.isnan(table).all(axis=1)
     if not timely.all():
         # A row without any number may have no time of this topic either.
         bad = sorted([*bad, *places[some & ~timely].tolist()])
     some &= timely
     stamps = np.zeros(len(times), np.int64)
-    exact = _exact(compress(kept, timely), columns) if unit == 1e-9 else None
-    stamps[timely] = np.rint(times[timely] * (unit * 1e9)) if exact is None else exact
-    if columns.nanoseconds is not None:
-        stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
-    return table[some, with_numbers:], stamps[some], time_unit_s, bad
+    stamps[timely] = np.rint(times[timely] * (unit_s * 1e9))
+    if clock.unit == 'ns' and timely.any():
+        # A double has not enough digits for the nanoseconds of today.
+        with suppress(ValueError, OverflowError):
+            stamps[timely] = np.loadtxt(
+                [lines[place] for place in places[timely]], np.int64, delimiter=columns.delimiter,
+                usecols=[clock.column], ndmin=1, comments=None, quotechar='"')
+    if clock.nanoseconds is not None:
+        stamps += np.nan_to_num(parts).astype(np.int64)
+    return table[some], stamps[some], bad
 
 
-def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
-    """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
+def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
+             ) -> tuple[NDArray[np.float64], NDArray[np.intp], list[int]]:
+    """Read columns; returns also from which lines, and which others are not empty."""
+    with suppress(ValueError):
+        table = np.loadtxt(lines, delimiter=delimiter, usecols=used, ndmin=2, comments=None,
+                           quotechar='"')
+        if len(table) == len(lines):
+            return table, np.arange(len(lines)), []
+    rows: list[list[float]] = []
+    places, bad = [], []
+    for number, line in enumerate(lines):
+        if line.strip():
+            cells = _cells(line, delimiter)
+            try:
+                rows.append([float(cells[column] or 'nan') for column in used])
+                places.append(number)
+            except (ValueError, IndexError):
+                bad.append(number)
+    return (np.array(rows, np.float64).reshape(-1, len(used)), np.array(places, np.intp), bad)
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    """Take a line apart, without what stands about the text of its cells; none of a broken one."""
+    cells = [line.split()] if delimiter is None else csv.reader(
+        [line.rstrip('\r')], delimiter=delimiter)
     try:
-        return np.array([int(_cell(line, columns, columns.time)) for line in lines], np.int64)
-    except (ValueError, OverflowError):
-        return None
-
-
-def _cell(line: str, columns: Columns, column: int | None) -> str:
-    """Return one cell, without what stands about its text; raises IndexError."""
-    assert column is not None
-    return line.split(columns.delimiter, column + 1)[column].strip(QUOTES)
+        return [cell.strip(QUOTES) for row in cells for cell in row]
+    except csv.Error:
+        return []
 
 
 # ------------------------------------------------------------ whether the first rows are plausible
 
-def _times(rows: Iterable[str], columns: Columns) -> Iterator[str]:
-    """Yield the cells of the time column that hold anything."""
-    for row in rows:
-        with suppress(IndexError):
-            if text := _cell(row, columns, columns.time):
-                yield text
+def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:
+    """Return the cells of a column that hold anything."""
+    return [row[column] for row in rows if len(row) > column and row[column]]
 
 
-def _stand_still(rows: Sequence[str], columns: Columns) -> bool:
-    """Whether the times of many lines are one: a driver leaves its stamps zero."""
-    times = list(_times(rows, columns))
-    return len(times) > 1 and len(set(times)) == 1
-
-
-def _are_split_seconds(rows: Iterable[str], columns: Columns) -> bool:
-    """Whether times are whole seconds and nanoseconds since, in all rows but a damaged one."""
+def _moves(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
+    """Whether a clock is one; of two columns all rows but a damaged one are seconds and parts."""
+    if clock.nanoseconds is None:
+        # A driver leaves its stamps zero.
+        times = _column(rows[:_FIRST_LINES], clock.column)
+        return len(times) < 2 or len(set(times)) > 1
     others = 0
     for row in rows:
         with suppress(ValueError, IndexError):
-            whole, part = (float(_cell(row, columns, column)) for column in columns.used[:2])
+            whole, part = float(row[clock.column]), float(row[clock.nanoseconds])
             others += not (whole.is_integer() and 0 <= part < 1e9)
     return others < 2
 
 
-def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[str], columns: Columns,
-                                   ) -> None:
+def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Refuse a table most of whose rows have more fields than the header has names."""
-    named = _filled(names)
-    counts: Counter[int] = Counter()
-    for row in rows[:_FIRST_LINES]:
-        if row.strip():
-            # What stands between quotes parts no cells; blanks part them in any number.
-            cells = row.split() if columns.delimiter is None else _QUOTED.sub(
-                lambda quoted: quoted[0].replace(str(columns.delimiter), ''), row).split(
-                    columns.delimiter)
-            # An unnamed column at the end, of remarks say, has its place.
-            counts[_filled(cells) if len(cells) > len(names) else named] += 1
+    def filled(cells: Sequence[str]) -> int:
+        return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
+
+    named = filled(names)
+    # An unnamed column at the end, of remarks say, has its place.
+    counts = Counter(filled(row) if len(row) > len(names) else named
+                     for row in rows[:_FIRST_LINES])
     fields = counts.most_common(1)[0][0] if counts else 0
     if fields > named:
         advice = ('name every column, the number of the row, too, as R does with col.names=NA'
@@ -351,55 +336,44 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[str], co
                             f'none can be recognized by its name; {advice}')
 
 
-def _filled(cells: Sequence[str]) -> int:
-    """Count cells up to the last that holds anything."""
-    return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
-
-
-def _refuse_grouped_times(rows: Iterable[str], columns: Columns) -> None:
+def _refuse_grouped_times(times: Sequence[str]) -> None:
     """Refuse whole numbers whose thousands are set apart, which read as fractions."""
-    if columns.time is None:
-        return
-    for before, time in pairwise(_times(rows, columns)):
-        whole = before.isascii() and before.isdecimal() and len(before) < 4
+    for before, time in pairwise(times):
+        whole = re.fullmatch('[0-9]{1,3}', before)
         if not (whole or _GROUPED.fullmatch(before)):
             return
+        grouped = _GROUPED.fullmatch(time)
         # As a fraction it would lie before the number that it follows.
-        if (whole and _GROUPED.fullmatch(time) and int(re.sub(r'\D', '', time)) > int(before)
-                and int(before) > int(re.split(r'\D', time)[0]) + 1):
+        if (whole and grouped and int(re.sub(r'\D', '', time)) > int(before)
+                and int(before) > int(grouped[1]) + 1):
             raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
                                 'between thousands; write the times without')
 
 
-def _with_known_times(columns: Columns, rows: Sequence[str], rate_hz: float | None) -> Columns:
-    """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
-    if columns.time is None or columns.time_unit or columns.nanoseconds is not None:
-        return columns
+def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clock | None:
+    """Find the unit of times, or ask for it; None where the rate that is given counts instead."""
+    if clock.unit:
+        return clock
     times = []
-    for text in _times(rows[:_FIRST_LINES], columns):
+    for text in texts:
         with suppress(ValueError):
             times.append(float(text))
     finite = [time for time in times if np.isfinite(time)]
+    unit = next((unit for least, unit in _MAGNITUDES if finite and abs(finite[0]) >= least), 's')
     # A clock that is set back says nothing of the rate.
-    steps = np.sort([after - before for before, after in pairwise(finite) if after >= before])
-    # A table of fewer rows is no record of anything.
-    if len(steps) < 8:
-        return columns
-    unit = _apparent_unit(finite[0])
+    steps = np.sort([after - before for before, after in pairwise(finite[:_FIRST_LINES])
+                     if after >= before])
     # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
-    for interval, least_hz, most_hz in ((float(steps.mean()), 0.0, _FASTEST_HZ),
-                                        (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
+    for interval, least_hz, most_hz in () if len(steps) < 8 else (
+            (float(steps.mean()), 0.0, _FASTEST_HZ),
+            (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
         if interval > 0 and not least_hz <= (
                 apparent_hz := 1 / (interval * convert(1.0, unit, 's'))) <= most_hz:
             if rate_hz is not None:
-                return replace(columns, time=None)
+                return None
             digits = '.0f' if interval >= 1000 else '.3g'
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '
                 f'{apparent_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
                 "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
-    return columns
-
-
-def _apparent_unit(first: float) -> str:
-    return next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')
+    return replace(clock, unit=unit)

@@ -10,7 +10,7 @@ PlotJuggler (``__time,/imu/angular_velocity/x``), phyphox (``"Gyroscope x (rad/s
 (SensorLog, AndroSensor) and short ones (``t,gx,ay``).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import re
 
@@ -75,6 +75,27 @@ _ONE_OF_THREE = re.compile(r'(.*?)[._-]?([xyz])([._-]?axis)?')
 
 
 @dataclass(frozen=True)
+class Clock:
+    """
+    A column of times.
+
+    Attributes
+    ----------
+    column : int
+        Its number.
+    unit : str or None
+        Its unit; None where the numbers themselves decide.
+    nanoseconds : int or None
+        Number of a column of nanoseconds to be added to its whole seconds.
+
+    """
+
+    column: int
+    unit: str | None = None
+    nanoseconds: int | None = None
+
+
+@dataclass(frozen=True)
 class Columns:
     """
     What the columns of the file are.
@@ -83,47 +104,34 @@ class Columns:
     ----------
     delimiter : str or None
         What stands between them; None for blanks.
-    time, time_unit : int, str, or None
-        Number of the time column, and its unit; None where the numbers themselves decide.
+    clock : Clock or None
+        The times, where there are any.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
     ignored, lookalikes : tuple of str
         Names of the others, and those of them that look like the axes of a missing sensor.
-    nanoseconds : int or None
-        Number of a column of nanoseconds to be added to the time.
     temperature : int or None
         Number of a column with the temperature.
     headless : bool
         Whether the line that was read holds no names, but the first sample.
-    stamped : bool
-        Whether the times are the stamps of the messages, beside others.
 
     """
 
     delimiter: str | None
-    time: int | None
-    time_unit: str | None
+    clock: Clock | None
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
     lookalikes: tuple[str, ...] = ()
-    nanoseconds: int | None = None
     temperature: int | None = None
     headless: bool = False
-    stamped: bool = False
-
-    @property
-    def used(self) -> list[int]:
-        """Columns of the file that are read: those of the time, if any, then axes."""
-        time = [column for column in (self.time, self.nanoseconds) if column is not None]
-        return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions, split: bool = True, stamped: bool = True,
+def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clock], bool],
                 ) -> Columns:
     """
     Understand the header line of a file; raises ImuAllanError.
 
-    `split`: two columns may be seconds and nanoseconds; `stamped`: a stamp may be the time.
+    `is_usable` says whether two columns are seconds and nanoseconds, and whether stamps move.
     """
     delimiter, cells = cells_of(header)
     bare = [cell.strip(' "') for cell in cells]
@@ -134,88 +142,84 @@ def read_header(header: str, options: RecordingOptions, split: bool = True, stam
     chosen = _chosen(options.columns, [''] * len(cells) if headless else bare)
     if headless and not chosen:
         raise ImuAllanError(_no_header(cells))
-    units = [chosen[column][1] or unit if column in chosen else unit
-             for column, (_, unit) in enumerate(named)]
+    units = {column: unit or _unit_in_name(name) for column, (name, unit) in enumerate(named)
+             } | {column: unit for column, (_, unit) in chosen.items() if unit}
     meanings = {column: meaning for column, (meaning, _) in chosen.items()}
-    parts, own_stamp = None, None
-    if not headless and all(meaning == 'time' for meaning in meanings.values()):
-        parts = None if chosen or not split else _split_seconds(names)
-        own_stamp = _stamp_of_axes(names) if stamped else None
-        meanings = _meanings_by_name(named, own_stamp, bool(chosen or parts)) | meanings
+    times = [column for column, meaning in meanings.items() if meaning == 'time']
+    parts = own_stamp = None
+    if not headless and len(times) == len(chosen):
+        counted = _numbered_axes(names)
+        found = {column: meaning for column, (name, unit) in enumerate(named)
+                 if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
+        if not chosen:
+            parts = next(filter(is_usable, _split_seconds(names)), None)
+        if not (chosen or parts):
+            own_stamp, times = _times(names, found, is_usable)
+        meanings = {column: meaning for column, meaning in found.items()
+                    if meaning != 'time' or column in times} | meanings
     axes: dict[str, tuple[int, int, float]] = {}
     for column, meaning in sorted(meanings.items()):
-        if meaning == 'time':
-            continue
         if meaning in axes:
             raise ImuAllanError(f'two columns named {meaning}')
-        axes[meaning] = column, list(AXES).index(meaning), _factor(
-            names[column], units[column], meaning, options)
-    called = [[str(column + 1)] if headless else [names[column], bare[column]]
-              for column in range(len(cells))]
-    temperature = next((
-        column for column in range(len(cells)) if column not in meanings and (
-            (options.temperature in called[column])
-            if options.temperature is not None
-            else _TEMPERATURE.fullmatch(names[column].lower()))), None)
-    ignored = [] if headless else [
-        cell.strip() for column, cell in enumerate(cells)
-        if column not in meanings and column != temperature and column not in (parts or ())]
+        if meaning != 'time':
+            axes[meaning] = column, list(AXES).index(meaning), _factor(
+                names[column], units[column], meaning, options)
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise ImuAllanError(
             f'the first line names none of the axes {", ".join(AXES)} ({shown}); a CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
-    time, time_unit = (parts[0], 's') if parts else _clock(meanings, names, units, own_stamp)
+    clock = parts or _best_clock({column: names[column] for column in times}, units, own_stamp)
+    read = {*meanings, *((parts.column, parts.nanoseconds) if parts else ())}
+    temperature = next((
+        column for column in range(len(cells)) if column not in meanings and (
+            _TEMPERATURE.fullmatch(names[column].lower()) if options.temperature is None
+            else options.temperature in ([str(column + 1)] if headless
+                                         else [names[column], bare[column]]))), None)
+    ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
+                                   if column not in read and column != temperature]
     missing = len({axis.partition('_')[0] for axis in axes}) < len(_SENSORS) and not chosen
-    return Columns(
-        delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
-        tuple(_lookalikes(ignored)) if missing else (), parts[1] if parts else None, temperature,
-        headless, own_stamp is not None and time == own_stamp)
+    return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored),
+                   tuple(_lookalikes(ignored)) if missing else (), temperature, headless)
 
 
-def _meanings_by_name(named: Sequence[tuple[str, str | None]], own_stamp: int | None,
-                      has_time: bool) -> dict[int, str]:
-    """Recognize axes and times by their names; the stamp of another message is only a last one."""
-    counted = _numbered_axes([name for name, _ in named])
-    found = {column: meaning for column, (name, unit) in enumerate(named)
-             if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
+def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[Clock], bool],
+           ) -> tuple[int | None, list[int]]:
+    """
+    Return the stamp of the message that holds the axes, if it is used, and all that are times.
+
+    The stamp of another message is only a last one.
+    """
     times = [column for column, meaning in found.items() if meaning == 'time']
-    foreign = [column for column in times if column != own_stamp
-               and _STAMP.fullmatch(named[column][0].lower())]
-    for column in times if has_time else foreign if len(times) > 1 else ():
-        del found[column]
-    return found
+    others = [column for column in times if not _STAMP.fullmatch(names[column].lower())]
+    own = _stamp_of_axes(names)
+    if own is not None and (not others or is_usable(Clock(own))):
+        return own, [own, *others]
+    return None, others if len(times) > 1 else times
 
 
-def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[str | None],
-           own_stamp: int | None) -> tuple[int | None, str | None]:
-    """Choose the best of the times, and find its unit."""
-    times = [column for column, meaning in sorted(meanings.items()) if meaning == 'time']
-    if own_stamp in times:
-        times = [own_stamp]
-
+def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_stamp: int | None,
+                ) -> Clock | None:
+    """Choose the best of the times by their names, and find its unit."""
     def rank(column: int) -> tuple[bool, int]:
         # What stands in the place of a unit may say that dates are written there.
-        is_date = False
-        if units[column] is not None:
-            try:
-                _converted('', str(units[column]), 's')
-            except ImuAllanError:
-                is_date = True
-        return is_date, (_clock_named(names[column]) or (0, None))[0]
+        try:
+            _converted('', units[column] or 's', 's')
+        except ImuAllanError:
+            return True, 0
+        return False, -1 if column == own_stamp else (_clock_named(times[column]) or (0,))[0]
 
-    if not times:
-        return None, None
-    times.sort(key=rank)
-    if len(times) > 1 and rank(times[0]) == rank(times[1]) == (False, 0):
+    ranks = sorted((rank(column), column) for column in times)
+    if not ranks:
+        return None
+    if [place for place, _ in ranks[:2]] == [(False, 0)] * 2:
         raise ImuAllanError('two time columns')
-    time = times[0]
-    unit = units[time] or _unit_in_name(names[time])
-    if unit is None:
-        return time, None
-    _converted(names[time], unit, 's')
-    return time, unit.strip()
+    time = ranks[0][1]
+    unit = units[time]
+    if unit is not None:
+        _converted(times[time], unit, 's')
+    return Clock(time, unit and unit.strip())
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
@@ -230,7 +234,7 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
 
 
 def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
-                     ) -> tuple[str, Columns] | None:
+                     is_usable: Callable[[Clock], bool]) -> Columns | None:
     """Understand a header whose units stand in a line of their own; None if they do not."""
     delimiter, names = cells_of(header)
     units = cells_of(line)[1]
@@ -247,7 +251,7 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
         f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
         for name, unit in zip((name.strip(' "') for name in names), bare, strict=True))
     try:
-        return joined, read_header(joined, options)
+        return read_header(joined, options, is_usable)
     except ImuAllanError:
         if any('/' in unit for unit in of_axes):
             raise
@@ -265,9 +269,8 @@ def echoed_imu(line: str) -> Columns | None:
     cells = line.rstrip('\r\n').split(',')
     if len(cells) != 40 or not (cells[0].lstrip('-').isdecimal() and cells[1].isdecimal()):
         return None
-    return Columns(',', 0, 's', tuple(
-        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)),
-        nanoseconds=1, headless=True)
+    return Columns(',', Clock(0, 's', 1), tuple(
+        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), headless=True)
 
 
 def _no_header(cells: Sequence[str]) -> str:
@@ -389,21 +392,22 @@ def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
     return found
 
 
-def _split_seconds(names: Sequence[str]) -> tuple[int, int] | None:
+def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
     """
-    Find a column of whole seconds and that of the nanoseconds that belong to them.
+    Find columns of whole seconds, each with that of the nanoseconds that belong to them.
 
     Examples
     --------
-    >>> _split_seconds(['Time', 'header.stamp.secs', 'header.stamp.nsecs', 'gyro.x'])
-    (1, 2)
+    >>> next(_split_seconds(['Time', 'header.stamp.secs', 'header.stamp.nsecs', 'gyro.x']))
+    Clock(column=1, unit='s', nanoseconds=2)
 
     """
     parts = {match[1]: column for column, name in enumerate(names)
              if (match := _PARTS_OF_SECONDS.fullmatch(name.lower())) is not None}
-    return next(((column, parts[match[1]]) for column, name in enumerate(names)
-                 if (match := _SECONDS.fullmatch(name.lower())) is not None
-                 and match[1] in parts), None)
+    for column, name in enumerate(names):
+        match = _SECONDS.fullmatch(name.lower())
+        if match is not None and match[1] in parts:
+            yield Clock(column, 's', parts[match[1]])
 
 
 def _clock_named(name: str) -> tuple[int, str | None] | None:
@@ -453,7 +457,6 @@ def _unit_in_name(name: str) -> str | None:
 
 
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
-    unit = unit or _unit_in_name(name)
     if unit is None:
         return options.factors[0 if axis.startswith('gyro') else 1]
     # EuRoC writes rad s^-1, others m/s2, and phones G.

@@ -11,11 +11,11 @@ import re
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
-from imu_allan.recordings.formats.csv_file import CsvRecording, TOPIC
+from imu_allan.recordings.formats.csv_file import CsvRecording
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
-from imu_allan.wording import duration, SENSORS
+from imu_allan.wording import duration, NO_TOPIC, SENSORS
 
 _REPORTED = 2
 """Files of which it is reported why none is read."""
@@ -65,7 +65,7 @@ class TableFolder(Recording):
         """Read a table, each block with its share of the bytes of all."""
         file = self._files[topic]
         with self._table(file) as table:
-            for block, position in table.decoded(TOPIC):
+            for block, position in table.decoded(NO_TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
         self.keep_remarks_of(table)
 

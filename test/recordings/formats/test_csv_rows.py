@@ -49,6 +49,11 @@ def test_decimal_commas_in_quotes_are_read(tmp_path):
     assert samples_of(tmp_path, quoted).tolist() == samples_of(tmp_path, plain).tolist()
 
 
+def test_commas_in_quotes_part_no_cells(tmp_path):
+    text = table('note,' + HEADER, lambda place, values: ['"a, b"', str(place / 100), *values])
+    assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
+
+
 def test_empty_fields_at_the_end_and_single_long_rows_are_no_hindrance(tmp_path):
     text = table(HEADER, lambda place, values: [str(place / 100), *values, ''])
     assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
