@@ -9,7 +9,6 @@ from itertools import pairwise
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
-from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
@@ -215,7 +214,7 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     found = []
     for axis in axes:
         whole = grouped(bins, axis)
-        lines, keep = find_lines(sections, bins, axis, dt, maximise(whole, ramp=None))
+        lines, keep = find_lines(sections, bins, axis, dt, whole)
         record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
         steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
         own = segments

@@ -189,7 +189,7 @@ def _most_random_walk(band: Groups, best: Solution) -> Solution:
     """Terms with the random walk at its upper one-sigma end: likelihood ratio 1."""
     def held(walk: float) -> Solution:
         fixed = {QUANTIZATION: 0.0, RANDOM_WALK: walk**2}
-        return maximise(band, best, fixed=fixed, tolerance=1e-3)
+        return maximise(band, best.theta, fixed=fixed, tolerance=1e-3)
 
     def excess(solution: Solution) -> float:
         return 2 * (solution.loss - best.loss) - 1
@@ -220,13 +220,12 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
                 rows[time] = _process(band, dt, time)
         columns = (band.design[:, WHITE], band.design[:, RANDOM_WALK],
                    *(rows[t] for t in of.tolist()))
-        return maximise(band.with_design(np.stack(columns, axis=1)), tolerance=tolerance,
-                        start=None if start is None else Solution(start, 0.0, np.inf))
+        return maximise(band.with_design(np.stack(columns, axis=1)), start, tolerance=tolerance)
 
     def there(of: Array, found: Solution) -> tuple[Array, Solution]:
         seen = found.theta > 0
         seen[:2] = True
-        return of[seen[2:]], replace(found, theta=found.theta[seen])
+        return of[seen[2:]], found._replace(theta=found.theta[seen])
 
     times, solution = there(times, fitted(times))
     # Neighbours within a third of a decade are one process.

@@ -13,9 +13,10 @@ from itertools import groupby, pairwise
 from math import log2, sqrt
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.posterior.maximum import Solution
+from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.record.bins import Bins
-from imu_allan.noise.record.groups import about_ramp
+from imu_allan.noise.record.groups import about_ramp, Groups
 from imu_allan.noise.record.periodogram import longest_blocks, SpectrumSection
 from imu_allan.result import Tone
 import numpy as np
@@ -43,16 +44,20 @@ _MANY = 8
 
 
 def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float,
-               first: Solution) -> tuple[list[Tone], Mask]:
+               groups: Groups) -> tuple[list[Tone], Mask]:
     """
     Find the lines of one axis.
 
-    `sections`: from the slowest to the fastest part. `bins`: of the same sections. `first`: a
-    fit of all bins, by which the spectrum is flattened. Returns the lines, the strongest first,
-    and a mask of the bins, False where a line or its side lobes are.
+    `sections`: from the slowest to the fastest part. `bins`: of the same sections. `groups`: of
+    all bins of the axis, to which noise is fitted that flattens the spectrum. Returns the lines,
+    the strongest first, and a mask of the bins, False where a line or its side lobes are.
     """
+    theta = maximise(groups, moving_mean=True).theta
+    _, _, ramp = about_mean(groups)(groups.design @ theta)
+    expected = np.maximum(bins.design @ theta, 1e-300)
+    power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))
     for leak in _LEAKS:
-        lines, keep = _find_lines(sections, bins, axis, dt, first, leak)
+        lines, keep = _find_lines(sections, bins, dt, power, expected, leak)
         # With less than half of the spectrum left, no line is left out and the fit is poor.
         if keep.mean() >= 0.5:
             return lines, keep
@@ -102,12 +107,10 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[
     return [line for line in lines if line not in harmonics]
 
 
-def _find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float, first: Solution,
-                leak: float) -> tuple[list[Tone], Mask]:
+def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: Array,
+                expected: Array, leak: float) -> tuple[list[Tone], Mask]:
     """Find lines, with the bins that they and their side lobes above a leak take."""
     keep = np.ones(len(bins.frequency), dtype=bool)
-    expected = np.maximum(bins.design @ first.theta, 1e-300)
-    power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, first.slope)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
     longest = longest_blocks(sections)

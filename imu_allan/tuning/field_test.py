@@ -154,7 +154,7 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
     threshold = float(chi_square.upper(0.05, 1))
 
     def excess(log_factor: float) -> float:
-        held = maximise(spectrum, best, fixed={column: float(np.exp(2 * log_factor))})
+        held = maximise(spectrum, best.theta, fixed={column: float(np.exp(2 * log_factor))})
         return 2 * (held.loss - best.loss) - threshold
 
     far = float(np.log(_FARTHEST))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.record.periodogram import Periodogram
@@ -26,7 +25,7 @@ def parts_of(samples):
 def lines_of(samples, sections=None):
     sections = parts_of(samples) if sections is None else sections
     bins = bins_of(sections, DT)
-    return find_lines(sections, bins, 0, DT, maximise(grouped(bins, 0)))
+    return find_lines(sections, bins, 0, DT, grouped(bins, 0))
 
 
 @pytest.mark.parametrize(('frequency', 'size', 'samples', 'error'), [

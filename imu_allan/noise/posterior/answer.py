@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
+    fitted_mean,
     FREE,
     HIGH,
     KEYS,
     LOW,
-    mean,
     PLAIN,
     SLOWER,
     spectrum,
@@ -292,10 +292,7 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     # The mean is regressed about the 64 heaviest draws.
     most = np.argsort(-model.share, kind='stable')[:64]
     rows = model.row.take(np.zeros(len(most), np.int64))
-    lam, _, _ = spectrum(model.spectra, rows, model.x[most], slopes=False)
-    below = np.arange(lam.shape[1]) < rows.edge[:, None]
-    _, size, covariance = mean(model.spectra, rows.of,
-                               model.spectra.dof[rows.of] * below / lam)
+    _, _, size, covariance = fitted_mean(model.spectra, rows, model.x[most])
     error = np.sqrt(np.maximum(np.einsum('mrii->mri', covariance), 0.0))
     share = model.share[most]
     return size[:, 0], error[:, 0], share / share.sum()
@@ -355,9 +352,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
     groups = record.groups(*posterior.trends(record.duration_s), *slopes)
     row = replace(best.row, of=np.zeros(1, np.int64))
     spectra = best.spectra.beside([groups], [int(best.row.of[0])])
-    lam, _, _ = spectrum(spectra, row, row.x, slopes=False)
-    below = np.arange(lam.shape[1]) < row.edge[:, None]
-    _, size, covariance = mean(spectra, row.of, spectra.dof * below / lam)
+    _, _, size, covariance = fitted_mean(spectra, row, row.x)
     value, error = float(size[0, 0, 0]), float(np.sqrt(covariance[0, 0, 0, 0]))
     half = _QUANTILE * error
     return Estimate(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error, value, value - half,

@@ -25,7 +25,7 @@ from imu_allan.noise.posterior.judgments import (
     UNSEEN_LEVEL,
     WITHOUT_FLICKER,
 )
-from imu_allan.noise.posterior.regression import RIDGE
+from imu_allan.noise.posterior.regression import mean, regressors, residual_power
 from imu_allan.noise.posterior.shapes import (
     cubic,
     FLICKER,
@@ -140,19 +140,6 @@ class Spectra:
         """Return the same spectra with other degrees of freedom."""
         spectra = replace(self, dof=dof)
         return replace(spectra, left=left_to_itself(self.frequency, dof, self.power))
-
-
-def regressors(groups: Sequence[Groups]) -> Array:
-    """Products with the regressors of every record, shape (spectra, products, groups)."""
-    found = []
-    for one in groups:
-        assert one.along is not None
-        assert one.among is not None
-        products = np.concatenate((one.along, one.among.reshape(len(one.dof), -1)), axis=1).T
-        own: Array | Mask = np.ones((1, 1)) if one.record is None else (
-            one.record == np.arange(one.records)[:, None])
-        found.append((own[:, None] * products).reshape(-1, len(one.dof)))
-    return np.stack(found)
 
 
 def half_octaves(frequency: Array) -> Index:
@@ -301,48 +288,6 @@ def _shared(of: Index) -> Index:
     return of[:1] if (of == of[0]).all() else of
 
 
-def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Array]:
-    """
-    Regress on the mean's regressors under weights, shape (rows, groups).
-
-    Returns
-    -------
-    gain : ndarray, shape (rows,)
-        Of the restricted likelihood.
-    size : ndarray, shape (rows, records, regressors)
-    covariance : ndarray, shape (rows, records, regressors, regressors)
-
-    """
-    products = np.matmul(spectra.products[of], weight[:, :, None])
-    products = products.reshape(len(of), spectra.records, -1)
-    count = int(np.sqrt(products.shape[2]))
-    target = products[:, :, :count]
-    gram = products[:, :, count:].reshape(*target.shape, count)
-    if count == 1:
-        single = np.where(gram[..., 0] > 0, gram[..., 0], 1.0)
-        gain = 0.5 * (target**2 / single - np.log(single)).sum(axis=(1, 2))
-        return gain, target / single, (1 / single)[..., None]
-    norm = np.einsum('...ii->...i', gram)
-    scale = np.sqrt(np.where(norm > 0, norm, 1.0))
-    # What no group sees, or nothing but rounding, is left out.
-    ridge = np.where(norm > 0, RIDGE, 1.0)[..., None] * np.eye(count)
-    unit = gram / (scale[..., :, None] * scale[..., None, :]) + ridge
-    covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
-    size = np.einsum('...ij,...j->...i', covariance, target)
-    gain = 0.5 * np.einsum('mri,mri->m', target, size) - 0.5 * (
-        np.linalg.slogdet(unit)[1] + 2 * np.log(scale).sum(axis=-1)).sum(axis=-1)
-    return gain, size, covariance
-
-
-def residual_power(spectra: Spectra, of: Index, size: Array, covariance: Array) -> Array:
-    """Power about the mean as expected of the noise alone, shape (rows, groups)."""
-    second = size[..., :, None] * size[..., None, :] + covariance
-    factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
-    power = spectra.power[of]
-    about = power + np.matmul(factors.reshape(len(of), 1, -1), spectra.products[of])[:, 0]
-    return np.asarray(np.maximum(about, 1e-12 * power))
-
-
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
     """Minus the logarithm of the posterior of rows, gradient and information."""
     value, slope, bend = log_prior(spectra, rows, x)
@@ -351,8 +296,9 @@ def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]
         some = rows.take(part)
         lam, jacobian, used = spectrum(spectra, some, x[part])
         weight, misfit = _weighed(spectra, some, lam)
-        gain, size, covariance = mean(spectra, some.of, weight)
-        about = residual_power(spectra, some.of, size, covariance)
+        products = spectra.products[some.of]
+        gain, size, covariance = mean(products, spectra.records, weight)
+        about = residual_power(spectra.power[some.of], products, size, covariance)
         weighed = (jacobian * (0.5 * weight / lam)).transpose(1, 0, 2)
         loss[part] += misfit - gain
         gradient[part[:, None], used] += np.matmul(weighed, (lam - about)[:, :, None])[..., 0]
@@ -366,6 +312,14 @@ def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]
     return loss, gradient, information
 
 
+def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array, Array]:
+    """Regress the mean about rows: expected power, weights, then as `mean` does."""
+    lam, _, _ = spectrum(spectra, rows, x, slopes=False)
+    weight, _ = _weighed(spectra, rows, lam)
+    _, size, covariance = mean(spectra.products[rows.of], spectra.records, weight)
+    return lam, weight, size, covariance
+
+
 def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
     """Minus the logarithm of the posterior of rows."""
     loss = -log_prior(spectra, rows, x)[0]
@@ -373,7 +327,7 @@ def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
         some = rows.take(part)
         lam, _, _ = spectrum(spectra, some, x[part], slopes=False)
         weight, misfit = _weighed(spectra, some, lam)
-        loss[part] += misfit - mean(spectra, some.of, weight)[0]
+        loss[part] += misfit - mean(spectra.products[some.of], spectra.records, weight)[0]
     return loss
 
 

@@ -17,15 +17,14 @@ from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.evidence import sample
 from imu_allan.noise.posterior.judgments import DESCRIBED, NAMED, UNNAMED
 from imu_allan.noise.posterior.likelihood import (
+    fitted_mean,
     half_octaves,
     LOW,
-    mean,
-    residual_power,
     Rows,
     Spectra,
-    spectrum,
 )
 from imu_allan.noise.posterior.prepared import prepared, Start
+from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.trends import (
@@ -192,10 +191,10 @@ class _Judged:
 def _judged(best: tuple[Spectra, Rows]) -> _Judged:
     """Judge the best row of an axis."""
     spectra, row = best
-    lam, _, _ = spectrum(spectra, row, row.x, slopes=False)
-    dof = spectra.dof[row.of[0]] * (np.arange(lam.shape[1]) < row.edge[0])
-    _, size, covariance = mean(spectra, row.of, dof[None] / lam)
-    ratio = residual_power(spectra, row.of, size, covariance)[0] / lam[0]
+    lam, weight, size, covariance = fitted_mean(spectra, row, row.x)
+    dof = (weight * lam)[0]
+    ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
+                           covariance)[0] / lam[0]
     _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
     count = np.bincount(octave, dof)
     seen = count > 0.5

@@ -13,12 +13,11 @@ from imu_allan.noise.posterior.likelihood import (
     left_to_itself,
     OUTPUT,
     PLAIN,
-    regressors,
     SLOTS,
     Spectra,
 )
-from imu_allan.noise.posterior.maximum import maximise, residual_power
-from imu_allan.noise.posterior.regression import about_blocks, explained_by_regressors, slope_of
+from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.posterior.regression import about_mean, regressors
 from imu_allan.noise.posterior.shapes import (
     FEWEST_GROUPS,
     FREE_TERMS,
@@ -77,15 +76,14 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     """
     power, levels, starts = [], [], []
     for one in groups:
-        first = maximise(one, trend='restricted', tolerance=1e-3)
+        first = maximise(one, moving_mean=True, tolerance=1e-3)
         expected = np.maximum(one.design @ first.theta, 1e-300)
-        explained = explained_by_regressors(one, one.dof / expected, True)
+        blocks, about, _ = about_mean(one)(expected)
         white = one.design[:, ALWAYS]
         # Below lies nothing but rounding, or what has no square.
         rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
-        power.append(np.maximum(about_blocks(one, slope_of(one, explained.trend)), rounding))
-        levels.append(np.maximum(smoothed(one, residual_power(one, first.theta), expected),
-                                 rounding))
+        power.append(np.maximum(blocks, rounding))
+        levels.append(np.maximum(smoothed(one, about, expected), rounding))
     level = np.stack(levels)
     nu = np.minimum(groups[0].frequency * dt, 0.5)
     ratio = np.stack([shape.power(nu, 0.0) / TERMS[own].power(nu, 0.0)
@@ -175,7 +173,7 @@ def _start(groups: Groups, unit: Array, level: Array) -> Start:
     """Begin at the terms over the slower half of the band, in octaves."""
     count = len(level)
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
-    slower = maximise(groups.below(below), fixed={0: 0.0}, trend='restricted', tolerance=1e-2)
+    slower = maximise(groups.below(below), fixed={0: 0.0}, moving_mean=True, tolerance=1e-2)
     x = np.zeros(SLOTS)
     white = level / groups.design[:, ALWAYS]
     theta = slower.theta[_COLUMNS]

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 from imu_allan.noise.posterior.evidence import climb
 from imu_allan.noise.posterior.likelihood import (
     batches,
-    mean,
+    fitted_mean,
     Rows,
     Spectra,
     spectrum,
@@ -457,9 +457,7 @@ def expected_powers(spectra: Spectra, rows: Rows) -> Array:
 
 def _sizes(spectra: Spectra, rows: Rows, width: int) -> Array:
     """Sizes of the last regressors beside every row, shape (rows, width)."""
-    lam = expected_powers(spectra, rows)
-    below = np.arange(lam.shape[1]) < rows.edge[:, None]
-    _, size, _ = mean(spectra, rows.of, spectra.dof[rows.of] * below / lam)
+    size = fitted_mean(spectra, rows, rows.x)[2]
     return size[:, 0, size.shape[2] - width:]
 
 

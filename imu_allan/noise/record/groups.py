@@ -33,7 +33,6 @@ class Groups:
     dof: Array
     power: Array
     design: Array    # (groups, columns)
-    cross: Array
     ramp: Array
     step: Array
     length: Array
@@ -50,10 +49,6 @@ class Groups:
     def records(self) -> int:
         """How many records the groups are of."""
         return 1 if self.record is None else int(self.record.max()) + 1
-
-    def at_ramp(self, slope: float) -> Array:
-        """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
-        return about_ramp(self.power, self.cross, self.ramp, slope)
 
     def below(self, frequency_hz: float) -> 'Groups':
         """Return the groups up to a frequency."""
@@ -81,7 +76,7 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     """
     Take the mean that a ramp gives the coefficients out of their power.
 
-    `power`, `cross`, `ramp`, shape (n,): as in `Groups`. `slope`: of the ramp, per second. Returns
+    `power`, `cross`, `ramp`, shape (n,): as in `Bins`. `slope`: of the ramp, per second. Returns
     shape (n,).
     """
     if slope == 0:
@@ -105,8 +100,8 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
                    np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp), bands.mean(bins.step),
-                   bands.mean(bins.length), bands.mean(bins.interpolated))
+                   bands.mean(bins.ramp), bands.mean(bins.step), bands.mean(bins.length),
+                   bands.mean(bins.interpolated))
     return _regressed(still, bands, bins, axis, regressors)
 
 

@@ -109,7 +109,7 @@ class Part:
             nothing = np.zeros(len(bands))
             parts.append(Groups(
                 frequency[keep], dof[bands].astype(np.float64), power[bands] / dof[bands],
-                design[keep], nothing, ramp[keep], np.full(len(bands), float(step)),
+                design[keep], ramp[keep], np.full(len(bands), float(step)),
                 np.full(len(bands), float(length)), np.full(len(bands), self.interpolation.share),
                 nothing[:, None], nothing[:, None, None]))
         return stacked(parts)

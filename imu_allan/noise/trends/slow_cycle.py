@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.posterior.maximum import maximise, residual_power, Solution
+from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
+from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trends import Bank, TrendKind
 from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
@@ -100,18 +101,18 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
     return _taken_out(record, variance, frequency_hz) if ratio > KNOWN else None
 
 
-def _noise(record: RecordSpectrum) -> Solution:
-    """Fit the terms to the slower half of the band: a low-pass bends the other."""
+def _noise(record: RecordSpectrum) -> Array:
+    """Fit the terms, squared, to the slower half of the band: a low-pass bends the other."""
     groups = record.groups()
     last = len(groups.frequency) - 1
     # Of fewer than 24 bands the slow noise is not known.
     below = groups.below(float(groups.frequency[min(max(24, last // 2), last)]))
-    return maximise(below, fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-2)
+    return maximise(below, fixed={QUANTIZATION: 0.0}, moving_mean=True, tolerance=1e-2).theta
 
 
-def _variance(record: RecordSpectrum, noise: Solution) -> Array:
+def _variance(record: RecordSpectrum, noise: Array) -> Array:
     """Return the power that noise gives to every bin."""
-    return np.asarray(np.maximum(record.bins.design @ noise.theta, 1e-300))
+    return np.asarray(np.maximum(record.bins.design @ noise, 1e-300))
 
 
 def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
@@ -121,16 +122,17 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
     Behind a filter, say, the terms do not describe what is left: it is no less than it is.
     """
     noise, groups = _noise(calm), calm.groups()
-    expected = np.maximum(groups.design @ noise.theta, 1e-300)
+    expected = np.maximum(groups.design @ noise, 1e-300)
     ratio = np.maximum(smoothed(groups, groups.power, expected) / expected, 1.0)
     return np.asarray(_variance(record, noise) * np.exp(np.interp(
         np.log(record.bins.frequency), np.log(groups.frequency), np.log(ratio))))
 
 
-def _has_outlier(record: RecordSpectrum, noise: Solution) -> bool:
+def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
     """Whether a slow coefficient is an outlier beside the fitted terms, or is a line."""
     groups = record.groups()
-    ratio = residual_power(groups, noise.theta) / np.maximum(groups.design @ noise.theta, 1e-300)
+    expected = np.maximum(groups.design @ noise, 1e-300)
+    ratio = about_mean(groups)(expected)[1] / expected
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
     # A coefficient that is rarer by chance is worth a search for a cycle.
     if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
@@ -146,12 +148,12 @@ def _fastest(record: RecordSpectrum) -> float:
     return min(_MOST_CYCLES / record.duration_s, 1 / 30)
 
 
-def _likeliest(record: RecordSpectrum, noise: Solution, bank: Bank) -> float:
+def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
     """Return the frequency that explains most under noise without a random walk."""
     groups = record.groups()
     keep = None if record.keep is None else record.keep | (
         record.bins.frequency < _fastest(record))
-    theta = noise.theta.copy()
+    theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
     lam = np.maximum(groups.design @ theta, 1e-300)
     axis = bank.of(replace(record, keep=keep))

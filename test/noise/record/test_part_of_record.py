@@ -42,7 +42,7 @@ def test_any_part_of_a_record_gives_the_coefficients_of_the_whole(finished):
     for first, last in ((0, used), (0, used // 2), (used // 2, used), (3, 5)):
         groups = Part(finished, DT, first, last).groups(0)
         assert (np.diff(groups.frequency) > 0).all()
-        _, density, flicker, _ = np.sqrt(maximise(groups, trend='restricted').theta)
+        _, density, flicker, _ = np.sqrt(maximise(groups, moving_mean=True).theta)
         assert density == pytest.approx(SENSOR['noise_density'], rel=0.03)
         assert flicker == pytest.approx(SENSOR['bias_instability'], rel=0.35)
 
