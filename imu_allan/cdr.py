@@ -110,36 +110,6 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
     return ImuLayout(byte_order, text_end, doubles_at, shorten(text.decode('utf-8', 'replace')))
 
 
-def decode_imu(
-    message: bytes | memoryview,
-    serialization: Serialization = 'cdr',
-) -> tuple[int, NDArray[np.float64], tuple[bool, bool], str]:
-    """
-    Decode one message.
-
-    Returns
-    -------
-    stamp_ns : int
-        header.stamp in nanoseconds.
-    sample : ndarray of float64, shape (6,)
-        Angular velocity x, y, z in rad/s, linear acceleration x, y, z in m/s^2.
-    absent : (bool, bool)
-        Whether angular velocity, linear acceleration are declared as not provided.
-    frame_id : str
-        header.frame_id.
-
-    Raises
-    ------
-    MalformedImu
-        If the bytes are not a sensor_msgs/Imu.
-
-    """
-    [block] = decode_imu_rows(
-        np.frombuffer(message, np.uint8).reshape(1, -1), np.zeros(1, np.int64), serialization)
-    return (int(block.header_ns[0]), block.samples[0],
-            (bool(block.absent[0, 0]), bool(block.absent[0, 1])), block.frame_id)
-
-
 def decode_imu_rows(
     rows: NDArray[np.uint8],
     receive_ns: NDArray[np.int64],
@@ -230,7 +200,7 @@ def encode_imu(
     absent: tuple[bool, bool] = (False, False),
 ) -> bytes:
     """
-    Encode one message as little-endian CDR; the reverse of `decode_imu`.
+    Encode one message as little-endian CDR.
 
     Orientation is declared as not provided, the other covariances as unknown (zero).
     """

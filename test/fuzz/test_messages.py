@@ -4,7 +4,7 @@
 
 from random import Random
 
-from imu_allan.cdr import blocks_from_messages, decode_imu, encode_imu, MalformedImu
+from imu_allan.cdr import blocks_from_messages, encode_imu, MalformedImu
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline import TimelineStage
 from imu_allan.writers.words import message_of
@@ -28,7 +28,7 @@ def judge_messages(choice: Random) -> None:
     single = []
     for message in batch:
         try:
-            single.append(decode_imu(message))
+            single += blocks_from_messages([message], np.zeros(1, np.int64))
         except MalformedImu as error:
             assert str(error).isprintable()
     receive_ns = np.arange(len(batch), dtype=np.int64) * 10**7 + 10**18
@@ -37,7 +37,7 @@ def judge_messages(choice: Random) -> None:
                                  on_malformed=lambda count, _: refused.append(count))
     assert sum(refused) + len(single) == len(batch)
     stamps = [stamp for block in found for stamp in block.header_ns.tolist()]
-    assert stamps == [stamp for stamp, *_ in single]
+    assert stamps == [stamp for block in single for stamp in block.header_ns.tolist()]
     # A stream that starts with damaged stamps may be refused, in one line.
     stage = TimelineStage()
     try:

@@ -9,9 +9,11 @@ the file has been read to its end.
 """
 
 from array import array
+from collections import defaultdict
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -22,16 +24,10 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-HEADER = b'receive time,header.stamp,topic,value'
-"""How the first line ends; what stands before is the x axis of the plot."""
-
 _LONGEST_LINE = 4096
 """Bytes: a value, two stamps and a message path; the rest of a longer line is another one."""
 _BLOCK = 1 << 14
 """Rows at a time, 1 MB: 16 s at 1 kHz."""
-
-
-_Series: TypeAlias = 'tuple[array[int], array[int], array[float]]'
 
 
 class FoxgloveCsv(FileRecording):
@@ -73,28 +69,21 @@ class FoxgloveCsv(FileRecording):
             yield (ImuBlock(header[part], receive[part], samples[part], absent[part], ''),
                    self.size_bytes * start // len(receive))
 
-    def _series(self) -> 'dict[tuple[str, int], _Series]':
+    def _series(self) -> 'dict[tuple[str, int], list[array[Any]]]':
         """Read receive times, header stamps and values, by topic and number of the axis."""
-        series: dict[tuple[str, int], _Series] = {}
-        known: dict[bytes, _Series | None] = {}
+        series: dict[tuple[str, int], list[array[Any]]] = defaultdict(
+            lambda: [array('q'), array('q'), array('d')])
         malformed = 0
         with self._stored.open('rb') as file:
             file.readline(_LONGEST_LINE)
             while line := file.readline(_LONGEST_LINE):
-                cells = line.strip().rsplit(b',', 4)
                 try:
-                    _, received, stamped, path, value = cells
-                    # A plot has a dozen series.
-                    if path not in known and len(known) < 1000:
-                        place = _place(path.decode('utf-8', 'replace').strip('"'))
-                        known[path] = None if place is None else series.setdefault(
-                            place, (array('q'), array('q'), array('d')))
-                    found = known.get(path)
-                    if found is not None:
-                        times = _nanoseconds(received), _nanoseconds(stamped or b'0')
-                        found[2].append(float(value))
-                        found[0].append(times[0])
-                        found[1].append(times[1])
+                    _, received, stamped, path, value = line.strip().rsplit(b',', 4)
+                    if (place := _place(path)) is not None:
+                        numbers = (_nanoseconds(received), _nanoseconds(stamped or b'0'),
+                                   float(value))
+                        for column, number in zip(series[place], numbers, strict=True):
+                            column.append(number)
                 except (ValueError, OverflowError):
                     malformed += bool(line.strip())
         if malformed:
@@ -102,12 +91,14 @@ class FoxgloveCsv(FileRecording):
         return series
 
 
-def _place(path: str) -> tuple[str, int] | None:
+@lru_cache(maxsize=1000)
+def _place(path: bytes) -> tuple[str, int] | None:
     """Split a message path into topic and number of the axis; None where it is no axis."""
-    meaning = meaning_of(path)
-    if meaning not in AXES or '.' not in path:
+    text = path.decode('utf-8', 'replace').strip('"')
+    meaning = meaning_of(text)
+    if meaning not in AXES or '.' not in text:
         return None
-    return path.split('.')[0], list(AXES).index(meaning)
+    return text.split('.')[0], list(AXES).index(meaning)
 
 
 def _nanoseconds(text: bytes) -> int:
@@ -122,5 +113,6 @@ def _nanoseconds(text: bytes) -> int:
 
 def is_foxglove(head: bytes) -> bool:
     """Whether a file begins like one."""
-    first = head.partition(b'\n')[0].strip().replace(b'"', b'')
-    return first.endswith(HEADER)
+    # What stands before is the x axis of the plot.
+    return head.partition(b'\n')[0].strip().replace(b'"', b'').endswith(
+        b'receive time,header.stamp,topic,value')

@@ -32,7 +32,6 @@ from imu_allan.recordings.formats.table import (
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
-from imu_allan.recordings.messages.imu_fields import ImuFields
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
 import numpy as np
@@ -61,10 +60,17 @@ class UlogRecording(TableLog):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        seen: dict[str, _Seen] = {}
+        # Messages, samples, times of the first and the last, and names of fields, by topic.
+        seen: dict[str, tuple[int, int, int, int, tuple[str, ...]]] = {}
         reader = _LogReader(set(_TYPES))
         for name, records, _ in self._tables(reader):
-            seen.setdefault(name, _Seen(KNOWN[_type_of(name)])).add(records)
+            fields = KNOWN[_type_of(name)]
+            times = times_of(records, fields)
+            messages, samples, first, *_ = seen.get(name, (0, 0, int(times[0])))
+            samples += len(records) if fields.burst is None else int(
+                records[fields.burst.samples].astype(np.int64).sum())
+            seen[name] = (messages + len(records), samples, first, int(times[-1]),
+                          records.dtype.names or ())
         for name, reason in reader.reasons.items():
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
@@ -72,15 +78,17 @@ class UlogRecording(TableLog):
             self.remark('damaged_recording', fault='bytes', bytes=reader.damaged)
         if reader.left:
             self.remark('truncated_recording', fault='log', bytes=reader.left)
-        for name, topic in seen.items():
-            imu = ImuTopic(name, topic.messages, ImuMessages(
+        rates = {}
+        for name, (messages, samples, first, last, names) in seen.items():
+            fields = KNOWN[_type_of(name)]
+            imu = ImuTopic(name, messages, ImuMessages(
                 _type_of(name), factors=options.factors, fields=replace(
-                    topic.fields, what='as logged',
-                    temperature=topic.fields.temperature if topic.heated else None)))
-            self.list_at(topic.rate_hz, imu, _FASTER)
+                    fields, what='as logged',
+                    temperature=fields.temperature if fields.temperature in names else None)))
+            rates[name] = (samples - 1) * 1e9 / (last - first) if last > first else 0.0
+            self.list_at(rates[name], imu, _FASTER)
             self.list_own_thermometer(imu)
-        self.preferred = fastest(
-            {imu.name: seen[imu.name].rate_hz for imu in self.topics}, _PARTNER)
+        self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, _PARTNER)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic, and of others like it."""
@@ -100,32 +108,6 @@ class UlogRecording(TableLog):
                     for name, table in reader.taken(data):
                         yield name, table, at
                 reader.left = len(rest)
-
-
-class _Seen:
-    """What is known of all messages of a topic."""
-
-    def __init__(self, fields: ImuFields) -> None:
-        self.fields = fields
-        self.heated = False
-        self.messages = self._samples = 0
-        self._ends: tuple[int, int] | None = None
-
-    def add(self, records: Records) -> None:
-        """Count messages and samples, and look when they were taken."""
-        fields = self.fields
-        self.heated = fields.temperature in (records.dtype.names or ())
-        self.messages += len(records)
-        self._samples += len(records) if fields.burst is None else int(
-            records[fields.burst.samples].astype(np.int64).sum())
-        times = times_of(records, fields)
-        self._ends = (int(times[0]) if self._ends is None else self._ends[0], int(times[-1]))
-
-    @property
-    def rate_hz(self) -> float:
-        """Return samples in a second."""
-        first, last = self._ends or (0, 0)
-        return (self._samples - 1) * 1e9 / (last - first) if last > first else 0.0
 
 
 def _type_of(topic: str) -> str:

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -50,7 +50,6 @@ _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
 
 A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
 """
-_TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
 
 _Fields = dict[str, bytes]
 
@@ -184,20 +183,23 @@ class Ros1Recording(ChunkedRecording):
             count = 1
             if (head.stands_at(buffer, at + head.stride)
                     and head.stands_at(buffer, at + 8 * head.stride)):
-                count = equal_records(buffer, at, head.stride, head.spans)
+                time_at = len(head.before)
+                count = equal_records(buffer, at, head.stride, [
+                    (0, time_at), (time_at + 8, time_at + 8 + len(head.after))])
             if head.connection in wanted:
                 if scattered_head is not None and (count > 1 or head is not scattered_head):
-                    yield _scattered(buffer, scattered, scattered_head)
+                    yield scattered_head.batch(
+                        collect(buffer, np.array(scattered), scattered_head.stride))
                     scattered, scattered_head = [], None
                 if count > 1:
-                    yield _batch(
-                        np.ndarray((count, head.stride), np.uint8, buffer, at), head)
+                    yield head.batch(np.ndarray((count, head.stride), np.uint8, buffer, at))
                 else:
                     scattered.append(at)
                     scattered_head = head
             at += count * head.stride
         if scattered_head is not None:
-            yield _scattered(buffer, scattered, scattered_head)
+            yield scattered_head.batch(
+                collect(buffer, np.array(scattered), scattered_head.stride))
         if failure is not None:
             raise failure
 
@@ -215,8 +217,7 @@ class Ros1Recording(ChunkedRecording):
         return end, None
 
 
-@dataclass(frozen=True)
-class _Record:
+class _Record(NamedTuple):
     """A record of the file: its header, and the place of its data."""
 
     fields: _Fields
@@ -246,26 +247,18 @@ class _MessageHead:
     after: bytes
     stride: int
 
-    @property
-    def time_at(self) -> int:
-        """Place of the receive stamp, from the start of the record."""
-        return len(self.before)
-
-    @property
-    def size(self) -> int:
-        """Bytes before the data."""
-        return len(self.before) + 8 + len(self.after)
-
-    @property
-    def spans(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Places of `before` and `after` in the record."""
-        return (0, self.time_at), (self.time_at + 8, self.size)
-
     def stands_at(self, buffer: bytes, at: int) -> bool:
         """Whether a whole record with this head stands at `at`."""
         return (buffer.startswith(self.before, at)
                 and buffer.startswith(self.after, at + len(self.before) + 8)
                 and at + self.stride <= len(buffer))
+
+    def batch(self, records: NDArray[np.uint8]) -> MessageBatch:
+        """Take the receive stamps and data of records that have this head."""
+        time_at = len(self.before)
+        time = records[:, time_at:time_at + 8].view('<u4').astype(np.int64)
+        return MessageBatch(records[:, time_at + 8 + len(self.after):],
+                            time[:, 0] * 1_000_000_000 + time[:, 1])
 
 
 def _fields_of(header: bytes) -> _Fields:
@@ -357,13 +350,3 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     if len(known) < 16:
         known.append(head)
     return head
-
-
-def _batch(records: NDArray[np.uint8], head: _MessageHead) -> MessageBatch:
-    time = records[:, head.time_at:head.time_at + 8].view(_TIME)[:, 0]
-    return MessageBatch(records[:, head.size:],
-                        time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
-
-
-def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> MessageBatch:
-    return _batch(collect(buffer, np.array(places), head.stride), head)

@@ -49,10 +49,6 @@ _MOST_NUMBERS = 500
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 _NO_MESSAGE = MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most')
 
-Rows = tuple[list[int], list[bytes], int]
-"""Receive stamps, messages, and the bytes consumed so far."""
-
-
 class SqliteRecording(FileRecording):
     """A .db3 file; raises ImuAllanError where that is no rosbag2 database."""
 
@@ -81,8 +77,7 @@ class SqliteRecording(FileRecording):
         decode, malformed = imu.messages.decoder(), MalformedMessages()
         effort = Effort(self.path, 0)
         with self._database() as (database, budget):
-            rows = self._fetched(database, budget, imu, malformed)
-            for stamps, messages, position in self._batches(rows, imu):
+            for stamps, messages, position in self._fetched(database, budget, imu, malformed):
                 batches = starmap(MessageBatch, rows_of(messages, np.array(stamps, np.int64)))
                 for block in decode(unpacked(batches, effort), malformed):
                     yield block, position
@@ -119,19 +114,23 @@ class SqliteRecording(FileRecording):
                 with untrusted_database(self._stored, 0, 'mode=rw'):
                     # The first look into the file has taken in the log.
                     pass
-            self._list_topics()
-            return
+            kinds, definitions = self._described()
         except (sqlite3.Error, OSError) as error:
             reason = error
-        if log is not None:
-            self.remark('unfinished_recording', fault='unusable', file=printable(log.name),
-                        reason=printable(reason))
-        self._tolerant = True
-        try:
-            self._list_topics()
-        except sqlite3.Error:
-            raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
-                                f'({printable(reason)})') from reason
+            if log is not None:
+                self.remark('unfinished_recording', fault='unusable', file=printable(log.name),
+                            reason=printable(reason))
+            self._tolerant = True
+            try:
+                kinds, definitions = self._described()
+            except sqlite3.Error:
+                raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
+                                    f'({printable(reason)})') from reason
+        for name, kind in kinds.items():
+            self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
+        with suppress(sqlite3.Error), self._database() as (database, _):
+            self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
+                           for imu in self.topics]
 
     def _work_on_copy(self, *beside: Path) -> None:
         if self._room > room_in(tempfile.gettempdir()):
@@ -171,11 +170,10 @@ class SqliteRecording(FileRecording):
             require_plain_tables(opened[0], ('messages', 'topics'))
             yield opened
 
-    def _list_topics(self) -> None:
+    def _described(self) -> tuple[dict[str, str], dict[str, Definition]]:
+        """Look the types of topics up, and the definitions that there are of them."""
         with self._database() as (database, _):
-            self._numbers, self.topics, self.other_topics = {}, [], {}
-            self.reasons, self.thermometers = {}, []
-            self._searched = self._searched_characters = 0
+            self._numbers = {}
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
             room = self._room
@@ -193,12 +191,7 @@ class SqliteRecording(FileRecording):
                     self.other_topics[name] = f'{kind} encoded as {form}'
                 elif kinds.setdefault(name, kind) == kind:
                     self._numbers.setdefault(name, []).append(number)
-            definitions = _definitions(database, set(kinds.values()), self._room)
-            for name, kind in kinds.items():
-                self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
-            with suppress(sqlite3.Error):
-                self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
-                               for imu in self.topics]
+            return kinds, _definitions(database, set(kinds.values()), self._room)
 
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
         """Whether a topic has messages; in vain the whole file is gone through, if it is small."""
@@ -211,44 +204,21 @@ class SqliteRecording(FileRecording):
 
     # ------------------------------------------------------------------------------ going through
 
-    def _batches(self, rows: Iterator[Rows], imu: ImuTopic) -> Iterator[Rows]:
-        """Join rows to thousands, as many as there can be in a file of this size."""
-        left, held_bytes, total, position = self._room, 0, 0, 0
-        stamps: list[int] = []
-        messages: list[bytes] = []
-        for more_stamps, more_messages, position in rows:
-            if len(messages) >= _DECODE or held_bytes >= _HELD_BYTES:
-                yield stamps, messages, position
-                stamps, messages, held_bytes = [], [], 0
-            size = sum(map(len, more_messages))
-            left -= size
-            if left < 0:
-                self.remark('damaged_recording', fault='database', places=1, read=total,
-                            reason='its messages have more bytes than the file',
-                            topic=printable(imu.name))
-                break
-            stamps += more_stamps
-            messages += more_messages
-            held_bytes += size
-            total += len(more_messages)
-        if messages:
-            yield stamps, messages, position
-
     def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
-                 malformed: MalformedMessages) -> Iterator[Rows]:
-        """Fetch rows, and go on behind damaged pages."""
+                 malformed: MalformedMessages,
+                 ) -> Iterator[tuple[list[int], list[bytes], int]]:
+        """Fetch stamps, messages and bytes consumed, thousands at a time, behind damage too."""
         numbers = self._numbers[imu.topic]
         if len(numbers) > _MOST_NUMBERS:
             self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
                         entries=len(numbers), read=_MOST_NUMBERS)
             numbers = numbers[:_MOST_NUMBERS]
-        selected = ('FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
-                    "AND typeof(topic_id) = 'integer' "
-                    f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
         # Type and length are known without the value, however long that is.
         query = ("SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
                  f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
-                 f'THEN data END {selected}')
+                 'THEN data END FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
+                 "AND typeof(topic_id) = 'integer' "
+                 f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
         ends = [0, 0]
         for end, order in enumerate(('ASC', 'DESC')):
             with suppress(sqlite3.Error):
@@ -260,24 +230,29 @@ class SqliteRecording(FileRecording):
         span = (last - first) // 200 + 1
         # In a damaged file rows may lie beyond its ends.
         edges = [first, *range(first + span, last + 1, span), 2**63]
-        read = places = 0
-        step, latest = 1, -2**63
+        # All messages together have no more bytes than file and log.
+        read = places = handed = held_bytes = position = 0
+        step, latest, left = 1, -2**63, self._room
+        stamps: list[int] = []
+        messages: list[bytes] = []
         reason: sqlite3.Error | None = None
         for place, (start, stop) in enumerate(pairwise(edges)):
-            position = self.size_bytes * place // (len(edges) - 1)
             # Few enough rows to be held where each is as large as it may be.
             most = 64
             # Reading goes on behind a thousand damaged places.
-            while start < stop and places < 1000 and not budget.exhausted:
-                seen = False
+            while start < stop and places < 1000 and not budget.exhausted and left >= 0:
+                before = latest
                 try:
                     cursor = database.execute(query, (start, stop - 1))
                     while found := cursor.fetchmany(most):
-                        # Damaged pages may lead back to rows that were read already.
-                        stamps: list[int] = []
-                        messages: list[bytes] = []
-                        before = read
+                        if len(messages) >= _DECODE or held_bytes >= _HELD_BYTES:
+                            yield stamps, messages, position
+                            handed += len(messages)
+                            stamps, messages, held_bytes = [], [], 0
+                        position = self.size_bytes * place // (len(edges) - 1)
+                        held = len(messages)
                         for number, stamp, message in found:
+                            # Damaged pages may lead back to rows that were read already.
                             if number > latest:
                                 latest = number
                                 read += 1
@@ -286,20 +261,28 @@ class SqliteRecording(FileRecording):
                                 else:
                                     stamps.append(stamp)
                                     messages.append(message)
-                        if read > before:
-                            seen, step = True, 1
-                            yield stamps, messages, position
-                    start = stop
+                        size = sum(map(len, messages[held:]))
+                        held_bytes += size
+                        left -= size
+                        if left < 0:
+                            del stamps[held:], messages[held:]
+                            self.remark('damaged_recording', fault='database', places=1,
+                                        read=handed + held, topic=printable(imu.name),
+                                        reason='its messages have more bytes than the file')
+                            break
+                    start, step = stop, 1
                 except sqlite3.Error as error:
                     reason = reason or error
-                    if seen:
-                        start = max(start, latest + 1)
+                    if latest > before:
+                        start, step = max(start, latest + 1), 1
                     elif most == 1:
                         places += step == 1
                         start, step = start + step, 2 * step
                     # What fails takes the rows before it along, if they are fetched together.
                     most = 1
-        if reason is not None:
+        if messages:
+            yield stamps, messages, position
+        if reason is not None and left >= 0:
             self.remark('damaged_recording', fault='database', places=places,
                         reason=printable(reason), read=read, topic=printable(imu.name))
 
