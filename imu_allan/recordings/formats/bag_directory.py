@@ -77,7 +77,8 @@ class BagDirectory(Recording):
         counted = self.imu(topic).count or 0
         if messages < counted and _REPORTED_LOSSES.isdisjoint(
                 remark.code for remark in self.remarks):
-            self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic))
+            self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic),
+                        by='metadata.yaml')
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""

@@ -19,7 +19,7 @@ from imu_allan.recordings.formats.gather import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
-from imu_allan.recordings.messages.message_batch import MessageBatch
+from imu_allan.recordings.messages.message_batch import MessageBatch, MessageNumbers
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
@@ -114,7 +114,7 @@ class ChunkedRecording(FileRecording):
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
         effort = Effort(self.path, *self._effort)
         malformed = MalformedMessages()
-        damage = Damage()
+        damage, numbers = Damage(), MessageNumbers()
         messages = 0
 
         def enter(number: int) -> None:
@@ -123,7 +123,8 @@ class ChunkedRecording(FileRecording):
                 wanted.add(number)
 
         def decode(batches: Iterable[MessageBatch]) -> list[ImuBlock]:
-            return [block for held in in_lists(batches) for block in decoder(held, malformed)]
+            return [block for held in in_lists(numbers.seen(batches))
+                    for block in decoder(held, malformed)]
 
         with self._stored.open('rb') as file:
             for part in self._parts(file, damage):
@@ -139,6 +140,11 @@ class ChunkedRecording(FileRecording):
         malformed.report(imu, self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
+        # What damage has taken is reported already.
+        whole = not (damage.end or damage.holes or damage.broken_chunks) and len(wanted) == 1
+        if whole and (lost := numbers.lost(sum(self._counts.values()) - expected)):
+            self.remark('lost_messages', found=messages, counted=messages + lost,
+                        topic=printable(topic), by='numbers')
 
     def _scan(self, file: BinaryIO) -> None:
         """

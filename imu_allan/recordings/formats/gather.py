@@ -29,6 +29,7 @@ RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
+_NUMBER_AT = RECORD_HEAD + 2       # behind channel
 _LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
@@ -238,4 +239,5 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
 
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
     log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
-    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time)
+    number = records[:, _NUMBER_AT:_NUMBER_AT + 4].view('<u4')[:, 0]
+    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number.astype(np.int64))

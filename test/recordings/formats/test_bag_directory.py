@@ -282,4 +282,5 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
         recording.remark('many_definitions')
         list(recording.decoded('/imu'))
         assert recording.remarks[1:] == [
-            said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu')]
+            said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu',
+                 by='metadata.yaml')]
