@@ -137,7 +137,7 @@ battery: $(STAMP)
 
 bench-accuracy: $(STAMP)
 	@PYTHONPATH=bench $(RUN)/python -m battery --only standard
-	$(RUN)/python bench/bench_quarters.py
+	@PYTHONPATH=bench $(RUN)/python -m battery --parts recordings
 
 # The peers, pinned, beside this package as it stands.
 .venv-peers/.installed: setup.py bench/peers/requirements.txt

@@ -17,7 +17,7 @@ from battery.doors import Answer, Said
 from battery.sensors import Array, B, K, N
 import numpy as np
 
-_QUANTITY = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
+QUANTITY = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
 
 
 def axes() -> Iterator[tuple[str, str, Array, float]]:
@@ -33,7 +33,7 @@ def axes() -> Iterator[tuple[str, str, Array, float]]:
         samples = np.concatenate([block.samples for block in blocks])
         stamps = np.concatenate([block.header_ns for block in blocks])
         rate_hz = (len(stamps) - 1) / (float(stamps[-1] - stamps[0]) * 1e-9)
-        names = [f'{sensor} {letter}' for sensor in _QUANTITY for letter in 'xyz']
+        names = [f'{sensor} {letter}' for sensor in QUANTITY for letter in 'xyz']
         for name, column in zip(names, samples.T, strict=True):
             yield path.name, name, np.ascontiguousarray(column), rate_hz
 
@@ -43,7 +43,7 @@ def of_axis(path: str, name: str, samples: Array, rate_hz: float) -> list[dict[s
     sensor = name.partition(' ')[0]
 
     def parts(count: int) -> list[Answer]:
-        return [doors.of_samples(part, rate_hz, _QUANTITY[sensor])
+        return [doors.of_samples(part, rate_hz, QUANTITY[sensor])
                 for part in np.array_split(samples, count)]
 
     [whole], halves, quarters = parts(1), parts(2), parts(4)
