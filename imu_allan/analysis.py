@@ -338,16 +338,11 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     for stream, options, blocks, unit in _streams(recording, choice, progress):
         shortfall: list[Finding] = []
         part = _part(recording, choice, blocks, shortfall)
-        yield Taken(recording, stream, unit, part,
-                    _characterization(recording, stream.topic, options), shortfall)
-
-
-def _characterization(recording: Recording, topic: str, options: TimelineOptions
-                      ) -> Characterization:
-    # Reading has begun in a process of its own: numerics are imported meanwhile.
-    from imu_allan.characterization import Characterization
-    return Characterization(
-        kind='recording', path=str(recording.path), topic=topic, options=options)
+        # Reading has begun in a process of its own: numerics are imported meanwhile.
+        from imu_allan.characterization import Characterization
+        yield Taken(recording, stream, unit, part, Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
+            shortfall)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],

@@ -10,8 +10,15 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-TEXTS = ('gyro_topic', 'accel_topic', 'state_file', 'output_dir', 'spec_file', 'reference',
-         'temperature_topic')
+TEXTS = {
+    'gyro_topic': 'Of the gyroscope, where the IMU comes on two topics',
+    'accel_topic': 'Of the accelerometer, where it comes on two topics',
+    'state_file': 'Keeps what was learnt over a crash or a reboot',
+    'output_dir': 'Where ~/save and the end of the node write',
+    'spec_file': 'Datasheet that the IMU is held against',
+    'reference': 'Earlier result that the IMU is held against',
+    'temperature_topic': 'Of the thermometer beside the IMU',
+}
 """Parameters that an argument sets where it is not empty; else the parameter file does."""
 
 
@@ -26,20 +33,8 @@ def generate_launch_description() -> LaunchDescription:
                               description='Parameter file'),
         DeclareLaunchArgument('imu_topic', default_value='imu/data_raw',
                               description='Topic of the sensor_msgs/Imu messages'),
-        DeclareLaunchArgument('gyro_topic', default_value='',
-                              description='Of the gyroscope, where the IMU comes on two topics'),
-        DeclareLaunchArgument('accel_topic', default_value='',
-                              description='Of the accelerometer, where it comes on two topics'),
-        DeclareLaunchArgument('state_file', default_value='',
-                              description='Keeps what was learnt over a crash or a reboot'),
-        DeclareLaunchArgument('output_dir', default_value='',
-                              description='Where ~/save and the end of the node write'),
-        DeclareLaunchArgument('spec_file', default_value='',
-                              description='Datasheet that the IMU is held against'),
-        DeclareLaunchArgument('reference', default_value='',
-                              description='Earlier result that the IMU is held against'),
-        DeclareLaunchArgument('temperature_topic', default_value='',
-                              description='Of the thermometer beside the IMU'),
+        *(DeclareLaunchArgument(name, default_value='', description=text)
+          for name, text in TEXTS.items()),
         DeclareLaunchArgument('log_level', default_value='info',
                               choices=['debug', 'info', 'warn', 'error', 'fatal'],
                               description='Least severity that is logged'),

@@ -34,18 +34,16 @@ if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.result import Result
 
-_SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate', '--start',
-          '--duration', '--columns', '--jobs', '--units', '--verbose')
-_EXAMPLES = """\
-  imu_allan analyze imu_at_rest --output out
-  imu_allan analyze day1.mcap day2.mcap --together --start 5m --output out
-  imu_allan analyze log.csv --rate 200Hz --columns gyro_x=w0,gyro_y=w1,gyro_z=w2"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'analyze', help='characterize recordings', short=_SHORT, examples=_EXAMPLES,
+        'analyze', help='characterize recordings',
+        short='topic all-topics output together for rate start duration columns jobs '
+              'units verbose',
+        examples=('analyze imu_at_rest --output out',
+                  'analyze day1.mcap day2.mcap --together --start 5m --output out',
+                  'analyze log.csv --rate 200Hz --columns gyro_x=w0,gyro_y=w1,gyro_z=w2'),
         description='Allan deviation and noise coefficients of every axis, from recordings of '
                     'an IMU at rest. It reads rosbag2 folders (sqlite3 or MCAP), bare .mcap and '
                     '.db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin and CSV. A folder holds several, '
@@ -88,7 +86,7 @@ def register(verbs: Any) -> None:
     workers.add_argument('--dask', metavar='ADDRESS',
                          help='work on a running Dask cluster, for instance tcp://host:8786')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, parser=parser, inputs=('recordings',),
+    parser.set_defaults(run=run, inputs=('recordings',),
                         outputs={'json': RESULT, 'output': ''})
 
 

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from imu_allan.result import Inspection
     from imu_allan.sensor.noise_model import NoiseModel
 
-_SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
 _META = ('serial', 'operator', 'station')
-_HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
 
 class Shown(argparse.Action):
@@ -44,8 +42,8 @@ def percentage(text: str) -> float:
 
 def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
-    value = _with_unit(text.casefold(), _HERTZ, f'{text!r} is no rate: write Hz (100), or a '
-                                                'number with Hz or kHz (2kHz)')
+    value = _with_unit(text.casefold(), {'': 1.0, 'hz': 1.0, 'khz': 1e3},
+                       f'{text!r} is no rate: write Hz (100), or a number with Hz or kHz (2kHz)')
     # Thirty times what the fastest IMUs give.
     if value > 1e6:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
@@ -67,8 +65,10 @@ def duration(text: str) -> float:
 
 def moment(text: str) -> float:
     """Read a time of zero or above, in seconds or with a unit; return seconds."""
-    value = _with_unit(text, _SECONDS, f'{text!r} is not a length of time: write seconds (90), or '
-                                       'a number with ms, s, m or min, h or d (10min)')
+    value = _with_unit(text, {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0,
+                              'd': 86_400.0},
+                       f'{text!r} is not a length of time: write seconds (90), or a number with '
+                       'ms, s, m or min, h or d (10min)')
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     if value > LONGEST_S:

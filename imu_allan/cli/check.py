@@ -22,19 +22,16 @@ if TYPE_CHECKING:
     from imu_allan.sensor.noise_model import NoiseModel
     from imu_allan.writers.datasheet import Verdict
 
-_SHORT = ('--spec', '--min-duration', '--allow-undecided', '--live', '--json', '--junit',
-          '--certificate', '--meta', '--topic')
-_EXAMPLES = """\
-  imu_allan check out --spec datasheet.yaml
-  imu_allan check out --spec tactical_mems --min-duration 1h --junit a.xml
-  imu_allan check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'check', short=_SHORT, examples=_EXAMPLES,
-        help='compare with a datasheet: pass, fail or cannot tell',
+        'check', help='compare with a datasheet: pass, fail or cannot tell',
+        short='spec min-duration allow-undecided live json junit certificate meta '
+              'topic',
+        examples=('check out --spec datasheet.yaml',
+                  'check out --spec tactical_mems --min-duration 1h --junit a.xml',
+                  'check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017'),
         description='Compare each quantity with the limit of a datasheet: pass where its 95 % '
                     'interval (or upper bound) lies below, fail where it lies above, cannot '
                     'tell where it reaches across. A constant, missing or dead axis fails. Exit '
@@ -66,7 +63,7 @@ def register(verbs: Any) -> None:
     add_recording_options(parser)
     add_timeline_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, parser=parser, inputs=('source', 'spec'), outputs={
+    parser.set_defaults(run=run, inputs=('source', 'spec'), outputs={
         'json': VERDICTS, 'junit': JUNIT, 'certificate': PAGE})
 
 

@@ -9,14 +9,12 @@ from typing import Any
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.terminal import columns_of
 
-_EXAMPLES = """\
-  imu_allan explain not_steady"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'explain', help='what a finding means and what to do about it', examples=_EXAMPLES,
+        'explain', help='what a finding means and what to do about it',
+        examples=('explain not_steady',),
         description='Say what a finding of a result means, how it is found, and what to do about '
                     'it. Without CODE all findings are listed.')
     parser.add_argument('code', metavar='CODE', nargs='?',

@@ -19,17 +19,16 @@ if TYPE_CHECKING:
 _OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
             'step_s': '--aiding', 'coast_s': '--coast'}
 """What the user typed for what the library calls its arguments."""
-_EXAMPLES = """\
-  imu_allan export out --for kalibr --output imu.yaml
-  imu_allan export out --for vins --aiding 50ms
-  imu_allan export --spec datasheet.yaml --for plain"""
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'export', help='write the configuration of a filter from a result', examples=_EXAMPLES,
+        'export', help='write the configuration of a filter from a result',
         usage='imu_allan export RESULT --for NAME [options]',
+        examples=('export out --for kalibr --output imu.yaml',
+                  'export out --for vins --aiding 50ms',
+                  'export --spec datasheet.yaml --for plain'),
         description='Write the configuration of a filter with its keys, units and convention. '
                     'The numbers are tuned for what usually corrects it; the file says what '
                     'they are expected to reach.')
@@ -61,7 +60,7 @@ def register(verbs: Any) -> None:
                         help='factors on top of the numbers; they are written into the file')
     parser.add_argument('--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
-    parser.set_defaults(run=run, parser=parser, inputs=('result', 'spec'),
+    parser.set_defaults(run=run, inputs=('result', 'spec'),
                         outputs={'output': CONFIGURATION})
 
 

@@ -34,17 +34,14 @@ _READ = {'counted': 'each message taken for a sample, gaps seen where they last'
          'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
 """How the stamps of a clock are read."""
 
-_SHORT = ('--rate', '--columns')
-_EXAMPLES = """\
-  imu_allan info imu_at_rest
-  imu_allan info log.csv --rate 200Hz"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'info', short=_SHORT, examples=_EXAMPLES,
-        help='say what a recording holds',
+        'info', help='say what a recording holds',
+        short='rate columns',
+        examples=('info imu_at_rest',
+                  'info log.csv --rate 200Hz'),
         description='Imu topics of a recording with count, duration, rate, gaps and clock faults. '
                     'Every message is read, none is analyzed.')
     parser.add_argument('recording', metavar='RECORDING')

@@ -24,35 +24,26 @@ from imu_allan.version import __version__
 
 _BY_PIP = ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')
 """Packages that an installation by rosdep may lack; pip and Python call them the same."""
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
-DESCRIPTION = """\
-How noisy is this IMU? Allan deviation and the noise coefficients that filters
-want, each with its 95 % interval, from a recording made while the IMU lay
-still.
-"""
-_EXAMPLES = """\
-  imu_allan analyze imu_at_rest --output out
-  imu_allan export out --for kalibr --output imu.yaml
-  imu_allan simulate consumer_mems --output imu_at_rest"""
-
-EPILOG = """\
-exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
-3 check found a specification that is not met; 4 check cannot tell.
-"""
 
 
 def command_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command, every verb registered."""
     parser = _Parser(
-        prog='imu_allan', description=DESCRIPTION, epilog=EPILOG, examples=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+        prog='imu_allan',
+        description='How noisy is this IMU? Allan deviation and the noise coefficients that '
+                    'filters want, each with its 95 % interval, from a recording made while the '
+                    'IMU lay still.',
+        epilog='exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage; '
+               '3 check found a specification that is not met; 4 check cannot tell.',
+        examples=('analyze imu_at_rest --output out',
+                  'export out --for kalibr --output imu.yaml',
+                  'simulate consumer_mems --output imu_at_rest'))
     parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
     for verb in (analyze, info, simulate, check, tune, export, report, explain):
         verb.register(verbs)
     for verb_parser in verbs.choices.values():
-        verb_parser.set_defaults(verb_parser=verb_parser)
+        verb_parser.set_defaults(parser=verb_parser)
     return parser
 
 
@@ -65,17 +56,18 @@ class _Parser(argparse.ArgumentParser):
 
     Parameters
     ----------
-    short : sequence of str, optional
-        The options that --help shows; --help-all shows the others, too.
-    examples : str, optional
-        Lines that end the help.
+    short : str, optional
+        The options that --help shows, without their dashes; --help-all shows the others, too.
+    examples : sequence of str, optional
+        Command lines, behind `imu_allan`, that end the help.
 
     """
 
-    def __init__(self, *args: Any, short: Sequence[str] = (), examples: str = '', **kwargs: Any
+    def __init__(self, *args: Any, short: str = '', examples: Sequence[str] = (), **kwargs: Any
                  ) -> None:
         super().__init__(*args, **kwargs)
-        self._short, self._examples = short, examples
+        self._short = {f'--{name}' for name in f'help help-all {short}'.split()} if short else None
+        self._examples = ''.join(f'  imu_allan {line}\n' for line in examples)
         if short:
             self.add_argument('--help-all', action=Shown, nargs=0,
                               const=lambda: self.format_help(whole=True),
@@ -86,15 +78,15 @@ class _Parser(argparse.ArgumentParser):
         formatter = self._get_formatter()
         formatter.add_text(self.description)
         for group in self._action_groups:
-            actions = [action for action in group._group_actions if whole or not self._short
-                       or not action.option_strings
-                       or {*action.option_strings} & {*self._short, '--help', '--help-all'}]
+            actions = [action for action in group._group_actions
+                       if whole or self._short is None or not action.option_strings
+                       or {*action.option_strings} & self._short]
             if actions:
                 formatter.start_section(group.title)
                 formatter.add_arguments(actions)
                 formatter.end_section()
         formatter.add_text(self.epilog)
-        examples = f'\nexamples:\n{self._examples}\n' if self._examples else ''
+        examples = f'\nexamples:\n{self._examples}' if self._examples else ''
         return f'{self.format_usage()}\n{formatter.format_help()}{examples}'
 
     def format_usage(self) -> str:
@@ -122,7 +114,7 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = command_parser()
     args, unknown = parser.parse_known_args(argv)
     if unknown:
-        verb: _Parser = args.verb_parser
+        verb: _Parser = args.parser
         options = [name for action in verb._actions for name in action.option_strings
                    if action.help is not argparse.SUPPRESS]
         verb.error(f'unrecognized arguments: {printable(" ".join(unknown))}'
@@ -173,7 +165,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as error:
-        if error.filename is None and error.errno in _NO_ROOM:
+        if error.filename is None and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             # Files are written by functions that name them.
             drop_stdout()
             return _fail(f'standard output: {error.strerror}')

@@ -8,17 +8,14 @@ from typing import Any
 
 from imu_allan.errors import ImuAllanError
 
-_EXAMPLES = """\
-  imu_allan report out --output report
-  imu_allan report monday tuesday --output compared
-  imu_allan report out --format pdf,latex --width 8.5cm"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'report', help='plots and an HTML report; several results are compared',
-        examples=_EXAMPLES,
+        examples=('report out --output report',
+                  'report monday tuesday --output compared',
+                  'report out --format pdf,latex --width 8.5cm'),
         description='Write an HTML report that works offline, and the plots. Several results '
                     'are drawn into one figure, with a table of their differences in units of '
                     'their intervals.')

@@ -18,15 +18,14 @@ if TYPE_CHECKING:
 
 _MOST_SAMPLES = 10**11
 """Three years at 1 kHz, and 37 TB."""
-_EXAMPLES = """\
-  imu_allan simulate consumer_mems --output imu_at_rest
-  imu_allan simulate my_imu.yaml --rate 1kHz --duration 3h --output night"""
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'simulate', help='write a recording from a noise model file', examples=_EXAMPLES,
+        'simulate', help='write a recording from a noise model file',
+        examples=('simulate consumer_mems --output imu_at_rest',
+                  'simulate my_imu.yaml --rate 1kHz --duration 3h --output night'),
         description='Write a rosbag2 recording of an IMU at rest with the noise of a model file. '
                     'The same seed gives the same samples.')
     parser.add_argument('model', metavar='MODEL',

@@ -19,18 +19,15 @@ if TYPE_CHECKING:
     from imu_allan.tuning.field_test import FieldTest
     from imu_allan.tuning.means import Means
 
-_SHORT = ('--aiding', '--coast', '--bias', '--calibration', '--verify', '--plot', '--json')
-_EXAMPLES = """\
-  imu_allan tune out
-  imu_allan tune out --aiding 50ms --coast 2m
-  imu_allan tune out --verify another_day.mcap --plot drift.png"""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'tune', short=_SHORT, examples=_EXAMPLES,
-        help='what a filter needs, and how far it can trust that',
+        'tune', help='what a filter needs, and how far it can trust that',
+        short='aiding coast bias calibration verify plot json',
+        examples=('tune out',
+                  'tune out --aiding 50ms --coast 2m',
+                  'tune out --verify another_day.mcap --plot drift.png'),
         description='Choose the numbers for a filter by how often something corrects it and how '
                     'long it is unaided. Beside them: what the measured coefficients, ten '
                     'times K and the drift model reach, and the unaided drift.')

@@ -40,7 +40,6 @@ INTERVALS_S = (1.0, 10.0, 60.0)    # between corrections
 COASTS_S = (10.0, 60.0, 300.0)
 """Without any: from satellites that miss some beats to a tunnel. Judgments, as the intervals."""
 MOST_STEPS = 4096       # in one half: a filter step costs time
-_ROUNDING = 1e-9        # of a quotient of times that are multiples of one
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,8 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
     if found is None:
         return ()
     # One after the other in both halves, but for the first segment, in which the filter learns.
-    outages = [2 * max(int(found.tested_s / coast.horizon_s + _ROUNDING) - 1, 1)
+    # The quotient of times that are multiples of one may be rounded down.
+    outages = [2 * max(int(found.tested_s / coast.horizon_s + 1e-9) - 1, 1)
                for coast in found.coast]
     return coast_bands(axis, found.coast, outages)
 

@@ -39,12 +39,6 @@ _STEP = 9 / 160
 """Decades of density squared: 7 % of a random walk, finer than it is known."""
 _EXCESS = 10 ** np.linspace(0, 1, 41)
 """Factors of squared noise density for a filter that is to predict enough: 3 % of N apart."""
-_CLEARLY = 8.0
-"""
-Times as long as a random walk takes to reach the white noise: over so long a process is known by
-what it does. Less makes a conservative filter overconfident on more real halves, more makes it
-wider: chosen on the 24 halves of two ADIS16405, which therefore do not validate it.
-"""
 _KEPT = 256
 """Tunings: a report writes configurations of some thirty consumers, most of the same wishes."""
 
@@ -369,9 +363,12 @@ class Truth:
                     + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
         # Over short times a process is a random walk, too. Its Allan variance is highest at 1.89
-        # correlation times.
+        # correlation times. It is known by what it does over eight times as long as a random walk
+        # takes to reach the white noise: less makes a conservative filter overconfident on more
+        # real halves, more makes it wider. Chosen on the 24 halves of two ADIS16405, which
+        # therefore do not validate it.
         processes = [(min(1.89 * p.correlation_time_s,
-                          _CLEARLY * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
+                          8.0 * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
                      for p in self.model.processes]
         if walk > 0:
             shows_s = self._shows_s(walk)

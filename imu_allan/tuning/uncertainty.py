@@ -23,8 +23,6 @@ _USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
 Spread of the logarithm of the drift (a standard deviation) between two halves of real recordings,
 where a result does not have its own: half of that of the variance of the mean over 60 s.
 """
-_FEWEST = 3
-"""Segments: of two the spread is off by any factor, and the usual one is nearer."""
 
 
 def unsteadiness(axis: AxisResult) -> float:
@@ -39,7 +37,8 @@ def unsteadiness(axis: AxisResult) -> float:
         return usual
     drift = [(segment.drift_sigma, segment.duration_s) for segment in axis.stationarity.segments
              if segment.drift_sigma is not None and segment.drift_sigma > 0]
-    if len(drift) < _FEWEST:
+    # Of two the spread is off by any factor, and the usual one is nearer.
+    if len(drift) < 3:
         return usual
     sigma = np.array([level for level, _ in drift])
     # Of the drift in the middle one of the segments. Where one shows less the noise covers its
