@@ -58,7 +58,7 @@ def main() -> int:
     parser.add_argument('--as', dest='kind', choices=KINDS, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.kind:
-        SUBSCRIBERS[args.kind]()
+        subscribe(args.kind)
         return 0
     print(f'CPU time per message of the subscribing process, in microseconds: median, least and '
           f'greatest of {args.rounds} rounds of {args.seconds:g} s')
@@ -208,26 +208,15 @@ def _domain(folder: str) -> Iterator[dict[str, str]]:
         os.environ.update(before)
 
 
-def _floor() -> None:
+def subscribe(kind: str) -> None:
+    """Take the messages in a callback that stores them, or, as the floor, never take them."""
     import rclpy
     from rclpy.node import Node
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Imu
 
     rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    node = Node('floor')
-    node.create_subscription(Imu, 'imu/data_raw', print, qos_profile_sensor_data)
-    signal.pause()
-
-
-def _ordinary() -> None:
-    import rclpy
-    from rclpy.node import Node
-    from rclpy.qos import qos_profile_sensor_data
-    from sensor_msgs.msg import Imu
-
-    rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    node = Node('ordinary')
+    node = Node(kind)
     stored = []
 
     def store(message: Imu) -> None:
@@ -235,10 +224,10 @@ def _ordinary() -> None:
         stored.append((rate.x, rate.y, rate.z, force.x, force.y, force.z))
 
     node.create_subscription(Imu, 'imu/data_raw', store, qos_profile_sensor_data)
+    if kind == 'floor':
+        signal.pause()
     rclpy.spin(node)
 
-
-SUBSCRIBERS = {'floor': _floor, 'ordinary': _ordinary}
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -83,10 +83,8 @@ def plain_records_pass(path: Path) -> int:
 def plain_sqlite_pass(path: Path) -> int:
     """Messages of all rows, fetched one by one."""
     with closing(sqlite3.connect(path)) as database:
-        rows = 0
-        for _ in database.execute('SELECT timestamp, data FROM messages ORDER BY id'):
-            rows += 1
-    return rows
+        return sum(1 for _ in database.execute(
+            'SELECT timestamp, data FROM messages ORDER BY id'))
 
 
 def seconds(run: Callable[[Path], int], path: Path) -> tuple[float, float]:

@@ -9,7 +9,6 @@ Beside it stands the time of one copy of the same samples, as a measure of the m
 """
 
 import argparse
-from collections.abc import Iterator
 import time
 
 from imu_allan.block import ImuBlock
@@ -40,17 +39,9 @@ def messages(count: int, rate_hz: float, kind: str) -> ImuBlock:
                     np.zeros((len(header), 2), dtype=bool), 'imu_link')
 
 
-def cut(block: ImuBlock, size: int) -> Iterator[ImuBlock]:
-    """Give the messages in blocks of `size`."""
-    for first in range(0, len(block), size):
-        part = slice(first, first + size)
-        yield ImuBlock(block.header_ns[part], block.receive_ns[part], block.samples[part],
-                       block.absent[part], block.frame_id)
-
-
 def cpu_ns_per_message(block: ImuBlock, size: int, motion: str) -> float:
     """Push the messages in blocks of `size`; give the CPU time of each."""
-    blocks = list(cut(block, size))
+    blocks = [block.part(slice(first, first + size)) for first in range(0, len(block), size)]
     stage = TimelineStage(TimelineOptions(motion='keep' if motion == 'keep' else 'exclude'))
     begin = time.process_time()
     for part in blocks:
