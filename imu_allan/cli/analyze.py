@@ -98,11 +98,10 @@ def run(args: argparse.Namespace) -> int:
     if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
         args.parser.error('--together takes several recordings of one topic, and no --resume')
     apart = len(args.recordings) > 1 and not args.together
-    of_one = [option for option, given in (
-        ('--json', args.json is not None),
-        ('--for', args.consumers and args.output is None)) if given]
+    of_one = ('--json' if args.json is not None
+              else '--for' if args.consumers and args.output is None else None)
     if apart and of_one:
-        args.parser.error(f'{of_one[0]} takes one recording; use --output DIR for several')
+        args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
     if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
@@ -119,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     tasks = _tasks(args, choice, complaints, gathering)
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
-                            f'{of_one[0]}; choose one with --topic or use --output DIR')
+                            f'{of_one}; choose one with --topic or use --output DIR')
     if args.output is not None and args.dask is None:
         from imu_allan.writers.atomic import require_replaceable_in
         from imu_allan.writers.folder import kinds_of_files

@@ -27,8 +27,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'check', help='compare with a datasheet: pass, fail or cannot tell',
-        short='spec min-duration allow-undecided live json junit certificate meta '
-              'topic',
+        short='spec min-duration allow-undecided live json junit certificate meta topic',
         examples=('check out --spec datasheet.yaml',
                   'check out --spec tactical_mems --min-duration 1h --junit a.xml',
                   'check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017'),

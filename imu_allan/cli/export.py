@@ -6,15 +6,12 @@ import argparse
 import os
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from imu_allan.cli import arguments
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.consumers import consumers_by_family
-
-if TYPE_CHECKING:
-    from imu_allan.result import Result
 
 _OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
             'step_s': '--aiding', 'coast_s': '--coast'}
@@ -67,41 +64,29 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import CONSUMERS, left_from_before
+    from imu_allan.writers.filters import CONSUMERS, export, left_from_before, Wishes
+    from imu_allan.writers.filters.from_datasheet import result_of_datasheet
     from imu_allan.writers.result_file import load_result
 
     if (args.result is None) == (args.spec is None):
         args.parser.error('takes a RESULT, or a datasheet by --spec FILE')
-    result = load_result(args.result) if args.spec is None else _of_datasheet(args)
-    if args.output is None:
-        print(_configuration(result, args), end='')
-        return 0
-    path = Path(args.output)
-    if path.is_dir() or args.output.endswith(os.sep):
+    result = load_result(args.result) if args.spec is None else result_of_datasheet(
+        arguments.specification_of(args.spec), args.spec, args.rate)
+    path = None if args.output is None else Path(args.output)
+    if path is not None and (path.is_dir() or args.output.endswith(os.sep)):
         path = path / CONSUMERS[args.consumer].file
     try:
-        text = _configuration(result, args)
+        text = export(result, args.consumer, None, Wishes(
+            args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
+            args.inflate)).text
     except ImuAllanError as error:
-        raise ImuAllanError(f'{error}{left_from_before(path)}') from error
-    write_atomically(path, text.encode())
-    print(path)
-    return 0
-
-
-def _of_datasheet(args: argparse.Namespace) -> 'Result':
-    """Return the numbers of a datasheet as a result, from which nothing can be tuned."""
-    from imu_allan.writers.filters.from_datasheet import result_of_datasheet
-
-    return result_of_datasheet(arguments.specification_of(args.spec), args.spec, args.rate)
-
-
-def _configuration(result: 'Result', args: argparse.Namespace) -> str:
-    from imu_allan.writers.filters import export, Wishes
-
-    try:
-        wishes = Wishes(args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
-                        args.inflate)
-        return export(result, args.consumer, None, wishes).text
-    except ImuAllanError as error:
+        # The user typed something else than what the library calls its arguments.
         said = re.sub(rf'\b({"|".join(_OPTIONS)})\b', lambda name: _OPTIONS[name[1]], str(error))
-        raise ImuAllanError(said) from error
+        older = '' if path is None else left_from_before(path)
+        raise ImuAllanError(f'{said}{older}') from error
+    if path is None:
+        print(text, end='')
+    else:
+        write_atomically(path, text.encode())
+        print(path)
+    return 0

@@ -98,6 +98,9 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
     from imu_allan.writers import tuning_table
+    from imu_allan.writers.atomic import write_atomically
+    from imu_allan.writers.plot import render
+    from imu_allan.writers.verification_figure import verification_figure
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()
@@ -120,20 +123,11 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
         units = {key: axis.unit for key, axis in axes.items()}
         tables.insert(0, tuning_table.field_test_table(tested, name, units))
     if args.plot is not None:
-        _draw(args.plot, tested, name)
+        if not tested:
+            raise ImuAllanError('--plot: a result holds no series to run filters over: name the '
+                                'recording itself behind --verify')
+        write_atomically(args.plot, render(verification_figure(tested, name), _format(args.plot)))
     return tables, tuning_table.field_test_document(tested, found, args.bias)
-
-
-def _draw(path: str, tested: dict[str, 'FieldTest'], other: str) -> None:
-    """Write the picture of what the filters met."""
-    from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.plot import render
-    from imu_allan.writers.verification_figure import verification_figure
-
-    if not tested:
-        raise ImuAllanError('--plot: a result holds no series to run filters over: name the '
-                            'recording itself behind --verify')
-    write_atomically(path, render(verification_figure(tested, other), _format(path)))
 
 
 def _format(path: str) -> str:
