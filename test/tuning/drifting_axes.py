@@ -7,10 +7,9 @@ from imu_allan.result import AxisResult, Curve, DriftModel, GaussMarkov, Goodnes
 import numpy as np
 
 
-def axis_of(noise_density: float = 0.0, walk: float = 0.0,
-            processes: tuple[tuple[float, float], ...] = (),
-            tones: tuple[tuple[float, float], ...] = (), known: tuple[float, float] = (0.01, 3e3),
-            quantity: str = 'angular_velocity', **fields) -> AxisResult:
+def axis_of(
+        noise_density=0.0, walk=0.0, processes=(), tones=(), known=(0.01, 3000.0),
+        quantity='angular_velocity', **fields):
     """Return an axis with this drift model; processes are (sigma, time), tones (hertz, a)."""
     model = DriftModel(noise_density, walk, tuple(GaussMarkov(*p) for p in processes), *known)
     lines = tuple(Tone(*tone) for tone in tones)

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from drifting_axes import axis_of
 import imu_allan
+from imu_allan.result import Result
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.tuning.tune import optimum
 from imu_allan.writers.filters import Wishes
@@ -61,12 +62,6 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
                 takes(value)
 
 
-def test_true_is_no_time():
-    # What was meant is conservative=True.
-    with refused('aiding_interval_s must be a positive time, not True'):
-        imu_allan.tune(AXIS, True)
-
-
 @pytest.mark.parametrize(('value', 'shown'), [
     (None, 'None'), ('text', "'text'"), ('1', "'1'"), (b'12', "b'12'"), (1.0, '1'),
     (True, 'True'), (np.array(1.0), 'array(1.)')])
@@ -87,7 +82,8 @@ def test_any_kind_of_real_number_is_one(number):
                                       lambda axis: imu_allan.assess(axis, 1.0, 1.0),
                                       lambda axis: imu_allan.state_space(axis, 1.0)])
 @pytest.mark.parametrize(('axis', 'kind'), [
-    (None, 'NoneType'), ('gyro_x', 'str'), (1.0, 'float'), ({}, 'dict'), (np.ones(3), 'ndarray')])
+    (None, 'NoneType'), ('gyro_x', 'str'), (1.0, 'float'), ({}, 'dict'), (np.ones(3), 'ndarray'),
+    (Result('', None, None, {}), 'Result')])
 def test_what_is_no_axis_is_reported(function, axis, kind):
     with refused(f"expected an axis of a result, such as result.axes['gyro_x'], not {kind}",
                  TypeError):

@@ -47,39 +47,27 @@ def test_a_sensor_that_changes_half_way_is_caught():
     assert found.innovations[0].of_halves == pytest.approx((1 / 9, 9), rel=0.1)
 
 
-def test_the_band_of_the_observed_drift_is_that_of_its_outages():
-    horizons = 10.0, 300.0
-    axis = axis_of(1e-3, backtest=Backtest(1000.0, 1000.0, (), tuple(
-        Coast(horizon, 2.0, 2.0) for horizon in horizons)))
+@pytest.mark.parametrize(('tested_s', 'horizon', 'outages'), [
     # Two halves of 1000 s: 99 outages of 10 s and 2 of 300 s in each, the first only learns.
-    for (low, high), horizon, outages in zip(bands_of(axis), horizons, (198, 4), strict=True):
-        spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0],
-                          np.sqrt(0.5 / outages))
-        assert np.log(high / 2) == np.log(2 / low) == pytest.approx(1.96 * spread, rel=1e-4)
+    (1000.0, 10.0, 198), (1000.0, 300.0, 4),
+    # Multiples of a horizon, whose quotient may be rounded down.
+    *((count * 60.8, 60.8, 2 * (count - 1)) for count in (10, 11, 12, 13))])
+def test_the_band_of_the_observed_drift_is_that_of_its_outages(tested_s, horizon, outages):
+    axis = axis_of(1e-3, backtest=Backtest(tested_s, tested_s, (), (Coast(horizon, 2.0, 2.0),)))
+    [(low, high)] = bands_of(axis)
+    spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0], np.sqrt(0.5 / outages))
+    assert np.log(high / 2) == np.log(2 / low) == pytest.approx(1.96 * spread, rel=1e-4)
     assert bands_of(axis_of(1e-3)) == ()
 
 
-@pytest.mark.parametrize('horizons', [10, 11, 12, 13])
-def test_a_part_of_some_horizons_holds_an_outage_less_than_it_has_of_them(horizons):
-    tested_s = horizons * 60.8
-    axis = axis_of(1e-3, backtest=Backtest(tested_s, tested_s, (), (Coast(60.8, 2.0, 2.0),)))
-    [(_, high)] = bands_of(axis)
-    spread = np.hypot(spread_of_forecast(axis, np.array([60.8]))[0],
-                      np.sqrt(0.5 / (2 * (horizons - 1))))
-    assert np.log(high / 2) == pytest.approx(1.96 * spread, rel=1e-4)
-
-
-def test_every_axis_is_tested_on_its_own(hours):
-    both = halves_of(hours, 100 * hours)
-    for one, other in zip(both[0].coast, both[1].coast, strict=True):
-        assert other.observed_rms == pytest.approx(100 * one.observed_rms, rel=1e-6)
-
-
-def test_a_constant_axis_and_a_short_record_are_not_tested(hours):
-    constant, noisy = halves_of(np.zeros_like(hours), hours)
+def test_every_axis_is_tested_on_its_own_where_there_is_noise_for_long_enough(hours):
+    one, other, constant = halves_of(hours, 100 * hours, np.zeros_like(hours))
+    for quiet, loud in zip(one.coast, other.coast, strict=True):
+        assert loud.observed_rms == pytest.approx(100 * quiet.observed_rms, rel=1e-6)
     assert constant is None
-    assert noisy is not None
     assert halves_of(hours[:round(500 * RATE)]) == [None]
+    nothing = Estimator(2).finished().periodogram
+    assert backtest(nothing.series, nothing.cell, 0.01) == [None, None]
 
 
 def test_only_the_longest_unbroken_segment_is_tested(hours):
@@ -90,8 +78,3 @@ def test_only_the_longest_unbroken_segment_is_tested(hours):
     finished = estimator.finished().periodogram
     [found] = backtest(finished.series, finished.cell, 1 / RATE)
     assert found.trained_s == pytest.approx(1.5 * 3600, rel=0.01)
-
-
-def test_no_cells_give_no_test():
-    finished = Estimator(2).finished().periodogram
-    assert backtest(finished.series, finished.cell, 0.01) == [None, None]

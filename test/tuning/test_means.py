@@ -11,7 +11,7 @@ import pytest
 ROWS = np.random.default_rng(1).normal(size=(1050, 6))
 
 
-def taken(*blocks, interval_ns=1e8):
+def taken(*blocks, interval_ns=100000000.0):
     means = Means()
     means.take(blocks, interval_ns)
     return means

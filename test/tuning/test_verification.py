@@ -11,28 +11,23 @@ import pytest
 HERE = axis_of(1e-3, 5e-5)
 
 
-def test_the_same_sensor_needs_no_factor():
-    found = verify(HERE, HERE, tune(HERE, 1.0))
-    assert found.noise_factor == found.random_walk_factor == 1
-    assert found.met.nis == pytest.approx(1, abs=0.02)
-    assert [excess.ratio for excess in found.excess] == pytest.approx([1, 1, 1, 1])
-
-
-def test_more_noise_in_motion_is_a_factor_of_the_noise():
-    found = verify(HERE, axis_of(3e-3, 5e-5), tune(HERE, 1.0))
-    assert found.noise_factor == pytest.approx(3, rel=0.02)
-    assert found.random_walk_factor == pytest.approx(1, rel=0.15)
-    assert found.met.nis > 5
-    assert found.excess[0].ratio == pytest.approx(3, rel=0.01)
-    assert found.excess[-1].ratio < 1.5
-
-
-def test_more_drift_in_motion_is_a_factor_of_the_random_walk():
-    found = verify(HERE, axis_of(1e-3, 2e-4), tune(HERE, 1.0))
-    assert found.random_walk_factor == pytest.approx(4, rel=0.15)
-    assert found.noise_factor == pytest.approx(1, rel=0.05)
-    assert found.met.coast_ratio > 5
-    assert found.excess[-1].ratio > 3
+@pytest.mark.parametrize(('noise', 'drift'), [(1, 1), (3, 1), (1, 4)],
+                         ids=['the same', 'more noise in motion', 'more drift in motion'])
+def test_more_noise_or_drift_is_a_factor_of_its_number_alone(noise, drift):
+    found = verify(HERE, axis_of(noise * 1e-3, drift * 5e-5), tune(HERE, 1.0))
+    assert found.noise_factor == pytest.approx(noise, rel=0.05 if drift > 1 else 0.02)
+    assert found.random_walk_factor == pytest.approx(drift, rel=0.15)
+    assert found.excess[0].ratio == pytest.approx(noise, rel=0.01)
+    if noise == drift:
+        assert found.noise_factor == found.random_walk_factor == 1
+        assert found.met.nis == pytest.approx(1, abs=0.02)
+        assert [excess.ratio for excess in found.excess] == pytest.approx([1, 1, 1, 1])
+    elif noise > 1:
+        assert found.met.nis > 5
+        assert found.excess[-1].ratio < 1.5
+    else:
+        assert found.met.coast_ratio > 5
+        assert found.excess[-1].ratio > 3
 
 
 def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
