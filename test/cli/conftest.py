@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings for the tests of the command, written once, and the result of one."""
 
-from collections.abc import Callable
 import json
-from pathlib import Path
 from typing import Any
 
 import imu_allan
 from imu_allan.cli.main import main
-from imu_allan.sensor.noise_model import NoiseModel, parse_model
+from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import save_result
 import pytest
@@ -23,11 +21,11 @@ GYRO = 'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 20 deg/h}\
 
 
 @pytest.fixture(scope='session')
-def model() -> NoiseModel:
+def model():
     return parse_model(GYRO)
 
 
-def written(folder: Path, model: NoiseModel) -> Path:
+def written(folder, model):
     from imu_allan.recordings.write import write_recording
 
     blocks = simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS)
@@ -35,20 +33,20 @@ def written(folder: Path, model: NoiseModel) -> Path:
 
 
 @pytest.fixture(scope='session')
-def recording(tmp_path_factory: pytest.TempPathFactory, model: NoiseModel) -> Path:
+def recording(tmp_path_factory, model):
     """Five minutes of a simulated gyroscope, topic /imu/data_raw, MCAP."""
     return written(tmp_path_factory.mktemp('recordings'), model)
 
 
 @pytest.fixture(scope='session')
-def imu_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def imu_recording(tmp_path_factory):
     """As long, with an accelerometer: its fit takes twice the time."""
     model = parse_model(f'{GYRO}accel: {{noise_density: 150 ug/sqrt(Hz)}}')
     return written(tmp_path_factory.mktemp('recordings'), model)
 
 
 @pytest.fixture(scope='session')
-def result_file(imu_recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def result_file(imu_recording, tmp_path_factory):
     """Return the result of the recording with an accelerometer, that nobody changes."""
     path = tmp_path_factory.mktemp('result') / 'result.json'
     save_result(imu_allan.analyze(imu_recording), path)
@@ -56,9 +54,9 @@ def result_file(imu_recording: Path, tmp_path_factory: pytest.TempPathFactory) -
 
 
 @pytest.fixture
-def analyzed(tmp_path: Path) -> Callable[..., dict[str, Any]]:
+def analyzed(tmp_path):
     """Run `analyze` and return the result that it writes."""
-    def run(*arguments: object) -> dict[str, Any]:
+    def run(*arguments):
         path = tmp_path / 'analyzed.json'
         assert main(['analyze', *map(str, arguments), '--json', str(path)]) == 0
         found: dict[str, Any] = json.loads(path.read_text())

@@ -32,12 +32,19 @@ COMMAND = [sys.executable, '-m', 'imu_allan', 'analyze']
 NOTHING_SAVED = 'Nothing is saved: --output DIR keeps result, report, plot and curve.'
 
 
-def test_table_goes_to_stdout_and_nothing_to_stderr(imu_recording, output_of):
+def test_table_goes_to_stdout_and_nothing_to_stderr_unless_a_configuration_is_to_stand_alone(
+        imu_recording, output_of, capsys):
     shown = output_of('analyze', imu_recording)
     assert '30,000 samples at 100 Hz, 5 min' in shown.splitlines()
     assert 'angle random walk' in shown
     assert 'velocity random walk' in shown
     assert shown.splitlines()[-1] == NOTHING_SAVED
+    assert main(['analyze', str(imu_recording), '--for', 'kalibr']) == 0
+    out, err = capsys.readouterr()
+    assert set(yaml.safe_load(out)) == {
+        'accelerometer_noise_density', 'accelerometer_random_walk', 'gyroscope_noise_density',
+        'gyroscope_random_walk', 'rostopic', 'update_rate'}
+    assert 'angle random walk' in err
 
 
 def test_json_holds_exactly_what_python_returns(recording, analyzed, capsys):
@@ -50,25 +57,20 @@ def test_json_holds_exactly_what_python_returns(recording, analyzed, capsys):
     assert NOTHING_SAVED not in shown
 
 
-@pytest.mark.parametrize(('step', 'flaw'), [(0.0, 'constant'), (-0.01, 'out of order')])
-def test_a_table_whose_times_stand_still_is_refused_by_its_times(tmp_path, fails_with, step, flaw):
-    rows = ['time_s,gyro_x,gyro_y,gyro_z', *(
-        f'{1000 + step * place:.2f},{place % 7},{place % 5},{place % 3}' for place in range(2000))]
-    (tmp_path / 'imu.csv').write_text('\n'.join(rows))
-    fails_with(f'{tmp_path}/imu.csv: the times of the samples are {flaw}: mend them, or state the '
-               'sample rate (analyze --rate)', 'analyze', tmp_path / 'imu.csv')
-
-
-@pytest.mark.parametrize(('rows', 'options', 'says'), [
-    (1, (), 'no usable sample; see what it holds with imu_allan info'),
-    (500, ('--duration', '1ms'),
+@pytest.mark.parametrize(('rows', 'step', 'options', 'says'), [
+    *((2000, step, '', f'the times of the samples are {flaw}: mend them, or state the sample rate '
+       '(analyze --rate)') for step, flaw in ((0.0, 'constant'), (-0.01, 'out of order'))),
+    # One sample at time zero is no fault of the times.
+    (1, 0.01, '', 'no usable sample; see what it holds with imu_allan info'),
+    (500, 0.01, '--duration 1ms',
      'no usable sample in the chosen part; --start and --duration choose another')])
-def test_one_sample_at_time_zero_is_no_fault_of_the_times(
-        tmp_path, fails_with, rows, options, says):
+def test_a_table_whose_times_stand_still_is_refused_by_its_times(
+        tmp_path, fails_with, rows, step, options, says):
     path = tmp_path / 'imu.csv'
     path.write_text('time_s,gyro_x,gyro_y,gyro_z\n' + ''.join(
-        f'{0.01 * row:.2f},{row % 7},{row % 5},{row % 3}\n' for row in range(rows)))
-    fails_with(f'{path}: {says}', 'analyze', path, *options)
+        f'{1000 * (step <= 0) + step * row:.2f},{row % 7},{row % 5},{row % 3}\n'
+        for row in range(rows)))
+    fails_with(f'{path}: {says}', 'analyze', path, *options.split())
 
 
 def test_output_folder_holds_result_curve_plot_report_and_configurations(
@@ -84,15 +86,6 @@ def test_output_folder_holds_result_curve_plot_report_and_configurations(
         'allan_deviation.png', 'curve.csv', 'report.html', 'result.json', 'imu.yaml',
         'px4_imu.params'}
     assert (output / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')
-
-
-def test_a_configuration_comes_in_the_same_command_alone_on_stdout(imu_recording, capsys):
-    assert main(['analyze', str(imu_recording), '--for', 'kalibr']) == 0
-    shown = capsys.readouterr()
-    assert set(yaml.safe_load(shown.out)) == {
-        'accelerometer_noise_density', 'accelerometer_random_walk', 'gyroscope_noise_density',
-        'gyroscope_random_walk', 'rostopic', 'update_rate'}
-    assert 'angle random walk' in shown.err
 
 
 def test_several_recordings_get_folders_of_their_own_and_lines_in_order(
@@ -197,8 +190,7 @@ def test_start_and_duration_choose_a_part(recording, analyzed, fails_with, capsy
     assert 'asked for' not in capsys.readouterr().out
 
 
-def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(
-        recording, analyzed, fails_with):
+def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(recording, analyzed, fails_with):
     fails_with(f'{recording}, topic /imu/data_raw: the stated rate is 200 Hz, but the header '
                'stamps advance at 100 Hz: leave out the rate, choose the other clock (analyze '
                '--clock), or force the stated rate (analyze --clock none)',

@@ -22,16 +22,18 @@ def test_a_dask_cluster_gives_the_same_results(recording, analyzed):
         assert analyzed(recording) == analyzed(recording, '--dask', cluster.scheduler_address)
 
 
-def test_a_dask_address_where_somebody_is_silent_is_one_line(recording, monkeypatch, fails_with):
+def test_a_dask_address_where_nobody_answers_or_somebody_is_silent_is_one_line(
+        recording, monkeypatch, fails_with):
     monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
     with socket.create_server(('127.0.0.1', 0)) as silent:
-        address = f'tcp://127.0.0.1:{silent.getsockname()[1]}'
-        fails_with(f'--dask {address}: no scheduler answers (TimeoutError); start one with: dask '
-                   'scheduler', 'analyze', recording, '--dask', address)
+        for address, reason in ((f'tcp://127.0.0.1:{silent.getsockname()[1]}', 'TimeoutError'),
+                                ('not an address', '<words>')):
+            fails_with(f'--dask {address}: no scheduler answers ({reason}); start one with: dask '
+                       'scheduler', 'analyze', recording, '--dask', address)
 
 
 def test_a_dask_address_where_garbage_is_sent_is_one_line(recording):
-    def send(server: socket.socket) -> None:
+    def send(server):
         with contextlib.suppress(OSError):
             while True:
                 peer, _ = server.accept()
@@ -48,8 +50,3 @@ def test_a_dask_address_where_garbage_is_sent_is_one_line(recording):
     assert ended.returncode == 1
     assert ended.stderr == Varying(f'imu_allan: --dask {address}: no scheduler answers (<words>); '
                                    'start one with: dask scheduler\n')
-
-
-def test_a_dask_address_where_nobody_answers_is_one_line(recording, fails_with):
-    fails_with('--dask not an address: no scheduler answers (<words>); start one with: dask '
-               'scheduler', 'analyze', recording, '--dask', 'not an address')

@@ -2,28 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verb that says what a finding means."""
 
-from collections.abc import Callable
 
 from imu_allan.writers.sentences import WORDS
 import pytest
 
 
 @pytest.mark.parametrize('given', ['not_steady', 'NOT-STEADY', 'not steady'])
-def test_a_code_is_explained_however_it_is_written(
-        given: str, output_of: Callable[..., str]) -> None:
+def test_a_code_is_explained_however_it_is_written(given, output_of):
     lines = output_of('explain', given).splitlines()
     assert lines[0] == 'not_steady: not steady (act upon it)'
     assert lines[1].startswith('What it means: The noise was not the same all the time')
 
 
-def test_without_a_code_all_are_listed(output_of: Callable[..., str]) -> None:
+def test_without_a_code_all_are_listed(output_of):
     assert [line.split()[0] for line in output_of('explain').splitlines()] == [*WORDS]
 
 
-def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with):
-    fails_with('bias_stop: no finding has this code; did you mean bias_step? (all: imu_allan '
-               'explain)', 'explain', 'bias_stop')
-
-
-def test_an_empty_code_is_shown_as_such(fails_with):
-    fails_with("'': no finding has this code (all: imu_allan explain)", 'explain', '')
+@pytest.mark.parametrize(('code', 'shown', 'hint'), [
+    ('bias_stop', 'bias_stop', '; did you mean bias_step?'), ('', "''", '')])
+def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with, code, shown, hint):
+    fails_with(f'{shown}: no finding has this code{hint} (all: imu_allan explain)',
+               'explain', code)

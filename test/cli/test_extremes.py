@@ -3,7 +3,6 @@
 """Arguments and files at the ends of what numbers can be; packages that are not there."""
 
 import json
-from pathlib import Path
 import re
 import subprocess
 import sys
@@ -42,13 +41,13 @@ def test_a_number_of_many_digits_in_a_result_is_one_line(
     fails_with(f'{damaged}.timeline.{key}: {reason}', verb, damaged, *more)
 
 
-def test_the_smallest_limit_there_is_gives_valid_json(result_file: Path, tmp_path: Path) -> None:
+def test_the_smallest_limit_there_is_gives_valid_json(result_file, tmp_path):
     spec = tmp_path / 'spec.yaml'
     spec.write_text('gyro: {noise_density: 5e-324 rad/s/sqrt(Hz)}\n')
     assert main(['check', str(result_file), '--spec', str(spec),
                  '--json', str(tmp_path / 'c.json')]) == 3
 
-    def refuse(name: str) -> None:
+    def refuse(name):
         raise AssertionError(name)
     json.loads((tmp_path / 'c.json').read_text(), parse_constant=refuse)
 
@@ -62,8 +61,7 @@ def test_a_stamp_that_no_message_can_hold_is_not_written(stamp):
         encode_imu_rows(block)
 
 
-def test_more_samples_than_any_disk_holds_are_not_begun(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_more_samples_than_any_disk_holds_are_not_begun(tmp_path, capsys):
     output = tmp_path / 'out'
     assert main(['simulate', 'consumer_mems', '--rate', '1000kHz', '--duration', '36500d',
                  '--output', str(output)]) == 1
@@ -75,8 +73,7 @@ def test_more_samples_than_any_disk_holds_are_not_begun(
 
 @pytest.mark.parametrize(('package', 'verb'), [
     ('lz4', 'analyze'), ('mcap', 'analyze'), ('zstandard', 'info')])
-def test_a_package_that_rosdep_does_not_install_is_one_line(
-        recording: Path, package: str, verb: str) -> None:
+def test_a_package_that_rosdep_does_not_install_is_one_line(recording, package, verb):
     done = subprocess.run(
         [sys.executable, '-c', f'import sys; sys.modules[{package!r}] = None\n'
          f'from imu_allan.cli.main import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))'],

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many recordings at once."""
 
-from collections.abc import Callable
 import csv
 import json
 import os
@@ -16,6 +15,7 @@ from imu_allan.cli.fleet import Gathering
 from imu_allan.cli.main import main
 from imu_allan.cli.tasks import Task
 from imu_allan.errors import ImuAllanError
+from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import load_result
@@ -24,7 +24,7 @@ import pytest
 from whole_lines import Varying
 
 
-def write_csv(path: Path, density: float, seed: int, samples: int = 6000, axes: str = 'y') -> str:
+def write_csv(path, density, seed, samples=6000, axes='y'):
     """Write a minute of axes of a gyroscope at 100 Hz, of which y has another density."""
     model = parse_model(f'gyro: {{noise_density: 0.005 deg/s/sqrt(Hz), '
                         f'y: {{noise_density: {density} deg/s/sqrt(Hz)}}}}')
@@ -37,8 +37,7 @@ def write_csv(path: Path, density: float, seed: int, samples: int = 6000, axes: 
     return str(path)
 
 
-def test_a_recording_given_twice_counts_once(
-        tmp_path: Path, output_of: Callable[..., str]) -> None:
+def test_a_recording_given_twice_counts_once(tmp_path, output_of):
     one = write_csv(tmp_path / 'u1.csv', 0.005, 1)
     other = write_csv(tmp_path / 'u3.csv', 0.005, 2)
     copy = str(tmp_path / 'u2.csv')
@@ -52,7 +51,7 @@ def test_a_recording_given_twice_counts_once(
 
 
 @pytest.fixture(scope='module')
-def units(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+def units(tmp_path_factory):
     """Six units, of which sn10 is noisy, and a file that is no recording."""
     folder = tmp_path_factory.mktemp('units')
     paths = [write_csv(folder / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
@@ -63,13 +62,12 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 
 
 @pytest.fixture(scope='module')
-def command(units: list[str], tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+def command(units, tmp_path_factory):
     return ['analyze', *units, '--output', str(tmp_path_factory.mktemp('out') / 'fleet'),
             '--name-from', 'folder']
 
 
-def test_a_fleet_gets_a_page_a_table_and_a_document(
-        command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
     output = Path(command[command.index('--output') + 1])
     assert main(command) == 1
     shown = capsys.readouterr()
@@ -96,8 +94,7 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(
     assert '<script' not in page
 
 
-def test_resume_works_on_what_is_missing_or_newer(
-        command: list[str], units: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_resume_works_on_what_is_missing_or_newer(command, units, capsys):
     output = Path(command[command.index('--output') + 1])
     if not output.exists():
         assert main(command) == 1
@@ -116,13 +113,12 @@ def test_resume_works_on_what_is_missing_or_newer(
     assert len(json.loads((output / 'fleet.json').read_text())['units']) == 6
 
 
-def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
-        tmp_path: Path, output_of: Callable[..., str]) -> None:
+def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(tmp_path, output_of):
     paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
     output = tmp_path / 'out'
     command = ['analyze', *paths, '--output', str(output), '--resume']
 
-    def done_before(*options: str) -> list[str]:
+    def done_before(*options):
         return [line.partition(':')[0] for line in output_of(*command, *options).splitlines()
                 if line.endswith('done before')]
 
@@ -145,9 +141,7 @@ def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
     assert done_before(*part) == ['unit2']
 
 
-def test_resume_takes_no_other_recording_of_the_same_relative_name(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str]) -> None:
+def test_resume_takes_no_other_recording_of_the_same_relative_name(tmp_path, monkeypatch, capsys):
     for number, density in enumerate((0.005, 0.02)):
         folder = tmp_path / f'unit{number}'
         folder.mkdir()
@@ -161,32 +155,20 @@ def test_resume_takes_no_other_recording_of_the_same_relative_name(
         np.radians(0.02), rel=0.1)
 
 
-def test_recordings_of_one_imu_make_one_result(
-        tmp_path: Path, output_of: Callable[..., str]) -> None:
+def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):
     paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]
     assert f'{paths[0]} + {paths[1]}' in output_of(
         'analyze', *paths, '--together', '--output', tmp_path / 'out', '--json',
-        tmp_path / 'r.json', '--serial', 'A-17').splitlines()
+        tmp_path / 'r.json', '--serial', 'A-17', '--meta', 'station=bench 3').splitlines()
     result = load_result(tmp_path / 'r.json')
     assert [part.path for part in result.recordings] == paths
-    assert result.inspection.serial == 'A-17'
+    assert result.inspection == Inspection('A-17', None, 'bench 3')
     assert set(result.turn_on_bias) == {'gyro_y'}
     assert (tmp_path / 'out' / 'report.html').exists()
     assert not (tmp_path / 'out' / 'fleet.html').exists()
-
-
-def test_nothing_is_left_out_of_a_joint_result(tmp_path, fails_with):
-    path = write_csv(tmp_path / 'night.csv', 0.005, 1, 1000)
+    # Nothing is left out.
     assert fails_with(f'{tmp_path}/no.csv: no such file or directory',
-                      'analyze', path, tmp_path / 'no.csv', '--together') == ''
-
-
-def test_unit_and_station_go_into_the_result(tmp_path, analyzed):
-    path = write_csv(tmp_path / 'a.csv', 0.005, 1, 1000)
-    for words in (['--serial', 'A-17', '--station', 'bench 3'],
-                  ['--meta', 'serial=A-17', '--meta', 'station=bench 3']):
-        assert analyzed(path, *words)['inspection'] == {
-            'serial': 'A-17', 'operator': None, 'station': 'bench 3'}
+                      'analyze', paths[0], tmp_path / 'no.csv', '--together') == ''
 
 
 @pytest.mark.parametrize(('rows', 'complaint'), [
@@ -204,7 +186,7 @@ def test_where_no_coefficient_comes_out_the_status_is_1(rows, complaint, tmp_pat
     assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)
 
 
-def test_without_a_folder_for_a_page_no_results_are_kept(recording: Path, tmp_path: Path) -> None:
+def test_without_a_folder_for_a_page_no_results_are_kept(recording, tmp_path):
     result = analyze(recording)
     kept = []
     for output in (None, tmp_path):

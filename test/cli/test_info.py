@@ -1,16 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 import os
 from pathlib import Path
-from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
-from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
 from other_types import full_definition, imu, store_with, write_mcap
@@ -22,15 +18,15 @@ CLOCK = ('  clock       header stamps: each stamp shows its place, single missin
 START_NS = 1_700_000_000 * 10**9
 
 
-def test_clean_recording_is_described(
-        imu_recording: Path, output_of: Callable[..., str]) -> None:
+def test_clean_recording_is_described(imu_recording, recording, output_of):
     assert output_of('info', imu_recording).splitlines() == [
         Varying(f'{imu_recording}  <number> MB'), '', '/imu/data_raw', '  messages    30,000',
         '  frame_id    imu_link', '  start       2023-11-14T22:13:20Z', '  duration    5 min',
         '  rate        100 Hz, jitter below 1 us', CLOCK, '  faults      none']
+    assert '  absent      accel_x, accel_y, accel_z' in output_of('info', recording).splitlines()
 
 
-def without(model: NoiseModel, samples: int, *gaps: slice, change: Any) -> Iterator[ImuBlock]:
+def without(model, samples, *gaps, change):
     """Give a recording with gaps, after a change of its stamps and samples."""
     for block in simulated_blocks(model, 100.0, samples, start_ns=START_NS,
                                   block_samples=samples):
@@ -50,10 +46,6 @@ def test_gaps_and_faults_are_counted(tmp_path, model, output_of):
     shown = output_of('info', write_recording(tmp_path / 'faulty', blocks)).splitlines()
     assert '  faults      1,004 missing, 1 duplicate, 1 repeated header stamp' in shown
     assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
-
-
-def test_sensor_that_is_not_there_is_named(recording, output_of):
-    assert '  absent      accel_x, accel_y, accel_z' in output_of('info', recording).splitlines()
 
 
 def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
@@ -76,7 +68,7 @@ def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
                     reason='IMU_ALLAN_DATA names no folder of real recordings')
-def test_clock_faults_of_a_real_recording_are_counted(output_of: Callable[..., str]) -> None:
+def test_clock_faults_of_a_real_recording_are_counted(output_of):
     path = Path(os.environ['IMU_ALLAN_DATA']) / 'robot_localization_test1_2imu_xsens'
     shown = output_of('info', path).splitlines()
     assert [line for line in shown if line.startswith('  faults')] == [
@@ -86,8 +78,7 @@ def test_clock_faults_of_a_real_recording_are_counted(output_of: Callable[..., s
     assert '  /stereo_odometer/odometry  nav_msgs/msg/Odometry' in shown
 
 
-def test_an_imu_inside_another_message_is_named_with_how_it_is_read(
-        tmp_path: Path, output_of: Callable[..., str]) -> None:
+def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, output_of):
     kind = 'my_driver/msg/Stamped'
     store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
     for name in ('run_10', 'run_9'):

@@ -3,7 +3,6 @@
 """No verb writes over what it reads, or over a file that it did not write."""
 
 import os
-from pathlib import Path
 import shutil
 
 from imu_allan.cli.main import main
@@ -13,8 +12,7 @@ SPEC = 'gyro: {noise_density: 0.05 deg/s/sqrt(Hz)}\n'
 
 
 @pytest.fixture
-def folder(tmp_path: Path, recording: Path, result_file: Path, monkeypatch: pytest.MonkeyPatch
-           ) -> Path:
+def folder(tmp_path, recording, result_file, monkeypatch):
     """Give a folder with a recording, a table, a result, a datasheet and links to the first."""
     [mcap] = recording.glob('*.mcap')
     shutil.copy(mcap, tmp_path / 'a.mcap')
@@ -89,7 +87,7 @@ def test_a_link_planted_in_the_output_folder_is_reported_before_the_work(folder,
 
 
 @pytest.mark.usefixtures('folder')
-def test_every_output_is_written_again_over_its_own() -> None:
+def test_every_output_is_written_again_over_its_own():
     for _ in range(2):
         assert main(['analyze', 'a.mcap', '--json', 'new.json', '--output', 'out', '--for',
                      'kalibr']) == 0

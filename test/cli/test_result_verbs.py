@@ -25,49 +25,54 @@ from whole_lines import Varying
 import yaml
 
 
-def test_export_prints_what_a_filter_reads(result_file, output_of):
+def test_export_writes_what_was_wished_to_stdout_a_folder_or_a_file(
+        result_file, tmp_path, output_of):
     document = yaml.safe_load(output_of('export', result_file, '--for', 'kalibr'))
     assert document['gyroscope_noise_density'] == pytest.approx(0.005 * 0.0174533, rel=0.05)
     assert document['update_rate'] == pytest.approx(100, rel=1e-6)
-
-
-def test_export_writes_into_a_folder_or_a_file(result_file, tmp_path, output_of):
     for given, path in ((tmp_path, tmp_path / 'px4_imu.params'),
                         (tmp_path / 'mine.params', tmp_path / 'mine.params')):
         assert output_of('export', result_file, '--for', 'px4', '--output', given) == f'{path}\n'
     assert (tmp_path / 'px4_imu.params').read_text() == (tmp_path / 'mine.params').read_text()
+    for consumer, wishes, lines in (
+            ('vins_fusion', '--rate 25', ['Per sample at f = 25 Hz: N sqrt(f) and K sqrt(f).']),
+            ('kalibr', '--aiding 1s --coast 2min --conservative --inflate N=2,K=5', [
+                'Conservatively tuned for a correction every 1 s and 2 min unaided.',
+                'INFLATED on request: K times 5, N times 2.']),
+            ('kalibr', '--as-measured', ['Coefficients as measured (IEEE Std 952), not tuned.']),
+            *(('kalibr', f'--coast 3h {option}', [
+                f'WARNING: this recording knows 100 s at most; beyond it {widened} widened, and '
+                'K may be']) for option, widened in (('', 'the numbers are'), (
+                    '--as-measured', 'what is expected is')))):
+        shown = output_of('export', result_file, '--for', consumer, *wishes.split()).splitlines()
+        assert {f'# {line}' for line in lines} <= {*shown}
 
 
 def test_export_names_the_older_file_that_it_does_not_replace(result_file, tmp_path, fails_with):
-    dead = imu_allan.load_result(result_file)
-    dead = replace(dead, sensors={}, axes={name: replace(axis, drift_model=None, coefficients={
-        key: replace(one, observable=False, value=None, ci95=None)
-        for key, one in axis.coefficients.items()}) for name, axis in dead.axes.items()})
-    save_result(dead, tmp_path / 'dead.json')
-    reason = ('no configuration for kalibr: no axis of this result has a noise density (constant '
-              'or too short); look at the driver, or record longer')
-    for where, path in ((tmp_path, tmp_path / 'imu.yaml'),
-                        (tmp_path / 'mine.yaml', tmp_path / 'mine.yaml')):
-        export = ['--for', 'kalibr', '--output', str(where)]
-        fails_with(reason, 'export', tmp_path / 'dead.json', *export)
-        assert main(['export', str(result_file), *export]) == 0
-        old = path.read_bytes()
-        fails_with(f'{reason}; {path} stands there from before and was not replaced',
-                   'export', tmp_path / 'dead.json', *export)
-        assert path.read_bytes() == old
-
-
-def test_export_says_no_more_of_the_older_file_than_is_known(result_file, tmp_path, fails_with):
     result = imu_allan.load_result(result_file)
+    save_result(replace(result, sensors={}, axes={name: replace(
+        axis, drift_model=None, coefficients={
+            key: replace(one, observable=False, value=None, ci95=None)
+            for key, one in axis.coefficients.items()}) for name, axis in result.axes.items()}),
+        tmp_path / 'dead.json')
     save_result(replace(result, timeline=replace(result.timeline, sample_rate_hz=None)),
                 tmp_path / 'rateless.json')
-    path = tmp_path / 'vins_fusion_imu.yaml'
-    export = ['export', str(tmp_path / 'rateless.json'), '--for', 'vins_fusion', '--output',
-              str(tmp_path)]
-    assert main([*export, '--rate', '100']) == 0
-    fails_with('the configuration for vins_fusion needs the sample rate, which this result does '
-               f'not have; give it with --rate HZ; {path} stands there from before and was not '
-               'replaced', *export)
+    for poor, consumer, path, reason in (
+            ('dead', 'kalibr', 'imu.yaml', 'no configuration for kalibr: no axis of this result '
+             'has a noise density (constant or too short); look at the driver, or record longer'),
+            ('dead', 'kalibr', 'mine.yaml', 'no configuration for kalibr: no axis of this result '
+             'has a noise density (constant or too short); look at the driver, or record longer'),
+            ('rateless', 'vins_fusion', 'vins_fusion_imu.yaml', 'the configuration for '
+             'vins_fusion needs the sample rate, which this result does not have; give it with '
+             '--rate HZ')):
+        where = tmp_path / path if path == 'mine.yaml' else tmp_path
+        export = ['export', tmp_path / f'{poor}.json', '--for', consumer, '--output', where]
+        fails_with(reason, *export)
+        assert main(['export', str(result_file), *map(str, export[2:])]) == 0
+        old = (tmp_path / path).read_bytes()
+        fails_with(f'{reason}; {tmp_path / path} stands there from before and was not replaced',
+                   *export)
+        assert (tmp_path / path).read_bytes() == old
 
 
 @pytest.mark.parametrize(('wishes', 'message'), [
@@ -78,19 +83,8 @@ def test_export_says_no_more_of_the_older_file_than_is_known(result_file, tmp_pa
     (['state_space', '--aiding', '1ms'],
      'gyro_x: --aiding 0.001 s is below 0.1 s, the band edge: this recording does not know how '
      'the sensor drifts faster; choose a longer step')])
-def test_what_export_refuses_has_the_name_that_was_typed(
-        wishes, message, result_file, fails_with):
+def test_what_export_refuses_has_the_name_that_was_typed(wishes, message, result_file, fails_with):
     fails_with(message, 'export', result_file, '--for', *wishes)
-
-
-def test_export_takes_another_rate(result_file, output_of):
-    assert '# Per sample at f = 25 Hz: N sqrt(f) and K sqrt(f).' in output_of(
-        'export', result_file, '--for', 'vins_fusion', '--rate', '25').splitlines()
-
-
-def test_every_consumer_is_a_choice_of_the_command(result_file, output_of):
-    for consumer in CONSUMERS:
-        assert output_of('export', result_file, '--for', consumer)
 
 
 def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys, output_of):
@@ -127,24 +121,19 @@ def against(tmp_path):
 
 @pytest.mark.parametrize(('limit', 'status', 'word'), [
     ('0.006 deg/s/sqrt(Hz)', 0, 'pass'), ('0.2 deg/sqrt(h)', 3, 'fail')])
-def test_check_tells_by_its_status_whether_the_datasheet_is_kept(
-        result_file, tmp_path, against, capsys, limit, status, word):
-    assert against(result_file, f'gyro: {{noise_density: {limit}}}', '--json', tmp_path / 'c.json',
-                   '--junit', tmp_path / 'c.xml') == status
-    assert (f'{word}: {result_file} against {tmp_path}/spec.yaml'
-            in capsys.readouterr().out.splitlines())
-    assert json.loads((tmp_path / 'c.json').read_text())['verdict'] == word
-    suite = ElementTree.parse(tmp_path / 'c.xml').find('testsuite')
-    assert suite.get('failures') == ('3' if status else '0')
-
-
-def test_check_takes_a_recording_as_well(imu_recording, result_file, tmp_path, against):
+def test_check_of_a_result_or_a_recording_tells_by_its_status_whether_the_datasheet_is_kept(
+        imu_recording, result_file, tmp_path, against, capsys, limit, status, word):
     verdicts = []
     for source in (imu_recording, result_file):
-        assert against(source, 'gyro: {noise_density: 0.2 deg/sqrt(h)}',
-                       '--json', tmp_path / 'c.json') == 3
-        verdicts.append(json.loads((tmp_path / 'c.json').read_text())['checks'])
-    assert verdicts[0] == verdicts[1]
+        assert against(source, f'gyro: {{noise_density: {limit}}}', '--json',
+                       tmp_path / 'c.json', '--junit', tmp_path / 'c.xml') == status
+        assert (f'{word}: {source} against {tmp_path}/spec.yaml'
+                in capsys.readouterr().out.splitlines())
+        verdicts.append(json.loads((tmp_path / 'c.json').read_text()))
+        suite = ElementTree.parse(tmp_path / 'c.xml').find('testsuite')
+        assert suite.get('failures') == ('3' if status else '0')
+    assert verdicts[0]['verdict'] == verdicts[1]['verdict'] == word
+    assert verdicts[0]['checks'] == verdicts[1]['checks']
 
 
 def test_check_goes_through_a_folder_of_recordings(
@@ -230,6 +219,8 @@ def test_unit_operator_and_station_go_into_every_paper(result_file, tmp_path, ag
     assert {p.get('name'): p.get('value') for p in properties} == said
     page = (tmp_path / 'c.html').read_text()
     assert all(f'<dd>{word}</dd>' in page for word in said.values())
+    # A specification that is shipped has a name.
+    assert main(['check', str(result_file), '--spec', 'consumer_mems']) in (0, 3)
 
 
 @pytest.mark.parametrize(('limit', 'status', 'word', 'last'), [
@@ -293,45 +284,37 @@ def test_what_cannot_be_checked_is_one_line(
                    'check', result, '--spec', spec, *options)
 
 
-def test_report_writes_page_and_plots_and_names_them(result_file, tmp_path, output_of):
+def test_report_writes_page_and_plots_and_names_them_and_compares_several(
+        result_file, tmp_path, output_of):
     names = {Path(line).name for line in output_of(
         'report', result_file, '--output', tmp_path / 'out', '--format', 'png,svg').split()}
     assert names == {'report.html', *(f'{sheet}.{kind}' for kind in ('png', 'svg')
                                       for sheet in ('allan_deviation', 'gyro', 'accel'))}
     assert {path.name for path in (tmp_path / 'out').iterdir()} == names
-
-
-def test_report_of_two_results_compares_them(result_file, tmp_path, output_of):
-    other = tmp_path / 'other.json'
-    other.write_bytes(result_file.read_bytes())
-    out = output_of('report', result_file, other, '--output', tmp_path, '--format', 'png')
-    assert (tmp_path / 'comparison.html').exists()
-    assert (tmp_path / 'comparison.png').exists()
-    for axis in AXES:
-        assert spoken(axis) in out
+    paths = [tmp_path / f'unit{number}.json' for number in range(1, 9)]
+    for path in paths:
+        path.write_bytes(result_file.read_bytes())
+    compared = ['--output', tmp_path / 'compared', '--format', 'png']
+    out = output_of('report', *paths[:2], *compared)
+    assert all(spoken(axis) in out for axis in AXES)
     assert '+0.00' in out
-
-
-def test_more_results_than_colours_are_compared_as_a_population(result_file, tmp_path, output_of):
-    paths = []
-    for number in range(1, 9):
-        paths.append(tmp_path / f'unit{number}.json')
-        paths[-1].write_bytes(result_file.read_bytes())
-    out = output_of('report', *paths, '--output', tmp_path, '--format', 'png')
+    # More than there are colours are a population.
+    out = output_of('report', *paths, *compared)
     assert '8 units' in out
     assert '8 of 8' in out
-    page = (tmp_path / 'comparison.html').read_text()
+    page = (tmp_path / 'compared' / 'comparison.html').read_text()
     assert '8 results compared' in page
     assert 'unit8' in page
-    assert (tmp_path / 'comparison.png').exists()
+    assert (tmp_path / 'compared' / 'comparison.png').exists()
 
 
 @pytest.fixture
 def folder(result_file, tmp_path):
     """Make what analyze --output leaves, as far as it matters."""
-    (tmp_path / 'out').mkdir()
-    (tmp_path / 'out' / 'result.json').write_bytes(result_file.read_bytes())
-    return tmp_path / 'out'
+    folder = tmp_path / 'out'
+    folder.mkdir()
+    (folder / 'result.json').write_bytes(result_file.read_bytes())
+    return folder
 
 
 @pytest.mark.parametrize('verb', [['export', '--for', 'kalibr'], ['tune'], ['report']])
@@ -352,11 +335,6 @@ def test_a_result_is_no_recording_and_what_to_do_with_it_is_reported(verb, folde
         fails_with(f'{given}: a result of imu_allan analyze, not a recording; go on with '
                    f'imu_allan report, tune, export or check {folder / "result.json"}',
                    verb, given)
-
-
-def test_a_specification_may_be_one_that_is_shipped(result_file, capsys):
-    assert main(['check', str(result_file), '--spec', 'consumer_mems']) in (0, 3)
-    assert 'gyro_x' in capsys.readouterr().out
 
 
 def test_a_printed_result_is_the_table(imu_recording, result_file):

@@ -1,7 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
-from collections.abc import Callable
 from pathlib import Path
 import subprocess
 import sys
@@ -17,8 +16,7 @@ CONFIG = Path(__file__).parents[2] / 'config'
 
 
 @pytest.mark.parametrize('storage', ['mcap', slow('sqlite3')])
-def test_analysis_of_a_simulated_recording_finds_the_model(
-        storage: str, tmp_path: Path, output_of: Callable[..., str]) -> None:
+def test_analysis_of_a_simulated_recording_finds_the_model(storage, tmp_path, output_of):
     output = tmp_path / 'simulated'
     assert output_of('simulate', CONFIG / 'consumer_mems.yaml', '--storage', storage, '--rate',
                      '200', '--duration', '10min', '--output', output) == f'{output}\n'
@@ -31,12 +29,12 @@ def test_analysis_of_a_simulated_recording_finds_the_model(
         assert low * 0.99 < density < high * 1.01
 
 
-def read(path: Path) -> np.ndarray:
+def read(path):
     with open_recording(path) as recording:
         return np.concatenate([block.samples for block in read_blocks(recording, '/imu/data_raw')])
 
 
-def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path):
     for name, seed in (('a', '7'), ('b', '7'), ('c', '8')):
         assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '20s',
                      '--seed', seed, '--output', str(tmp_path / name)]) == 0
@@ -44,18 +42,15 @@ def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path: Path)
     assert np.all(read(tmp_path / 'a') != read(tmp_path / 'c'))
 
 
-def test_without_output_the_recording_is_named_after_the_model_that_may_be_shipped(
-        tmp_path, monkeypatch):
+def test_without_output_the_recording_is_named_after_the_model_and_replaces_nothing(
+        tmp_path, monkeypatch, fails_with):
     monkeypatch.chdir(tmp_path)
     for model in (str(CONFIG / 'tactical_mems.yaml'), 'consumer_mems'):
         assert main(['simulate', model, '--duration', '1s']) == 0
         assert (tmp_path / Path(model).stem / 'metadata.yaml').is_file()
-
-
-def test_nothing_that_exists_is_overwritten(tmp_path, fails_with):
     (tmp_path / 'mine').mkdir()
-    fails_with(f'{tmp_path}/mine: exists already; name another folder with --output',
-               'simulate', 'tactical_mems', '--duration', '1s', '--output', tmp_path / 'mine')
+    fails_with('mine: exists already; name another folder with --output',
+               'simulate', 'tactical_mems', '--duration', '1s', '--output', 'mine')
     assert list((tmp_path / 'mine').iterdir()) == []
 
 
@@ -81,7 +76,7 @@ def test_a_wrong_model_is_one_line_that_names_what_is_wrong(text, reason, tmp_pa
     assert not (tmp_path / 'out').exists()
 
 
-def peak_megabytes(tmp_path: Path, duration: str) -> float:
+def peak_megabytes(tmp_path, duration):
     code = ('import resource, sys; from imu_allan.cli.main import main; '
             'status = main(sys.argv[1:]); '
             'print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024); sys.exit(status)')
@@ -92,7 +87,7 @@ def peak_megabytes(tmp_path: Path, duration: str) -> float:
     return float(done.stdout.split()[-1])
 
 
-def test_memory_does_not_grow_with_the_length_of_the_recording(tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_the_length_of_the_recording(tmp_path):
     pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
                                        'mcap')
     assert peak_megabytes(tmp_path, '200s') < peak_megabytes(tmp_path, '20s') + 10

@@ -15,48 +15,55 @@ import pytest
 from whole_lines import Varying
 
 
-def test_the_four_ways_stand_side_by_side(result_file, output_of):
-    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s')
+@pytest.mark.parametrize('width', [60, 80, None])
+def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_terminal(
+        result_file, output_of, monkeypatch, width):
+    if width is not None:
+        monkeypatch.setenv('COLUMNS', str(width))
+    verify = ['--verify', result_file] if width == 80 else []
+    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', *verify)
     assert out.splitlines()[0] == (
-        'Numbers for a filter that is corrected every 1 s and unaided for 20 s:')
-    for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
-                'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), predicted m/s^2',
-                'x tuned ', 'conservative', 'as measured', 'ten times K', 'full model'):
-        assert row in out
-    said = Varying('One unaided minute costs about <number>° of heading (<number> to '
-                   '<number>°; gyro_z, the worst axis).')
-    assert said in out.splitlines()
+        'Numbers for a filter that is corrected every 1 s and unaided for 20 s:')[:width]
+    assert '…' not in out
+    rows = [line.split() for line in out.splitlines()]
+    for words in (['conservative'], ['ten', 'times', 'K']):
+        assert sum(row[:len(words)] == words for row in rows) == 6
+    assert all(len(row) == 6 for row in rows if row[:1] == ['conservative'])
     # Ten times a bound is a bound.
     assert (re.search(r'as measured +\S+ +< ', out) is None) == (
         re.search(r'ten times K +\S+ +< ', out) is None)
     for row in re.findall(r'as measured +\S+ +< .*\n.*', out):
         assert re.search(r'ten times K +\S+ +< ', row)
+    if width is not None:
+        assert max(map(len, out.splitlines())) <= width
+        return
+    for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
+                'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), predicted m/s^2',
+                'x tuned ', 'full model'):
+        assert row in out
+    assert Varying('One unaided minute costs about <number>° of heading (<number> to <number>°; '
+                   'gyro_z, the worst axis).') in out.splitlines()
 
 
-@pytest.mark.parametrize('width', [60, 80])
-def test_nothing_is_broken_or_cut_on_a_terminal(result_file, output_of, monkeypatch, width):
-    monkeypatch.setenv('COLUMNS', str(width))
-    verify = ['--verify', str(result_file)] if width == 80 else []
-    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', *verify)
-    assert '…' not in out
-    assert max(map(len, out.splitlines())) <= width
-    rows = [line.split() for line in out.splitlines()]
-    assert sum(row[:1] == ['conservative'] for row in rows) == 6
-    assert all(len(row) == 6 for row in rows if row[:1] == ['conservative'])
-    assert sum(row[:3] == ['ten', 'times', 'K'] for row in rows) == 6
-
-
-def test_an_axis_that_knows_too_little_hides_no_sentence_of_the_others(result_file, tmp_path,
-                                                                       output_of):
+def test_an_axis_without_numbers_or_that_knows_too_little_hides_no_sentence_of_the_others(
+        result_file, tmp_path, output_of):
     result = load_result(result_file)
-    axis = result.axes['gyro_z']
-    short = replace(axis, drift_model=replace(axis.drift_model, to_s=10.0))
-    path = tmp_path / 'short.json'
-    save_result(replace(result, axes=dict(result.axes) | {'gyro_z': short}), path)
-    lines = output_of('tune', path).splitlines()
-    [said] = [line for line in lines if ' of heading ' in line]
+    gyro_z = result.axes['gyro_z']
+    path = tmp_path / 'changed.json'
+    save_result(replace(result, axes={**result.axes, 'gyro_z': replace(
+        gyro_z, drift_model=replace(gyro_z.drift_model, to_s=10.0))}), path)
+    [said] = [line for line in output_of('tune', path).splitlines() if ' of heading ' in line]
     assert said == Varying('One unaided minute costs about <number>° of heading '
                            '(<number> to <number>°; gyro_y, the worst axis that is known).')
+    faults = {'gyro_y': {'saturated': Saturation(0.01, 0.2)}, 'gyro_z': {'copy_of': 'gyro_x'},
+              'accel_z': {'high_passed_hz': 0.2}}
+    save_result(replace(result, axes={name: replace(axis, drift_model=None, **faults[name])
+                                      if name in faults else axis
+                                      for name, axis in result.axes.items()}), path)
+    out = output_of('tune', path).splitlines()
+    assert {'gyro y is left out: its output is cut off at 0.01 rad/s.',
+            'gyro z is left out: it repeats another axis.',
+            'accel z is left out: a filter has taken out its slow part.'} <= {*out}
 
 
 def test_the_numbers_as_json(result_file, tmp_path, output_of):
@@ -76,7 +83,8 @@ def test_the_numbers_as_json(result_file, tmp_path, output_of):
     assert document['axes']['accel_x']['forecast']['position'][0] > 0
 
 
-def test_how_far_another_day_may_be_off_is_said(result_file, output_of):
+def test_how_far_another_day_may_be_off_and_what_changed_within_the_recording_is_said(
+        result_file, output_of, tmp_path):
     out = output_of('tune', result_file, '--coast', '20s')
     [found] = [match for line in out.splitlines() if (match := re.fullmatch(
         r'On another day the squared error after 20 s may be ([\d.]+) to ([\d.]+) times '
@@ -88,13 +96,9 @@ def test_how_far_another_day_may_be_off_is_said(result_file, output_of):
     assert np.exp(4 * 0.17) < high < higher
     assert lower < low
     assert 'Not steady' not in out
-
-
-def test_what_changed_within_the_recording_is_said(result_file, output_of, tmp_path):
-    result = load_result(result_file)
     seen = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
                    half_s=600.0)
-    save_result(replace(result, warnings=(seen,)), tmp_path / 'seen.json')
+    save_result(replace(load_result(result_file), warnings=(seen,)), tmp_path / 'seen.json')
     out = output_of('tune', tmp_path / 'seen.json', '--coast', '3h').splitlines()
     assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second; '
             'numbers for a filter lie between the two.'
@@ -117,21 +121,6 @@ def test_what_is_beyond_the_recording_is_said(result_file, output_of):
     assert ('This recording is too short to know what one unaided minute costs of '
             'heading (bias averaged over 3 h before).') in lines
     assert not any(line.startswith('One unaided minute') for line in lines)
-
-
-def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path, output_of):
-    result = load_result(result_file)
-    axes = dict(result.axes) | {
-        'gyro_y': replace(result.axes['gyro_y'], drift_model=None,
-                          saturated=Saturation(0.01, 0.2)),
-        'gyro_z': replace(result.axes['gyro_z'], drift_model=None, copy_of='gyro_x'),
-        'accel_z': replace(result.axes['accel_z'], drift_model=None, high_passed_hz=0.2)}
-    path = tmp_path / 'faulty.json'
-    save_result(replace(result, axes=axes), path)
-    out = output_of('tune', path).splitlines()
-    assert 'gyro y is left out: its output is cut off at 0.01 rad/s.' in out
-    assert 'gyro z is left out: it repeats another axis.' in out
-    assert 'accel z is left out: a filter has taken out its slow part.' in out
 
 
 def test_the_numbers_hold_on_the_recording_they_come_from(
@@ -179,43 +168,21 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
 
 
 @pytest.mark.parametrize(('options', 'seen'), [
-    (['--plot', 'drift.png'], '--plot shows what --verify OTHER_RECORDING finds: name one'),
-    (['--verify', 'x', '--plot', 'drift.jpg'],
+    ('--plot drift.png', '--plot shows what --verify OTHER_RECORDING finds: name one'),
+    ('--verify x --plot drift.jpg',
      '--plot drift.jpg: write a file that ends in .png, .svg, .pdf'),
-    (['--aiding', '10s', '--coast', '1s'],
-     '--coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least one interval')])
-def test_what_cannot_be_is_refused_before_anything_is_read(result_file, options, seen, fails_with):
-    assert fails_with(seen, 'tune', result_file, *options) == ''
-
-
-def test_a_picture_of_models_alone_is_reported(result_file, tmp_path, fails_with):
-    fails_with('--plot: a result holds no series to run filters over: name the recording itself '
-               'behind --verify', 'tune', result_file, '--verify', result_file, '--plot',
-               tmp_path / 'drift.png')
-
-
-def test_a_result_without_drift_model_is_reported(result_file, tmp_path, fails_with):
-    result = load_result(result_file)
-    old = replace(result, axes={name: replace(axis, drift_model=None)
-                                for name, axis in result.axes.items()})
-    save_result(old, tmp_path / 'old.json')
+    ('--aiding 10s --coast 1s',
+     '--coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least one interval'),
+    ('--verify {result} --plot drift.png', '--plot: a result holds no series to run filters '
+     'over: name the recording itself behind --verify'),
+    ('--verify {old}', '{old}: no axis has a drift model in both recordings')])
+def test_what_cannot_be_is_refused(result_file, tmp_path, options, seen, fails_with):
+    result, old = load_result(result_file), tmp_path / 'old.json'
+    save_result(replace(result, axes={name: replace(axis, drift_model=None)
+                                      for name, axis in result.axes.items()}), old)
     fails_with('no axis of this result has a drift model (constant, too short, or from an older '
-               'version): analyze the recording again', 'tune', tmp_path / 'old.json')
-    fails_with(f'{tmp_path}/old.json: no axis has a drift model in both recordings',
-               'tune', result_file, '--verify', tmp_path / 'old.json')
-
-
-def test_export_writes_what_was_wished(result_file, output_of):
-    out = output_of('export', result_file, '--for', 'kalibr', '--aiding', '1s', '--coast', '2min',
-                    '--conservative', '--inflate', 'N=2,K=5').splitlines()
-    assert '# Conservatively tuned for a correction every 1 s and 2 min unaided.' in out
-    assert '# INFLATED on request: K times 5, N times 2.' in out
-    assert '# Coefficients as measured (IEEE Std 952), not tuned.' in output_of(
-        'export', result_file, '--for', 'kalibr', '--as-measured').splitlines()
-
-
-def test_an_exported_file_says_what_the_recording_does_not_know(result_file, output_of):
-    for option, widened in ((), 'the numbers are'), (('--as-measured',), 'what is expected is'):
-        assert (f'# WARNING: this recording knows 100 s at most; beyond it {widened} widened, and '
-                'K may be' in output_of('export', result_file, '--for', 'kalibr', '--coast', '3h',
-                                        *option).splitlines())
+               'version): analyze the recording again', 'tune', old)
+    shown = fails_with(seen.format(old=old), 'tune', result_file,
+                       *options.format(result=result_file, old=old).split())
+    # What needs no recording is refused before anything is read.
+    assert (shown == '') == ('{' not in options)

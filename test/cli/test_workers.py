@@ -40,7 +40,7 @@ def test_names_that_clash_are_numbered_in_seconds_whatever_other_topics_are_call
     assert time.process_time() - start < 10
 
 
-def test_a_worker_that_is_killed_costs_its_own_recording_only():
+def test_a_worker_that_is_killed_costs_its_own_recording_only_and_a_defect_shows_where_it_is():
     with executor(2, None) as workers:
         lost = workers.submit(os._exit, 9)
         with refused('--jobs: the process that worked on it was ended from outside, perhaps for '
@@ -48,12 +48,9 @@ def test_a_worker_that_is_killed_costs_its_own_recording_only():
             lost.result(timeout=60)
         assert [workers.submit(abs, -number).result(timeout=60) for number in range(5)] == [
             *range(5)]
-
-
-def test_a_defect_in_a_worker_shows_where_it_is():
-    with executor(2, None) as workers, pytest.raises(ZeroDivisionError) as error:
-        workers.submit(divmod, 1, 0).result(timeout=60)
-    assert 'ZeroDivisionError' in str(error.value.__cause__)
+        with pytest.raises(ZeroDivisionError) as error:
+            workers.submit(divmod, 1, 0).result(timeout=60)
+        assert 'ZeroDivisionError' in str(error.value.__cause__)
 
 
 @pytest.mark.parametrize(('jobs', 'topics', 'parts'), [
@@ -129,15 +126,15 @@ def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_writte
     assert (output / 'at_rest-2' / 'report.html').exists()
 
 
-def test_jobs_give_the_same_results_in_the_same_order(recording, tmp_path, model, output_of):
+def test_jobs_give_the_same_results_and_errors_in_the_same_order(
+        recording, tmp_path, model, fails_with):
     other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
-    shown = []
-    for options in ((), ('--jobs', '2')):
-        shown.append(output_of('analyze', recording, other, *options))
-    assert shown[0] == shown[1]
-
-
-def test_an_error_in_a_worker_is_one_line_too(recording, fails_with):
-    line = f'{recording}: no topic /nowhere; its Imu topics are /imu/data_raw (30,000 messages)'
-    fails_with(f'{line}\nimu_allan: {line}',
-               'analyze', recording, recording, '--topic', '/nowhere', '--jobs', '2')
+    line = '{}: no topic /nowhere; its Imu topics are /imu/data_raw ({} messages)'
+    for topic, error in (('/imu/data_raw', f'{tmp_path}/none: no such file or directory'),
+                         ('/nowhere', '\nimu_allan: '.join([
+                             f'{tmp_path}/none: no such file or directory',
+                             line.format(recording, '30,000'), line.format(other, '5,000')]))):
+        command = ['analyze', recording, other, tmp_path / 'none', '--topic', topic]
+        shown = [fails_with(error, *command, *jobs) for jobs in ((), ('--jobs', '2'))]
+        assert shown[0] == shown[1]
+        assert ('gyro N' in shown[0]) == (topic == '/imu/data_raw')

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet whose every number is known."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from imu_allan.noise.terms import AXES, TERMS
@@ -22,7 +21,7 @@ TRUTH = {'noise_density': (1e-4, 0.05, 0.002), 'bias_instability': (2e-5, 0.2, 0
 """Median, and the relative spread between units and of measuring."""
 
 
-def unit(rng: np.random.Generator, **factors: float) -> Result:
+def unit(rng, **factors):
     axes = {}
     for name, quantity in AXES.items():
         coefficients = {}
@@ -49,7 +48,7 @@ def unit(rng: np.random.Generator, **factors: float) -> Result:
 
 
 @pytest.fixture
-def fleet() -> dict[str, Result]:
+def fleet():
     """Forty units, of which unit7 has a noisy gyro_y and unit23 a constant accel_x."""
     rng = np.random.default_rng(8)
     results = {f'unit{number}': unit(rng, **({'gyro_y': 1.6} if number == 7 else {}))
@@ -61,12 +60,12 @@ def fleet() -> dict[str, Result]:
 
 
 @pytest.fixture
-def six() -> Callable[..., dict[str, Result]]:
+def six():
     """Make six units that differ by 2 %, all gyroscope axes of unit2 noisier by a factor."""
     return six_units
 
 
-def six_units(lift: float = 1.0) -> dict[str, Result]:
+def six_units(lift=1.0):
     rng = np.random.default_rng(3)
     units = {}
     for number in range(1, 7):

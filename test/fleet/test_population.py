@@ -1,16 +1,26 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from collections.abc import Callable
 from dataclasses import replace
 
 from imu_allan.fleet.population import population
-from imu_allan.result import Result, Saturation, Span
+from imu_allan.result import Saturation, Span
 import numpy as np
 import pytest
 
 
-def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet: dict[str, Result]) -> None:
+def changed(result, name, **fields):
+    """Give a result of which one axis is another."""
+    return replace(result, axes={**result.axes, name: replace(result.axes[name], **fields)})
+
+
+def with_coefficient(result, name, key, **fields):
+    found = result.axes[name].coefficients
+    return changed(result, name, coefficients={**found, key: replace(found[key], **fields)})
+
+
+def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
     found = population(fleet)
+    assert found.units[:3] == ('unit1', 'unit2', 'unit3')
     assert found.odd_units == ['unit7', 'unit23']
     noisy, *_ = (oddity for oddity in found.oddities if oddity.unit == 'unit7')
     assert (noisy.axis, noisy.key, noisy.fault) == ('gyro_y', 'noise_density', None)
@@ -20,7 +30,7 @@ def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet: dict[str, Resu
     assert (dead.axis, dead.key, dead.fault) == ('accel_x', None, 'constant')
 
 
-def test_the_spread_between_units_is_kept_apart_from_measuring(fleet: dict[str, Result]) -> None:
+def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
     traits = {(trait.axis, trait.key): trait for trait in population(fleet).traits}
     for axis in ('gyro_x', 'accel_z'):
         density = traits[axis, 'noise_density']
@@ -38,16 +48,12 @@ def test_the_spread_between_units_is_kept_apart_from_measuring(fleet: dict[str, 
     assert ('gyro_x', 'rate_random_walk') not in traits
 
 
-def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet: dict[str, Result]) -> None:
-    def without(unit: Result, corner_hz: float | None) -> Result:
-        axis = unit.axes['gyro_x']
-        nothing = {key: replace(found, observable=False, value=None, ci95=None, upper95=None)
-                   for key, found in axis.coefficients.items()}
-        # Far from the means of the others, and as if nothing were more certain.
-        axis = replace(axis, coefficients=nothing, mean=1.0, high_passed_hz=corner_hz)
-        return replace(unit, axes={**unit.axes, 'gyro_x': axis})
-
-    odd = {unit: without(fleet[unit], corner_hz)
+def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
+    nothing = {key: replace(found, observable=False, value=None, ci95=None, upper95=None)
+               for key, found in fleet['unit3'].axes['gyro_x'].coefficients.items()}
+    # Far from the means of the others, and as if nothing were more certain.
+    odd = {unit: changed(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
+                         high_passed_hz=corner_hz)
            for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
     found = population({**fleet, **odd})
     traits = {(trait.axis, trait.key): trait for trait in found.traits}
@@ -55,65 +61,42 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet: dict[str, Resu
     assert not odd.keys() & set(found.odd_units)
 
 
-def test_units_that_are_cut_off_or_stood_still_do_not_belong(fleet: dict[str, Result]) -> None:
-    def with_fault(unit: str, **fault: Saturation | Span) -> Result:
-        return replace(fleet[unit], axes={
-            **fleet[unit].axes, 'gyro_x': replace(fleet[unit].axes['gyro_x'], **fault)})
-
-    found = population({**fleet, 'unit3': with_fault('unit3', saturated=Saturation(0.01, 0.2)),
-                        'unit4': with_fault('unit4', stood_still=Span(60.0, 300.0))})
-    assert {(oddity.unit, oddity.axis, oddity.fault) for oddity in found.oddities
+def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet):
+    for unit, fault in (('unit3', {'saturated': Saturation(0.01, 0.2)}),
+                        ('unit4', {'stood_still': Span(60.0, 300.0)})):
+        fleet[unit] = changed(fleet[unit], 'gyro_x', **fault)
+    lacking = fleet['unit9']
+    fleet['unit9'] = replace(lacking, axes={
+        name: axis for name, axis in lacking.axes.items() if name != 'gyro_z'})
+    assert {(oddity.unit, oddity.axis, oddity.fault) for oddity in population(fleet).oddities
             if oddity.fault is not None} == {
         ('unit3', 'gyro_x', 'saturated'), ('unit4', 'gyro_x', 'dead'),
-        ('unit23', 'accel_x', 'constant')}
+        ('unit9', 'gyro_z', 'missing'), ('unit23', 'accel_x', 'constant')}
 
 
-def test_units_stand_in_natural_order(fleet: dict[str, Result]) -> None:
-    assert population(fleet).units[:3] == ('unit1', 'unit2', 'unit3')
-
-
-def test_an_axis_that_one_unit_lacks_is_missing_there(fleet: dict[str, Result]) -> None:
-    bad = fleet['unit9']
-    fleet['unit9'] = replace(bad, axes={k: a for k, a in bad.axes.items() if k != 'gyro_z'})
-    assert ('unit9', 'gyro_z', 'missing') in {
-        (oddity.unit, oddity.axis, oddity.fault) for oddity in population(fleet).oddities}
-
-
-def test_an_axis_that_no_unit_has_is_missing_in_none(fleet: dict[str, Result]) -> None:
+def test_an_axis_that_no_unit_has_is_missing_in_none(fleet):
     gyros = {name: replace(result, axes={k: a for k, a in result.axes.items() if 'gyro' in k})
              for name, result in fleet.items()}
     assert population(gyros).odd_units == ['unit7']
 
 
-def test_two_units_are_no_population(fleet: dict[str, Result]) -> None:
-    found = population({name: fleet[name] for name in ('unit1', 'unit2')})
-    assert found.units == ('unit1', 'unit2')
-    assert not found.traits
-    assert not found.oddities
-
-
-def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(
-        fleet: dict[str, Result]) -> None:
+def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
     # All of them wander by what flicker makes of a mean; six are too quiet to show it.
     drift = 0.664 * 2e-5
-    means = np.random.default_rng(1).normal(0, drift, len(fleet))
-    for number, (name, result) in enumerate(fleet.items()):
-        axis = replace(result.axes['gyro_x'], mean=float(means[number]))
+    means = np.random.default_rng(1).normal(0, drift, len(fleet)).tolist()
+    for number, (name, mean) in enumerate(zip(fleet, means, strict=True)):
+        fleet[name] = changed(fleet[name], 'gyro_x', mean=mean)
         if number % 7 == 0:
-            quiet = replace(axis.coefficients['bias_instability'], observable=False, value=None,
-                            ci95=None, upper95=3e-5)
-            axis = replace(axis, coefficients={**axis.coefficients, 'bias_instability': quiet})
-        fleet[name] = replace(result, axes={**result.axes, 'gyro_x': axis})
+            fleet[name] = with_coefficient(fleet[name], 'gyro_x', 'bias_instability',
+                                           observable=False, value=None, ci95=None, upper95=3e-5)
     found = population(fleet)
     assert [oddity for oddity in found.oddities if oddity.axis == 'gyro_x'] == []
-    bad = replace(fleet['unit1'].axes['gyro_x'], mean=20 * drift)
-    fleet['unit1'] = replace(fleet['unit1'], axes={**fleet['unit1'].axes, 'gyro_x': bad})
+    fleet['unit1'] = changed(fleet['unit1'], 'gyro_x', mean=20 * drift)
     assert [(oddity.unit, oddity.key) for oddity in population(fleet).oddities
             if oddity.axis == 'gyro_x'] == [('unit1', 'mean')]
 
 
-def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(
-        six: Callable[..., dict[str, Result]]) -> None:
+def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(six):
     assert population(six()).odd_units == []
     found = population(six(1.095))
     assert found.odd_units == ['unit2']
@@ -122,16 +105,14 @@ def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(
     assert {round(oddity.value / oddity.median, 1) for oddity in found.oddities} == {1.1}
 
 
-def test_few_units_that_differ_much_have_no_limit(fleet: dict[str, Result]) -> None:
-    several = {name: fleet[name] for name in ('unit1', 'unit2', 'unit3')}
-    for factor, result in zip((1.0, 30.0, 1000.0), list(several.values()), strict=True):
-        axis = result.axes['gyro_x']
-        density = axis.coefficients['noise_density']
-        value = factor * 1e-4
-        several[f'unit{[1.0, 30.0, 1000.0].index(factor) + 1}'] = replace(result, axes={
-            **result.axes, 'gyro_x': replace(axis, coefficients={
-                **axis.coefficients, 'noise_density': replace(
-                    density, value=value, ci95=(0.99 * value, 1.01 * value))})})
+def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(fleet):
+    several = {name: with_coefficient(fleet[name], 'gyro_x', 'noise_density', value=value,
+                                      ci95=(0.99 * value, 1.01 * value))
+               for name, value in (('unit1', 1e-4), ('unit2', 3e-3), ('unit3', 0.1))}
     traits = {(trait.axis, trait.key): trait for trait in population(several).traits}
     assert traits['gyro_x', 'noise_density'].tolerance is None
     assert traits['gyro_y', 'noise_density'].tolerance > traits['gyro_y', 'noise_density'].median
+    found = population({name: fleet[name] for name in ('unit1', 'unit2')})
+    assert found.units == ('unit1', 'unit2')
+    assert not found.traits
+    assert not found.oddities
