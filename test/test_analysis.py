@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording in, a result out: where it begins."""
 
-from functools import partial
 from os import PathLike
 import subprocess
 import sys
 
-from imu_allan import predicted_drift, state_space, tune
 from imu_allan.analysis import analyze
 from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
@@ -44,48 +42,38 @@ def test_start_auto_leaves_out_the_warm_up(written):
     assert not warm.axes['gyro_x'].coefficients['rate_random_walk'].observable
 
 
-def test_start_auto_leaves_nothing_out_where_nothing_settles(written):
-    result = analyze(written(0.0), start_s='auto')
+def test_start_auto_leaves_nothing_out_where_nothing_settles_and_is_for_one_recording(written):
+    path = written(0.0)
+    result = analyze(path, start_s='auto')
     [said] = [one.values for one in result.warnings if one.code == 'start_auto']
     assert not said['warm_up_s']
     assert result.timeline.duration_s == pytest.approx(7200, abs=1)
-
-
-def test_start_auto_is_refused_for_several_recordings(written):
-    path = written(0.0)
     with refused('--start auto finds the warm-up of one recording; for several give the time to '
                  'leave out, such as --start 10min'):
         analyze([path, path], start_s='auto')
 
 
-def shifted(path, first, last):
+def part(path, first, last):
     """Write some lines of a CSV into another one."""
-    lines = path.read_text().splitlines(keepends=True)
-    part = path.with_name(f'{first}_{last}.csv')
-    part.write_text(''.join([lines[0], *lines[1 + first:1 + last]]))
-    return part
+    head, *lines = path.read_text().splitlines(keepends=True)
+    other = path.with_name(f'{first}_{last}.csv')
+    other.write_text(''.join([head, *lines[first:last]]))
+    return other
 
 
-@pytest.mark.parametrize('again', ['the same', 'a link', 'a copy', 'its end', 'its middle',
-                                   'ten seconds of it'])
-def test_the_same_recording_given_twice_is_refused(written, again):
+@pytest.mark.parametrize(('first', 'other'), [
+    ('imu.csv', 'imu.csv'), ('imu.csv', 'link.csv'), ('imu.csv', (0, 36_000)),
+    ('imu.csv', (12_000, 36_000)), ('imu.csv', (12_000, 30_000)), ((0, 18_500), (17_500, 36_000))],
+    ids=['the same', 'a link', 'a copy', 'its end', 'its middle', 'ten seconds of it'])
+def test_the_same_recording_given_twice_is_refused(written, first, other):
     path = written(0.0)
-    other = {'the same': path, 'a link': path.with_name('link.csv'),
-             'a copy': path.with_name('copy.csv')}.get(again)
-    if again == 'a link':
-        other.symlink_to(path)
-    elif again == 'a copy':
-        other.write_bytes(path.read_bytes())
-    elif other is None:
-        first, last = {'its end': (12_000, 36_000), 'its middle': (12_000, 30_000)}.get(
-            again, (17_500, 36_000))
-        other = shifted(path, first, last)
-        if again == 'ten seconds of it':
-            path = shifted(path, 0, 18_500)
-    for paths in ([path, other], [other, path]):
-        with refused(f'{paths[0]} and {paths[1]} hold the same messages, which would count twice; '
-                     'give each recording of the IMU once'):
-            analyze(paths)
+    path.with_name('link.csv').symlink_to(path)
+    paths = [path.with_name(name) if isinstance(name, str) else part(path, *name)
+             for name in (first, other)]
+    for one, two in (paths, paths[::-1]):
+        with refused(f'{one} and {two} hold the same messages, which would count twice; give each '
+                     'recording of the IMU once'):
+            analyze([one, two])
 
 
 def test_recordings_of_one_time_with_other_values_are_two(written):
@@ -97,17 +85,16 @@ def test_recordings_of_one_time_with_other_values_are_two(written):
     assert len(analyze([path, other]).recordings) == 2
 
 
-def test_any_kind_of_path_is_one_recording(written):
+def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys):
     class Given(PathLike):
+        """Any kind of path is one recording."""
+
         def __fspath__(self):
             return str(path)
 
     path = written(0.0)
-    assert analyze(Given()) == analyze(path)
-
-
-def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys):
-    result = analyze(written(0.0))
+    result = analyze(Given())
+    assert result.source.path == str(path)
     assert result.source.start_time is None
     assert origin_of(result) == ['time column']
     assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr').text
@@ -134,15 +121,6 @@ def test_samples_are_no_recording(samples):
             'an array: imu_allan.characterize(samples, sample_rate_hz)')
     with refused(line, TypeError):
         analyze(samples)
-
-
-def test_a_whole_result_is_no_axis(written):
-    result = analyze(written(0.0))
-    for takes_an_axis in (tune, partial(state_space, step_s=1.0),
-                          partial(predicted_drift, horizons_s=[60.0])):
-        with refused("expected an axis of a result, such as result.axes['gyro_x'], not Result",
-                     TypeError):
-            takes_an_axis(result)
 
 
 def test_what_reads_is_there_before_scipy_is_imported():

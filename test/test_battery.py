@@ -61,17 +61,14 @@ def test_simulated_quantization_noise_has_the_variance_of_the_bounds():
     assert abs(drawn.sum()) < 10
 
 
-def test_bounds_of_case_a_and_b_are_the_known_ones():
+def test_bounds_of_case_a_and_b_are_the_known_ones_and_a_process_costs_slow_terms_theirs():
     case_a = bounds.reference_widths(Sensor(100, 10_800, CONSUMER))
     case_b = bounds.reference_widths(Sensor(200, 3600, WALKING))
     relative = [width[key] / (2 * bounds.NORMAL95 * terms[key])
                 for width, terms in ((case_a, CONSUMER), (case_b, WALKING)) for key in (N, B, K)]
     assert relative == pytest.approx([0.00069, 0.044, 0.30, 0.00084, 0.100, 0.174], rel=0.02)
-
-
-def test_process_and_exponent_cost_what_else_is_slow_its_sharpness():
-    alone = bounds.reference_widths(Sensor(20, 3600, CONSUMER))
-    beside = bounds.reference_widths(Sensor(20, 3600, CONSUMER, process=(5e-5, 60.0)))
+    alone, beside = (bounds.reference_widths(Sensor(20, 3600, CONSUMER, process=process))
+                     for process in (None, (5e-5, 60.0)))
     assert beside[B] > 1.5 * alone[B]
     assert beside[N] == pytest.approx(alone[N], rel=0.1)
 

@@ -3,7 +3,6 @@
 """Nothing that lies in the current folder runs: it may be a recording that somebody else made."""
 
 import os
-from pathlib import Path
 import subprocess
 import sys
 
@@ -22,7 +21,7 @@ LARGE = 220_000
 
 
 @pytest.fixture(scope='module')
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp('recordings')
     for name, count in (('large', LARGE), ('small', 3000), ('other', 3000)):
         write_recording(folder / name, simulated_blocks(
@@ -31,7 +30,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def downloaded(tmp_path: Path) -> Path:
+def downloaded(tmp_path):
     """Return a folder in which every module that might be imported from it leaves a trace."""
     folder = tmp_path / 'downloaded'
     folder.mkdir()
@@ -44,7 +43,7 @@ def downloaded(tmp_path: Path) -> Path:
     return folder
 
 
-def installed(folder: Path) -> list[str]:
+def installed(folder):
     """Return a command line as an installation leaves it: a script in a folder of its own."""
     script = folder / 'bin' / 'imu_allan'
     script.parent.mkdir(exist_ok=True)
@@ -53,7 +52,7 @@ def installed(folder: Path) -> list[str]:
     return [sys.executable, str(script)]
 
 
-def run(current: Path, *commands: str) -> str:
+def run(current, *commands):
     """Run commands in a folder, one after the other; returns their standard output."""
     done = subprocess.run([*installed(current.parent), *commands], cwd=current,
                           capture_output=True, text=True, timeout=120, check=False)
@@ -62,29 +61,23 @@ def run(current: Path, *commands: str) -> str:
     return done.stdout
 
 
-def test_a_large_recording_is_read_without_what_lies_in_the_current_folder(
-        recordings, downloaded):
-    size = sum(file.stat().st_size for file in (recordings / 'large').iterdir())
-    assert size > 1 << 26
-    shown = run(downloaded, f'analyze {recordings}/large').splitlines()
-    assert f'{LARGE:,} samples at 100 Hz, 36 min 40 s' in shown
-
-
-def test_workers_import_nothing_from_the_current_folder(recordings, downloaded):
-    shown = run(downloaded, f'analyze {recordings}/small {recordings}/other --jobs 2')
-    assert shown.count('gyro N') == 2
-
-
 def test_no_verb_imports_or_obeys_what_lies_in_the_current_folder(recordings, downloaded):
     result, model = downloaded / 'r.json', downloaded / 'm.yaml'
     model.write_text(MODEL)
     # A pipe that nobody writes to, instead of a file, would keep matplotlib waiting for ever.
     (downloaded / 'matplotlibrc').unlink()
     os.mkfifo(downloaded / 'matplotlibrc')
-    run(downloaded, f'info {recordings}/small',
+    size = sum(file.stat().st_size for file in (recordings / 'large').iterdir())
+    assert size > 1 << 26
+    shown = run(
+        downloaded, f'info {recordings}/small',
         f'analyze {recordings}/small --json {result} --output out',
         f'simulate {model} --duration 1s --output simulated', f'export {result} --for kalibr',
-        f'report {result} --output report', f'check {result} --spec {model} --allow-undecided')
+        f'report {result} --output report', f'check {result} --spec {model} --allow-undecided',
+        f'analyze {recordings}/small {recordings}/other --jobs 2',
+        f'analyze {recordings}/large')
+    assert shown.count(': 30 s, gyro N') == 2
+    assert f'{LARGE:,} samples at 100 Hz, 36 min 40 s' in shown.splitlines()
 
 
 def test_plots_are_the_same_whatever_settings_lie_in_the_current_folder(recordings, downloaded):

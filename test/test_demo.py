@@ -22,12 +22,11 @@ DEMO = ROOT / 'demo' / 'run_demo.py'
 FILES = {'report.html', 'allan_deviation.png', 'imu.yaml', 'result.json', 'curve.csv'}
 
 
-def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_path: Path) -> None:
+def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_path):
     pytest.importorskip('rclpy')
     output = tmp_path / 'demo output'
     with subprocess.Popen([sys.executable, str(DEMO), '--hours', '0.05', '--output', str(output)],
                           stdout=subprocess.PIPE, text=True, env=marked(tmp_path)) as process:
-        assert process.stdout is not None
         shown = process.stdout.read()
     assert process.returncode == 0, shown
     assert Varying('The same numbers: node and recording differ by at most <number> (relative, '
@@ -38,12 +37,11 @@ def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_pa
     assert living(tmp_path) == []
 
 
-def test_ctrl_c_ends_every_process_of_the_demo(tmp_path: Path) -> None:
+def test_ctrl_c_ends_every_process_of_the_demo(tmp_path):
     pytest.importorskip('rclpy')
     with subprocess.Popen([sys.executable, str(DEMO), '--output', str(tmp_path / 'demo')],
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                           start_new_session=True, env=marked(tmp_path)) as process:
-        assert process.stdout is not None
         while 'times real time' not in (line := process.stdout.readline()):
             assert line, 'the demo ended by itself'
         os.killpg(process.pid, signal.SIGINT)
@@ -54,7 +52,7 @@ def test_ctrl_c_ends_every_process_of_the_demo(tmp_path: Path) -> None:
     assert not (tmp_path / 'demo' / 'recording').exists()
 
 
-def test_recording_of_the_user_is_analyzed_instead(tmp_path: Path) -> None:
+def test_recording_of_the_user_is_analyzed_instead(tmp_path):
     bag, output = tmp_path / 'my bag', tmp_path / 'out'
     assert main(['simulate', str(ROOT / 'config' / 'tactical_mems.yaml'), '--duration', '1min',
                  '--output', str(bag)]) == 0
@@ -65,17 +63,15 @@ def test_recording_of_the_user_is_analyzed_instead(tmp_path: Path) -> None:
     assert {path.name for path in output.iterdir()} == FILES
 
 
-def test_missing_recording_is_one_line(tmp_path: Path) -> None:
+def test_missing_recording_is_one_line(tmp_path):
     done = subprocess.run([sys.executable, str(DEMO), '--recording', 'no/such', '--output',
                            str(tmp_path)], check=False, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == 'imu_allan: no/such: no such file or directory\n'
 
 
-def test_the_comparison_sees_any_difference() -> None:
+def test_the_comparison_sees_any_difference():
     spec = importlib.util.spec_from_file_location('run_demo', DEMO)
-    assert spec is not None
-    assert spec.loader is not None
     demo = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(demo)
     tree = {'a': [1.0, 2.0, None], 'b': {'c': 4.0, 'd': 'text', 'e': True}}

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Disks that are full or read-only and kills in the middle of writing; the table of faults."""
 
-from collections.abc import Iterator
 import contextlib
 import json
 import os
@@ -27,14 +26,14 @@ MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
 
 
 @pytest.fixture(scope='module')
-def result(short_recording, tmp_path_factory) -> Path:
+def result(short_recording, tmp_path_factory):
     path = tmp_path_factory.mktemp('results') / 'r.json'
     save_result(analyze(short_recording), path)
     return path
 
 
 @contextlib.contextmanager
-def mounted(folder: Path, options: str) -> Iterator[Path]:
+def mounted(folder, options):
     """Mount a file system in memory; skip where that is not allowed."""
     if not sys.platform.startswith('linux') or os.geteuid() != 0:
         pytest.skip('mounting a small file system needs root on Linux')
@@ -49,9 +48,9 @@ def mounted(folder: Path, options: str) -> Iterator[Path]:
         subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
-def command(*arguments: object, file_limit: int | None = None) -> subprocess.CompletedProcess:
+def command(*arguments, file_limit=None):
     """Run the command as a process, if wanted with a limit to the size of any file it writes."""
-    def limit() -> None:
+    def limit():
         if file_limit is not None:
             # Beyond it a write fails with EFBIG, where the signal is ignored as Python does.
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
@@ -62,12 +61,12 @@ def command(*arguments: object, file_limit: int | None = None) -> subprocess.Com
                           preexec_fn=limit)
 
 
-def assert_one_line(done: subprocess.CompletedProcess, line: str) -> None:
+def assert_one_line(done, line):
     assert done.returncode == 1, done.stderr
     assert done.stderr == Varying(f'imu_allan: {line}\n')
 
 
-def files_in(folder: Path) -> list[str]:
+def files_in(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob('*') if path.is_file())
 
 

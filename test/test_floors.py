@@ -5,7 +5,6 @@
 import ast
 from graphlib import TopologicalSorter
 from itertools import pairwise
-from pathlib import Path
 import re
 import sys
 
@@ -30,42 +29,37 @@ ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'diagnos
        'builtin_interfaces', 'rcl_interfaces', 'rosgraph_msgs', 'ament_index_python'}
 
 
-def floor(module: str) -> int:
+def floor(module):
     """Give the number of the floor of a module; every one has its place."""
     [number] = [number for number, parts in enumerate(FLOORS) for part in parts
                 if module == part or (part != 'imu_allan' and module.startswith(f'{part}.'))]
     return number
 
 
-def test_a_module_imports_nothing_from_a_floor_above() -> None:
+def test_a_module_imports_nothing_from_a_floor_above():
     above = [(module, name) for module, path in MODULES.items() for name in imported(path)
              if name.split('.')[0] == 'imu_allan' and floor(name) > floor(module)]
     assert not above
 
 
-def test_no_circle_of_imports() -> None:
+def test_no_circle_of_imports():
     needs = {module.removesuffix('.__init__'): imported(path) for module, path in MODULES.items()}
     # Raises CycleError, which names the modules of the circle.
     TopologicalSorter(needs).prepare()
 
 
-def test_only_the_node_imports_ros() -> None:
+def test_only_the_node_imports_ros():
     assert not {module for module, path in MODULES.items()
                 if libraries(path) & ROS and not module.startswith('imu_allan.node')}
 
 
-def test_numerics_need_numpy_and_scipy_alone() -> None:
+def test_numerics_need_numpy_and_scipy_alone():
     allowed = {'imu_allan', 'numpy', 'scipy', *sys.stdlib_module_names}
     assert not {module for module, path in MODULES.items()
                 if '.noise.' in module and libraries(path) - allowed}
 
 
-def test_no_module_is_named_after_nothing() -> None:
-    assert not {path.stem for path in PACKAGE.rglob('*.py')} & {
-        'utils', 'util', 'helpers', 'helper', 'common', 'misc', 'tools'}
-
-
-def unexplained(path: Path) -> list[str]:
+def unexplained(path):
     """Lines that give a number a name, and nothing beside it or below says why."""
     lines, found = path.read_text().splitlines(), []
     for node, after in pairwise([*tree_of(path).body, None]):
@@ -77,18 +71,18 @@ def unexplained(path: Path) -> list[str]:
     return found
 
 
-def test_a_number_with_a_name_says_where_it_comes_from() -> None:
+def test_a_number_with_a_name_says_where_it_comes_from():
     assert not {module: lines for module, path in MODULES.items() if (lines := unexplained(path))}
 
 
-def all_upper(target: ast.expr) -> bool:
+def all_upper(target):
     """Tell whether a name, or each of several, is that of a constant."""
     if isinstance(target, ast.Tuple):
         return all(map(all_upper, target.elts))
     return isinstance(target, ast.Name) and target.id.isupper()
 
 
-def is_number(value: ast.expr) -> bool:
+def is_number(value):
     """Tell whether a value is a number, worked out from some, or several of them."""
     if isinstance(value, ast.BinOp):
         return is_number(value.left) or is_number(value.right)
@@ -98,7 +92,7 @@ def is_number(value: ast.expr) -> bool:
         isinstance(value, ast.Constant) and isinstance(value.value, (int, float)))
 
 
-def private(tree: ast.Module) -> list[str]:
+def private(tree):
     """Names of others that begin with an underscore, also as words handed to `setattr`."""
     found = []
     for node in ast.walk(tree):
@@ -114,20 +108,22 @@ def private(tree: ast.Module) -> list[str]:
     return [name for name in found if name.startswith('_') and not name.startswith('__')]
 
 
-def test_no_test_reaches_into_private_names() -> None:
+def test_no_test_reaches_into_private_names():
     # os._exit is the library's word for an end at once.
     found = {path: private(tree_of(path)) for path in (PACKAGE.parent / 'test').rglob('*.py')}
     assert not {path: names for path, names in found.items() if set(names) - {'_exit'}}
 
 
-def test_tests_mirror_the_package() -> None:
+def test_tests_mirror_the_package_and_no_module_is_named_after_nothing():
+    assert not {path.stem for path in PACKAGE.rglob('*.py')} & {
+        'utils', 'util', 'helpers', 'helper', 'common', 'misc', 'tools'}
     tests = PACKAGE.parent / 'test'
     folders = {path.name for path in PACKAGE.iterdir() if any(path.glob('*.py'))}
     assert {path.name for path in tests.iterdir() if any(path.glob('test_*.py'))} >= folders
 
 
 @pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/how_it_works.md'])
-def test_modules_that_a_page_names_are_there(page: str) -> None:
+def test_modules_that_a_page_names_are_there(page):
     root = PACKAGE.parent
     files = [path.relative_to(root).as_posix() for folder in (PACKAGE, root / 'test',
                                                               root / 'bench', root / 'docs')
@@ -138,7 +134,7 @@ def test_modules_that_a_page_names_are_there(page: str) -> None:
                 if not any(f'/{file}'.endswith(f'/{name.lstrip("/")}') for file in files)}
 
 
-def test_the_map_of_the_package_is_short() -> None:
+def test_the_map_of_the_package_is_short():
     page = (PACKAGE.parent / 'docs' / 'how_it_works.md').read_text()
     named = set(re.findall(r'`[\w/]*?(\w+\.py)`', page))
     assert 10 < len(named) <= 40

@@ -36,37 +36,11 @@ ROS_WITHOUT_PYTHON_DEPENDENCY = {'ament_index_python', 'builtin_interfaces', 'rc
 """Part of every installation of rclpy."""
 
 
-WITHOUT_PIP_PACKAGES = """
-import sys
-
-class Refuse:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {'rosbags', 'mcap', 'pint', 'lz4', 'zstandard'}:
-            raise ImportError(f'{name} is not in the distribution')
-
-sys.meta_path.insert(0, Refuse())
-from imu_allan.characterization import Characterization
-from imu_allan.sensor.noise_model import NoiseModel
-from imu_allan.noise.terms import AXES
-from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.filters import export
-from imu_allan.writers.plot import overview_figure, render
-
-stream = Characterization(kind='topic', topic='/imu/data_raw')
-model = NoiseModel(None, {axis: {'noise_density': 1e-3} for axis in AXES})
-for block in simulated_blocks(model, 100.0, 2000):
-    stream.update(block)
-result = stream.result()
-assert 'noise_density' in export(result, 'kalibr').text
-assert render(overview_figure(result), 'png').startswith(b'\\x89PNG')
-"""
-
-
-def dependencies(*kinds: str) -> set[str]:
+def dependencies(*kinds):
     return {element.text or '' for kind in kinds for element in PACKAGE_XML.findall(kind)}
 
 
-def test_package_xml_is_format_3_of_an_ament_python_package_in_the_order_of_the_schema() -> None:
+def test_package_xml_is_format_3_of_an_ament_python_package_in_the_order_of_the_schema():
     assert PACKAGE_XML.get('format') == '3'
     order = ['name', 'version', 'description', 'maintainer', 'license', 'url', 'author']
     present = [element.tag for element in PACKAGE_XML if element.tag in order]
@@ -76,23 +50,19 @@ def test_package_xml_is_format_3_of_an_ament_python_package_in_the_order_of_the_
     assert re.fullmatch(r'[\w.-]+@[\w-]+(\.[\w-]+)+', PACKAGE_XML.find('maintainer').get('email'))
 
 
-def test_version_is_the_same_everywhere() -> None:
+def test_version_maintainer_and_licence_are_the_same_everywhere():
     version = PACKAGE_XML.findtext('version')
     assert imu_allan.__version__ == version
     assert f"version='{version}'" in SETUP or 'version=__version__' in SETUP
     assert f"release = '{version}'" in (ROOT / 'docs' / 'conf.py').read_text()
     assert f'\nversion: {version}\n' in (ROOT / 'CITATION.cff').read_text()
-
-
-def test_maintainer_and_licence_are_the_same_in_package_xml_and_setup() -> None:
-    maintainer = PACKAGE_XML.find('maintainer')
-    assert f"maintainer='{maintainer.text}'" in SETUP
+    assert f"maintainer='{PACKAGE_XML.findtext('maintainer')}'" in SETUP
     licence = PACKAGE_XML.find('license')
     assert f"license='{licence.text}'" in SETUP
     assert 'Apache License' in (ROOT / licence.get('file')).read_text()
 
 
-def test_no_address_is_invented() -> None:
+def test_no_address_is_invented():
     """Whoever publishes enters theirs (RELEASING.md); until then the domain is one of RFC 2606."""
     reserved = re.compile(r'\.(invalid|example|test)$|[@.]example\.(com|net|org)$')
     own = PACKAGE_XML.find('maintainer').get('email')
@@ -104,7 +74,7 @@ def test_no_address_is_invented() -> None:
             assert address == own or reserved.search(address), (path, address)
 
 
-def test_every_ros_package_the_node_imports_is_a_dependency() -> None:
+def test_every_ros_package_the_node_imports_is_a_dependency():
     ros = {'rclpy', 'launch', 'launch_ros', 'sensor_msgs', 'std_msgs', 'std_srvs',
            'geometry_msgs', 'diagnostic_msgs', 'rosgraph_msgs'}
     used = {name for folder in ('imu_allan', 'launch')
@@ -113,12 +83,7 @@ def test_every_ros_package_the_node_imports_is_a_dependency() -> None:
     assert dependencies('depend', 'exec_depend') & ros <= used
 
 
-def test_the_nodes_need_nothing_that_only_pip_has() -> None:
-    """A package that depends on pip keys cannot be released into a ROS distribution."""
-    subprocess.run([sys.executable, '-c', WITHOUT_PIP_PACKAGES], check=True)
-
-
-def test_every_library_that_is_imported_is_declared() -> None:
+def test_every_library_that_is_imported_is_declared():
     declared = {re.split(r'[<>=\[]', name)[0].lower()
                 for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)(?:; .*)?',?", SETUP)}
     others = {'imu_allan', *sys.stdlib_module_names, *ROS_WITHOUT_PYTHON_DEPENDENCY,
@@ -128,7 +93,7 @@ def test_every_library_that_is_imported_is_declared() -> None:
             assert DISTRIBUTIONS.get(name, name).lower() in declared, (path, name)
 
 
-def test_every_name_that_a_benchmark_imports_is_there() -> None:
+def test_every_name_that_a_benchmark_imports_is_there():
     """Their figures stand in the documentation, and no test runs them all."""
     files = {path.stem: ast.parse(path.read_text()) for path in (ROOT / 'bench').glob('*.py')}
     own = {stem: {name.id for node in tree.body for name in ast.walk(node)
@@ -145,22 +110,15 @@ def test_every_name_that_a_benchmark_imports_is_there() -> None:
     assert missing == []
 
 
-def test_every_source_file_begins_with_copyright_and_licence() -> None:
+def test_every_source_file_begins_with_copyright_and_licence():
     begin = '# Copyright 2026 The imu_allan authors\n# SPDX-License-Identifier: Apache-2.0\n'
     assert len(SOURCES) > 200
     assert not [path for path in SOURCES if not re.match(
         rf'(#!.*\n)?{re.escape(begin)}', path.read_text())]
 
 
-def test_scripts_land_where_ros2_run_looks() -> None:
-    config = ConfigParser()
-    config.read(ROOT / 'setup.cfg')
-    assert config['install']['install_scripts'] == '$base/lib/imu_allan'
-    assert config['develop']['script_dir'] == '$base/lib/imu_allan'
-
-
 @pytest.mark.parametrize('name', ['imu_allan', 'imu_allan_node', 'imu_simulator'])
-def test_entry_points_lead_to_callables(name: str) -> None:
+def test_entry_points_lead_to_callables(name):
     [entry] = [entry for entry in entry_points(group='console_scripts')
                if entry.name == name and entry.value.startswith('imu_allan')]
     module, _, attribute = entry.value.partition(':')
@@ -168,7 +126,7 @@ def test_entry_points_lead_to_callables(name: str) -> None:
 
 
 @pytest.mark.parametrize('package', ['cli', 'node'])
-def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package: str) -> None:
+def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package):
     program = (f'import imu_allan.{package}, os, sys; '
                'print(os.environ.get("OPENBLAS_NUM_THREADS"), "numpy" in sys.modules)')
     plain = {name: value for name, value in os.environ.items()
@@ -180,14 +138,18 @@ def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package: s
         assert done.stdout == f'{shown} False\n'
 
 
-def test_marker_and_manifest_are_installed_where_ament_looks() -> None:
+def test_scripts_marker_and_manifest_are_installed_where_ros2_run_and_ament_look():
+    config = ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    assert config['install']['install_scripts'] == '$base/lib/imu_allan'
+    assert config['develop']['script_dir'] == '$base/lib/imu_allan'
     assert (ROOT / 'resource' / 'imu_allan').is_file()
     assert 'share/ament_index/resource_index/packages' in SETUP
     for kind in ("['package.xml']", "glob('config/*.*')", "glob('launch/*.launch.py')"):
         assert kind in SETUP
 
 
-def test_changelog_is_one_that_catkin_tools_read() -> None:
+def test_changelog_is_one_that_catkin_tools_read():
     lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
     assert lines[1] == 'Changelog for package imu_allan'
     assert lines[0] == lines[2] == '^' * len(lines[0])
@@ -196,13 +158,13 @@ def test_changelog_is_one_that_catkin_tools_read() -> None:
                for heading in headings)
 
 
-def fresh_environment() -> dict[str, str]:
+def fresh_environment():
     """Give the environment without what the ROS wheels leave in it for this interpreter alone."""
     return {key: value for key, value in os.environ.items()
             if key not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE', 'PYTHONPATH')}
 
 
-def environment(path: Path, *packages: str) -> Path:
+def environment(path, *packages):
     """Make a virtual environment with `packages`; return its folder of programs."""
     subprocess.run([sys.executable, '-m', 'venv', str(path)], check=True,
                    env=fresh_environment())
@@ -224,7 +186,7 @@ sys.meta_path.insert(0, Refuse())
 
 
 @pytest.fixture(scope='module')
-def rosdep_only(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def rosdep_only(tmp_path_factory):
     """Give an environment in which no process can import what rosdep does not install."""
     folder = tmp_path_factory.mktemp('rosdep_only')
     names = {'isal', 'lz4', 'mcap', 'plotly', 'rich', 'rosbags', 'zstandard'}
@@ -232,7 +194,7 @@ def rosdep_only(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return fresh_environment() | {'PYTHONPATH': str(folder)}
 
 
-def ended(environment: dict[str, str], *arguments: str) -> tuple[int, list[str]]:
+def ended(environment, *arguments):
     """Run the tests in an environment; return exit code and what pytest printed."""
     done = subprocess.run(
         [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', *arguments], cwd=ROOT,
@@ -240,15 +202,39 @@ def ended(environment: dict[str, str], *arguments: str) -> tuple[int, list[str]]
     return done.returncode, (done.stdout + done.stderr).splitlines()
 
 
+ESTIMATED_AND_DRAWN = """
+from imu_allan.characterization import Characterization
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.noise.terms import AXES
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.filters import export
+from imu_allan.writers.plot import overview_figure, render
+
+stream = Characterization(kind='topic', topic='/imu/data_raw')
+model = NoiseModel(None, {axis: {'noise_density': 1e-3} for axis in AXES})
+for block in simulated_blocks(model, 100.0, 2000):
+    stream.update(block)
+result = stream.result()
+assert 'noise_density' in export(result, 'kalibr').text
+assert render(overview_figure(result), 'png').startswith(b'\\x89PNG')
+"""
+"""What a node does that saves, without the topics."""
+
+
+def test_the_nodes_need_nothing_that_only_pip_has(rosdep_only):
+    """A package that depends on pip keys cannot be released into a ROS distribution."""
+    subprocess.run([sys.executable, '-c', ESTIMATED_AND_DRAWN], check=True, cwd=ROOT,
+                   env=rosdep_only)
+
+
 @pytest.mark.thorough
-def test_a_workspace_that_rosdep_filled_collects_every_test(rosdep_only: dict[str, str]) -> None:
+def test_a_workspace_that_rosdep_filled_collects_every_test(rosdep_only):
     status, said = ended(rosdep_only, '--collect-only')
     assert status == 0, said[-20:]
     assert [line for line in said if line.startswith('ERROR')] == []
 
 
-def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(
-        rosdep_only: dict[str, str]) -> None:
+def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(rosdep_only):
     node = 'test/node/test_interface.py'
     status, said = ended(rosdep_only, 'test/test_cdr.py', 'test/cli/test_info.py',
                          'test/noise/test_terms.py',
@@ -263,8 +249,7 @@ def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(
 @pytest.mark.parametrize(('asking', 'excused'), [
     ('test/test_cdr.py', 'mcap'), ('imu_allan/recordings/write.py', 'mcap'),
     ('imu_allan/node/run.py', None), ('imu_allan/noise/curve.py', None)])
-def test_numerics_and_nodes_may_not_ask_for_what_rosdep_lacks(
-        asking: str, excused: str | None) -> None:
+def test_numerics_and_nodes_may_not_ask_for_what_rosdep_lacks(asking, excused):
     ask = compile('raise ModuleNotFoundError(name="mcap.writer")', str(ROOT / asking), 'exec')
     with pytest.raises(ModuleNotFoundError) as raised:
         exec(ask, {})
@@ -272,7 +257,7 @@ def test_numerics_and_nodes_may_not_ask_for_what_rosdep_lacks(
 
 
 @pytest.fixture(scope='module')
-def distributions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def distributions(tmp_path_factory):
     """Build sdist and wheel as they would be uploaded, and check what a package page shows."""
     folder = tmp_path_factory.mktemp('distributions')
     programs = environment(folder / 'venv', 'build', 'twine')
@@ -289,8 +274,7 @@ def distributions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('source', ['sdist', 'wheel', 'checkout'])
-def test_pip_installs_the_offline_tool_without_ros(
-        tmp_path: Path, distributions: dict[str, Path], source: str) -> None:
+def test_pip_installs_the_offline_tool_without_ros(tmp_path, distributions, source):
     programs = environment(tmp_path / 'venv', str(distributions[source]))
     [typed] = tmp_path.glob('venv/lib/*/site-packages/imu_allan/py.typed')
     assert typed.is_file()
@@ -327,7 +311,7 @@ ROSDEP = ('numpy', 'scipy', 'matplotlib', 'PyYAML', 'jinja2', 'rich', 'pytest', 
 
 
 @pytest.mark.slow
-def test_colcon_builds_and_tests_with_what_package_xml_names(tmp_path: Path) -> None:
+def test_colcon_builds_and_tests_with_what_package_xml_names(tmp_path):
     programs = environment(tmp_path / 'venv', 'colcon-common-extensions', *ROSDEP,
                            '--constraint', str(ROOT / '.ci' / 'jazzy-constraints.txt'))
     path = {'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}'}

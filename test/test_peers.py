@@ -8,7 +8,6 @@ from pathlib import Path
 import re
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope='module')
-def peers() -> Any:
+def peers():
     """Give the modules of bench/peers, which are programs' and no package's."""
     names = ('recorded', 'simulated', 'accuracy', 'adapters', 'page')
     sys.path.insert(0, str(ROOT / 'bench' / 'peers'))
@@ -29,7 +28,7 @@ def peers() -> Any:
 
 
 @pytest.fixture
-def small(peers: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+def small(peers, monkeypatch):
     """Make the sensor with white noise and a random walk one of ten minutes."""
     case = peers.simulated.Case('white noise and a random walk', {
         peers.recorded.N: 1e-4, peers.recorded.K: 3e-5}, rate_hz=50.0, hours=1 / 6)
@@ -39,7 +38,7 @@ def small(peers: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.usefixtures('small')
-def test_two_tools_and_one_small_case_make_a_page(peers: Any) -> None:
+def test_two_tools_and_one_small_case_make_a_page(peers):
     tools = ('ours', 'wavelets')
     found = peers.accuracy.run(['walk'], tools, records=2)
     for tool in tools:
@@ -63,33 +62,32 @@ def test_two_tools_and_one_small_case_make_a_page(peers: Any) -> None:
 
 
 @pytest.mark.usefixtures('small')
-def test_a_record_is_the_same_whenever_it_is_drawn(peers: Any, tmp_path: Path) -> None:
+def test_a_record_is_the_same_whenever_it_is_drawn(peers, tmp_path):
     first, again, other = (peers.simulated.record('walk', number, tmp_path / name)
                            for number, name in ((0, 'a'), (0, 'b'), (1, 'c')))
     assert first.samples.tobytes() == again.samples.tobytes()
     assert not np.allclose(first.samples, other.samples)
 
 
-@pytest.mark.parametrize('terms', [
-    {'noise_density': 1.0}, {'bias_instability': 1.0}, {'rate_random_walk': 1.0},
-    {'quantization_noise': 1.0}])
-def test_the_generator_has_the_allan_variance_of_each_term(peers: Any, terms: Any) -> None:
-    [(key, _)] = terms.items()
-    drawn = np.hstack([peers.simulated.noise(terms, 100.0, 1 << 14, np.random.default_rng(seed))
-                       for seed in range(8)])
+@pytest.mark.parametrize(('key', 'right'), [
+    ('noise_density', lambda tau: 1 / tau),
+    ('bias_instability', lambda tau: 2 * np.log(2) / np.pi * tau**0),
+    ('rate_random_walk', lambda tau: tau / 3), ('quantization_noise', lambda tau: 3 / tau**2)])
+def test_the_generator_has_the_allan_variance_of_each_term(peers, key, right):
+    drawn = np.hstack([peers.simulated.noise({key: 1.0}, 100.0, 1 << 14,
+                                             np.random.default_rng(seed)) for seed in range(8)])
     tau, variance = peers.recorded.overlapped(drawn, 100.0, 2 ** np.arange(8))
-    right = {'noise_density': 1 / tau, 'bias_instability': np.full(8, 2 * np.log(2) / np.pi),
-             'rate_random_walk': tau / 3, 'quantization_noise': 3 / tau**2}[key]
-    assert variance.mean(axis=0) / right == pytest.approx(np.ones(8), abs=0.06)
+    assert variance.mean(axis=0) / right(tau) == pytest.approx(np.ones(8), abs=0.06)
 
 
-def test_the_bound_is_that_of_the_statistics_page(peers: Any) -> None:
+def test_the_bound_is_that_of_the_statistics_page(peers):
     bound = peers.simulated.bound(peers.simulated.CASES['b'])
     assert [bound[key] for key in ('noise_density', 'bias_instability', 'rate_random_walk')] == (
         pytest.approx([0.00084, 0.10, 0.1739], rel=0.02))
 
 
-def test_refusals_and_terms_that_are_not_there_count(peers: Any, small: Any) -> None:
+def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss(
+        peers, small):
     estimate = peers.recorded.Estimate
     answer = {axis: {'noise_density': estimate(1.1e-4 if 'gyro' in axis else 1.1e-3),
                      'bias_instability': estimate(1.0)}
@@ -99,19 +97,16 @@ def test_refusals_and_terms_that_are_not_there_count(peers: Any, small: Any) -> 
     assert scores['noise_density']['rmse'] == pytest.approx(0.1)
     assert scores['bias_instability'] == {'false': 0.5}
     assert scores['rate_random_walk'] == {'reported': 0.0}
+    for truth, score in ((1.0, 0.2), (1.2, 0.2 / 1.2 + 40 / 12)):
+        assert peers.accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (
+            pytest.approx(score))
 
 
-def test_an_interval_is_scored_by_width_and_miss(peers: Any) -> None:
-    score = peers.accuracy.interval_score
-    assert score(peers.recorded.Estimate(1.0, 0.9, 1.1), 1.0) == pytest.approx(0.2)
-    assert score(peers.recorded.Estimate(1.0, 0.9, 1.1), 1.2) == pytest.approx(0.2 / 1.2 + 40 / 12)
-
-
-def test_whatever_another_tool_does_better_comes_first(peers: Any) -> None:
+def test_whatever_another_tool_does_better_comes_first(peers):
     figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
 
-    def first() -> str:
-        return str(peers.page.page(figures).partition('## Tools')[0])
+    def is_first(better):
+        return bool(re.search(better, peers.page.page(figures).partition('## Tools')[0]))
 
     scores = [[case['tools'][tool]['coefficients']['rate_random_walk']
                for tool in ('ours', 'readings')]
@@ -119,41 +114,35 @@ def test_whatever_another_tool_does_better_comes_first(peers: Any) -> None:
     for mine, theirs in scores:
         mine |= {'reported': 0.5, 'over_bound': 1.0}
         theirs |= {'reported': 0.4, 'over_bound': 1.0}
-    assert not re.search(r'share of axes.*allantools K', first())
+    assert not is_first('share of axes.*allantools K')
     scores[0][1]['reported'] = 0.6
-    assert re.search(r'share of axes.*allantools K', first())
+    assert is_first('share of axes.*allantools K')
 
-    assert not re.search(r'false terms.*allantools', first())
+    assert not is_first('false terms.*allantools')
     for case in figures['accuracy'].values():
         for tool, share in (('ours', 0.1), ('readings', 0.05)):
             score = case['tools'][tool]['coefficients']['bias_instability']
             score |= {'false': share} if 'false' in score else {}
-    assert re.search(r'false terms.*allantools B', first())
+    assert is_first('false terms.*allantools B')
 
-    for tool, ratio in (('ours', 0.2), ('readings', 0.3)):
-        for axis in figures['published']['tools'][tool]['filter']['log_ratio'].values():
-            axis['noise_density'] = ratio
-    assert not re.search(r'halves of the.*allantools N', first())
-    for axis in figures['published']['tools']['readings']['filter']['log_ratio'].values():
-        axis['noise_density'] = -0.1
-    assert re.search(r'halves of the.*allantools N', first())
+    for theirs, first in ((0.3, False), (-0.1, True)):
+        for tool, ratio in (('ours', 0.2), ('readings', theirs)):
+            for axis in figures['published']['tools'][tool]['filter']['log_ratio'].values():
+                axis['noise_density'] = ratio
+        assert is_first('halves of the.*allantools N') == first
 
 
-def test_the_page_shows_every_length_that_was_timed(peers: Any) -> None:
+def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed(peers):
     figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
+    assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)
     row = next(iter(figures['speed'].values()))
     figures['speed'] = dict.fromkeys(('100000', '1000000', '3000000'), row)
     assert '| tool | 100,000 | 1,000,000 | 3,000,000 |' in peers.page.page(figures)
 
 
-def test_the_page_is_the_one_the_command_wrote(peers: Any) -> None:
-    figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
-    assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.version_info < (3, 11), reason='the pinned versions need Python 3.11')
-def test_a_fresh_environment_repeats_one_row_of_the_page(tmp_path: Path) -> None:
+def test_a_fresh_environment_repeats_one_row_of_the_page(tmp_path):
     peers = ROOT / 'bench' / 'peers'
     python = environment(tmp_path / 'venv', '--requirement', str(peers / 'requirements.txt'),
                          str(ROOT)) / 'python'

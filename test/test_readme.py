@@ -55,7 +55,7 @@ PAGES = ('README.md', 'docs/recipes.md', *(
 """Pages whose commands a reader types one after the other."""
 
 
-def commands(page: str) -> list[str]:
+def commands(page):
     """Give the commands of all blocks of a page, those over several lines in one."""
     blocks = re.findall(r'^```bash\n(.*?)^```', (ROOT / page).read_text(),
                         re.MULTILINE | re.DOTALL)
@@ -64,13 +64,13 @@ def commands(page: str) -> list[str]:
     return [line for line in lines if line]
 
 
-def python_blocks(page: str) -> list[str]:
+def python_blocks(page):
     return re.findall(r'^```python\n(.*?)^```', (ROOT / page).read_text(),
                       re.MULTILINE | re.DOTALL)
 
 
 @pytest.fixture(scope='module')
-def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def workplace(tmp_path_factory):
     """Make a folder with the files that the pages take for granted."""
     # What `simulate` writes with: without it every test that wants this folder skips.
     import mcap
@@ -101,7 +101,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def shortened(command: str) -> str:
+def shortened(command):
     """Take a minute where a page takes hours: the options are the same, the wait is not."""
     return re.sub(r'--duration \w+', '--duration 1min', command)
 
@@ -109,9 +109,7 @@ def shortened(command: str) -> str:
 # One that several pages print is executed where it is printed first.
 @pytest.mark.parametrize('command', dict.fromkeys(
     line for page in PAGES for line in commands(page) if line.startswith('imu_allan ')))
-def test_command_of_the_tool_runs_as_printed(
-        command: str, workplace: Path, monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_of_the_tool_runs_as_printed(command, workplace, monkeypatch, capsys):
     output = re.search(r'simulate .*--output (\w+)', command)
     if output:
         shutil.rmtree(workplace / output[1], ignore_errors=True)
@@ -135,8 +133,7 @@ def test_command_of_the_tool_runs_as_printed(
 
 @pytest.mark.parametrize('block', [
     block for page in PAGES for block in python_blocks(page)])
-def test_python_of_the_pages_runs(block: str, workplace: Path,
-                                  monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_of_the_pages_runs(block, workplace, monkeypatch):
     import imu_allan
     monkeypatch.chdir(workplace)
     samples = imu_allan.simulate({'noise_density': 1e-3}, 20_000, 200.0, 1)
@@ -146,7 +143,7 @@ def test_python_of_the_pages_runs(block: str, workplace: Path,
 @pytest.mark.parametrize('command', [
     line for line in commands('README.md')
     if line.startswith(('ros2 run ', 'imu_allan_node', 'imu_simulator'))])
-def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Path) -> None:
+def test_node_starts_as_printed_and_ends_with_ctrl_c(command, tmp_path):
     pytest.importorskip('rclpy')
     program, *arguments = shlex.split(command.removeprefix('ros2 run imu_allan '))
     # Where `ros2 run` looks: pip installs beside the interpreter, colcon below its prefix.
@@ -158,7 +155,6 @@ def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Pat
             stderr=subprocess.PIPE, text=True, env=os.environ | {
                 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'HOME': str(tmp_path),
                 'ROS_LOG_DIR': str(tmp_path)}) as process:
-        assert process.stderr is not None
         began = time.monotonic()
         said = process.stderr.readline()
         assert time.monotonic() - began < 60
@@ -168,7 +164,7 @@ def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Pat
     assert process.returncode == 0
 
 
-def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> None:
+def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
     pytest.importorskip('rclpy')
     pytest.importorskip('colcon_ros')
     shutil.copytree(ROOT, tmp_path / 'clone', ignore=shutil.ignore_patterns(
@@ -184,7 +180,6 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> No
                 'ROS_LOG_DIR': str(tmp_path),
                 'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'},
             ) as process:
-        assert process.stdout is not None
         said = ''
         for line in process.stdout:
             said += line
@@ -198,13 +193,13 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize('page', [*PAGES, 'CONTRIBUTING.md'])
-def test_every_other_command_is_one_whose_test_is_known(page: str) -> None:
+def test_every_other_command_is_one_whose_test_is_known(page):
     for command in commands(page):
         assert (command.startswith(('imu_allan ', 'ros2 run ', 'imu_allan_node ', 'imu_simulator'))
                 or command in {*NEEDS_ROS, *NEEDS_NETWORK, *MAKE}), command
 
 
-def test_every_make_command_is_a_target() -> None:
+def test_every_make_command_is_a_target():
     printed = {command.split()[1] for page in (*PAGES, 'CONTRIBUTING.md')
                for command in re.findall(r'make [a-z-]+', ' '.join(
                    [*commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text())]))}
@@ -214,7 +209,7 @@ def test_every_make_command_is_a_target() -> None:
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md',
                                   *(f'docs/{path.name}' for path in ROOT.glob('docs/*.md'))])
-def test_links_and_pictures_lead_somewhere(page: str) -> None:
+def test_links_and_pictures_lead_somewhere(page):
     text = (ROOT / page).read_text()
     for target in re.findall(r'\]\(([^)\s]+)\)', text):
         if not target.startswith(('http', '#')):
@@ -222,13 +217,13 @@ def test_links_and_pictures_lead_somewhere(page: str) -> None:
 
 
 @pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/how_it_works.md', 'docs/faq.md'])
-def test_files_that_are_named_exist(page: str) -> None:
+def test_files_that_are_named_exist(page):
     for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`',
                            (ROOT / page).read_text()):
         assert (ROOT / name).exists(), name
 
 
-def test_what_each_consumer_wants_is_said_with_where_it_was_read() -> None:
+def test_what_each_consumer_wants_is_said_with_where_it_was_read():
     page = (ROOT / 'docs' / 'filters.md').read_text()
     named = page.partition('## What each consumer wants')[2].partition('\n## ')[0]
     for key, consumer in CONSUMERS.items():
@@ -238,15 +233,14 @@ def test_what_each_consumer_wants_is_said_with_where_it_was_read() -> None:
                          rf'{re.escape(name)}(, drivers)? \([\w-]+\.\w+', named), key
 
 
-def test_commands_page_is_what_the_parsers_say() -> None:
+def test_commands_page_is_what_the_parsers_say():
     shown = subprocess.run(
         [sys.executable, '-c', 'import make_commands; print(make_commands.page(), end="")'],
         check=True, capture_output=True, text=True, cwd=ROOT / 'docs').stdout
     assert (ROOT / 'docs' / 'commands.md').read_text() == shown
 
 
-def test_the_first_minutes_show_the_commands_of_their_script(
-        workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypatch):
     monkeypatch.chdir(workplace)
     steps = subprocess.run(
         [sys.executable, '-c', 'import make_first_minutes as made\n'
@@ -260,7 +254,7 @@ def test_the_first_minutes_show_the_commands_of_their_script(
             assert main(shlex.split(command.partition(' | ')[0])[1:]) in (0, 1, 4), command
 
 
-def test_documentation_builds_without_warnings(tmp_path: Path) -> None:
+def test_documentation_builds_without_warnings(tmp_path):
     for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
     subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',

@@ -18,14 +18,14 @@ NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_n
 OTHERS = 'moving mean, Butterworth 1 to 4, Gauss'
 
 
-def test_the_page_is_short() -> None:
+def test_the_page_is_short():
     assert len(PAGE.splitlines()) <= 200
 
 
 @pytest.mark.parametrize('shape', [
     *(shape for shape in TERMS if shape.key != 'noise_density'), *FREE_TERMS, *LOW_PASSES,
     *HIGH_PASSES, *TRENDS], ids=lambda shape: shape.key)
-def test_a_prior_is_that_of_the_code(shape: object) -> None:
+def test_a_prior_is_that_of_the_code(shape):
     [prior] = re.findall(rf'^\| {re.escape(NAMES.get(shape.key, OTHERS))} \| ([\d.]+)', PAGE,
                          re.MULTILINE)
     assert float(prior) == shape.density
