@@ -89,14 +89,23 @@ def test_output_folder_holds_result_curve_plot_report_and_configurations(
 
 
 def test_several_recordings_get_folders_of_their_own_and_lines_in_order(
-        recording, tmp_path, model, output_of):
-    other = write_recording(tmp_path / 'b' / 'at_rest', simulated_blocks(model, 50.0, 5000))
-    lines = output_of('analyze', recording, other, '--output', tmp_path / 'out').splitlines()
-    assert [line.partition(', ')[0] for line in lines[:2]] == ['at_rest: 5 min',
-                                                               'at_rest-2: 100 s']
+        recording, tmp_path, model, fails_with):
+    others = [write_recording(tmp_path / name / 'at_rest', simulated_blocks(model, rate, 5000))
+              for name, rate in (('b', 50.0), ('c', 200.0))]
+    output = tmp_path / 'out'
+    output.mkdir()
+    # A folder that cannot be made does not keep the others from being written.
+    (output / 'at_rest').write_text('in the way')
+    lines = fails_with(
+        f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a folder that '
+        'exists on a disk with room and may be written to',
+        'analyze', recording, *others, '--output', output).splitlines()
+    assert [line.partition(', ')[0] for line in lines[:3]] == [
+        'at_rest: 5 min', 'at_rest-2: 100 s', 'at_rest-3: 25 s']
     rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
-        'sample_rate_hz'] for folder in (tmp_path / 'out').iterdir() if folder.is_dir()}
-    assert rates == {'at_rest': pytest.approx(100), 'at_rest-2': pytest.approx(50)}
+        'sample_rate_hz'] for folder in output.iterdir() if folder.is_dir()}
+    assert rates == {'at_rest-2': pytest.approx(50), 'at_rest-3': pytest.approx(200)}
+    assert (output / 'at_rest-3' / 'report.html').exists()
 
 
 def test_one_bad_recording_does_not_keep_the_others_from_being_analyzed(recording, fails_with):

@@ -115,17 +115,6 @@ def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
         assert not [path for path in output.rglob('.*') if path.is_file()]
 
 
-def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_written(
-        recording, tmp_path, fails_with):
-    output = tmp_path / 'out'
-    output.mkdir()
-    (output / 'at_rest').write_text('in the way')
-    fails_with(f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a '
-               'folder that exists on a disk with room and may be written to',
-               'analyze', recording, recording, '--output', output)
-    assert (output / 'at_rest-2' / 'report.html').exists()
-
-
 def test_jobs_give_the_same_results_and_errors_in_the_same_order(
         recording, tmp_path, model, fails_with):
     other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
