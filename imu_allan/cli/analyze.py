@@ -12,7 +12,6 @@ from imu_allan.cli import arguments
 from imu_allan.cli.fleet import (
     complaint_of,
     done_before,
-    FEW,
     Gathering,
     line,
     raise_last,
@@ -146,8 +145,8 @@ def run(args: argparse.Namespace) -> int:
                 continue
             gathering.add(task, result)
             with progress.aside():
-                _hand_out(task, result, args, first=not shown,
-                          brief=apart or len(tasks) > FEW)
+                # Up to seven topics of a recording are a table each, more are a line each.
+                _hand_out(task, result, args, first=not shown, brief=apart or len(tasks) > 7)
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None:

@@ -16,8 +16,6 @@ from imu_allan.errors import ImuAllanError, printable
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
-FEW = 7
-"""Topics of a recording up to which each is printed as a table; of more a line each."""
 _MOST_COMPLAINTS = 100
 """Lines on what failed: a file can name 65,000 topics without a message."""
 
