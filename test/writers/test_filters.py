@@ -17,7 +17,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.finding import finding
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
@@ -90,6 +89,8 @@ def opencv(text: str, tmp_path):
 
 
 PARAMETERS = ('/**', 'ros__parameters')
+ACCEL_COVARIANCE = [near(0.64), 0, 0, 0, near(0.16), 0, 0, 0, near(6.4e-3)]
+GYRO_COVARIANCE = [near(1.6e-3), 0, 0, 0, near(4e-4), 0, 0, 0, near(1.6e-5)]
 
 
 def diagonal(value: float) -> list[list[object]]:
@@ -150,13 +151,35 @@ def diagonal(value: float) -> list[list[object]]:
         'angular_velocity_stddev_zz': near(0.004), 'angular_velocity_offset_x': 0.01,
         'angular_velocity_offset_y': 0.01, 'angular_velocity_offset_z': 0.01,
         'acceleration_stddev': near(0.8)}),
+    # Strings, for each backend.
+    ('rtabmap', PARAMETERS, {
+        'OdomOpenVINS/AccelerometerNoiseDensity': '0.04',
+        'OdomOpenVINS/AccelerometerRandomWalk': '0.0005',
+        'OdomOpenVINS/GyroscopeNoiseDensity': '0.002',
+        'OdomOpenVINS/GyroscopeRandomWalk': '3.0e-05',
+        'OdomORBSLAM/AccNoise': '0.04', 'OdomORBSLAM/AccWalk': '0.0005',
+        'OdomORBSLAM/GyroNoise': '0.002', 'OdomORBSLAM/GyroWalk': '3.0e-05',
+        'OdomORBSLAM/SamplingRate': '400.0',
+        'OdomMSCKF/NoiseAcc': '0.04', 'OdomMSCKF/NoiseAccBias': '0.0005',
+        'OdomMSCKF/NoiseGyro': '0.002', 'OdomMSCKF/NoiseGyroBias': '3.0e-05',
+        'OdomLIOSAM/ImuAccNoise': '0.04', 'OdomLIOSAM/ImuAccBiasN': '0.0005',
+        'OdomLIOSAM/ImuGyrNoise': '0.002', 'OdomLIOSAM/ImuGyrBiasN': '3.0e-05'}),
     # Of a message.
+    *(('drivers', (node, 'ros__parameters'), expected) for node, expected in (
+        ('microstrain_inertial_driver', {'imu_linear_cov': ACCEL_COVARIANCE,
+                                         'imu_angular_cov': GYRO_COVARIANCE}),
+        ('vn_sensor_msgs', {'linear_acceleration_covariance': ACCEL_COVARIANCE,
+                            'angular_velocity_covariance': GYRO_COVARIANCE}),
+        ('/**/camera', {'linear_accel_cov': near(0.64), 'angular_velocity_cov': near(1.6e-3)}),
+        ('xsens_mti_node', {
+            'linear_acceleration_stddev': [near(0.8), near(0.4), near(0.08)],
+            'angular_velocity_stddev': [near(0.04), near(0.02), near(0.004)]}),
+        ('/**/imu', {'linear_acceleration_stdev': near(0.8),
+                     'angular_velocity_stdev': near(0.04)}))),
     *(('robot_localization', (*PARAMETERS, key), expected) for key, expected in (
         ('linear_acceleration_stddev', near(0.8)), ('angular_velocity_stddev', near(0.04)),
-        ('linear_acceleration_covariance', [
-            near(0.64), 0, 0, 0, near(0.16), 0, 0, 0, near(6.4e-3)]),
-        ('angular_velocity_covariance', [
-            near(1.6e-3), 0, 0, 0, near(4e-4), 0, 0, 0, near(1.6e-5)])))])
+        ('linear_acceleration_covariance', ACCEL_COVARIANCE),
+        ('angular_velocity_covariance', GYRO_COVARIANCE)))])
 def test_a_file_in_yaml_has_the_numbers_that_its_consumer_reads(easy, consumer, place, expected):
     config = export(easy, consumer)
     assert config.name == CONSUMERS[consumer].file
@@ -177,6 +200,9 @@ def test_a_file_in_yaml_has_the_numbers_that_its_consumer_reads(easy, consumer, 
                          'gyr_w': near(6e-4), 'imu_topic': '/imu/data_raw'}),
     ('vins_fusion_midpoint', '', {'acc_n': near(0.8 * 2**0.5), 'gyr_n': near(0.04 * 2**0.5),
                                   'acc_w': near(0.01), 'gyr_w': near(6e-4)}),
+    # And no prior of the bias.
+    ('okvis2', 'imu_parameters', {'sigma_g_c': GYRO_N, 'sigma_a_c': ACCEL_N,
+                                  'sigma_gw_c': GYRO_K, 'sigma_aw_c': ACCEL_K}),
     ('kimera', '', {
         'gyroscope_noise_density': GYRO_N, 'accelerometer_noise_density': ACCEL_N,
         'gyroscope_random_walk': GYRO_K, 'accelerometer_random_walk': ACCEL_K,
@@ -190,6 +216,7 @@ def test_a_file_for_opencv_has_the_numbers_that_its_consumer_reads(
         node = inside.getNode(key)
         assert node.isString() if isinstance(value, str) else node.isReal(), key
         assert (node.string() if isinstance(value, str) else node.real()) == value
+    assert consumer != 'okvis2' or set(inside.keys()) == set(expected)
 
 
 def test_openvins_reads_that_nothing_is_misaligned(easy, tmp_path):
@@ -205,14 +232,6 @@ def test_openvins_reads_that_nothing_is_misaligned(easy, tmp_path):
 def test_tables_are_no_topic_of_ros(easy):
     tables = replace(easy, source=replace(easy.source, topic='Gyroscope.csv, Accelerometer.csv'))
     assert yaml.safe_load(export(tables, 'kalibr').text)['rostopic'] == '/imu/data_raw'
-
-
-@pytest.mark.parametrize(('consumer', 'words'), [
-    ('fast_lio', 'gives accelerations in g'), ('fast_livo2', 'gives accelerations in g'),
-    ('point_lio', '1 for a driver that gives g'),
-    ('vins_fusion', 'what it strictly wants, sqrt(2) N sqrt(f)')])
-def test_a_file_says_what_its_consumer_makes_of_the_numbers(easy, consumer, words):
-    assert words in export(easy, consumer).text
 
 
 def test_basalt_takes_n_and_k_of_each_axis(easy):
@@ -240,12 +259,10 @@ def qgroundcontrol(text: str) -> dict[str, tuple[float, int]]:
 
 def test_px4_takes_standard_deviations_per_prediction_step(easy):
     """What lies above the default is written; the default stands where the sensor is better."""
-    mav_param_type_real32 = 9
+    # MAV_PARAM_TYPE_REAL32 is 9.
     assert qgroundcontrol(export(easy, 'px4').text) == {
-        'EKF2_ACC_NOISE': (near(0.4), mav_param_type_real32),
-        'EKF2_ACC_B_NOISE': (near(0.005), mav_param_type_real32),
-        'EKF2_GYR_NOISE': (near(0.02), mav_param_type_real32),
-        'EKF2_GYR_B_NOISE': (0.001, mav_param_type_real32)}
+        'EKF2_ACC_NOISE': (near(0.4), 9), 'EKF2_ACC_B_NOISE': (near(0.005), 9),
+        'EKF2_GYR_NOISE': (near(0.02), 9), 'EKF2_GYR_B_NOISE': (0.001, 9)}
     # At another rate of prediction.
     assert qgroundcontrol(export(easy, 'px4', 225.0).text)['EKF2_GYR_NOISE'][0] == near(0.03)
 
@@ -277,30 +294,34 @@ def test_a_file_for_an_autopilot_is_safe_to_load_as_it_is(make_axis, make_result
 
 
 @pytest.mark.parametrize('consumer', CONSUMERS)
-def test_every_config_says_where_it_comes_from(easy, consumer):
+def test_every_config_says_where_it_comes_from_and_what_was_measured(
+        easy, build, drifting, make_axis, consumer):
     text = export(easy, consumer).text
     for part in ('imu_allan 0.1.0', 'rec/imu_2026', '/imu/data_raw', '1000000 samples', '400 Hz'):
         assert part in text
     assert not re.search(r'np\.|\bnan\b|\binf\b', text)
-
-
-@pytest.mark.parametrize('consumer', [name for name in CONSUMERS
-                                      if name not in (*EACH_AXIS, 'airsim', 'glim', 'rotors')])
-def test_one_value_for_a_sensor_is_the_worst_axis_with_the_others_as_comments(easy, consumer):
-    text = export(easy, consumer).text
-    assert re.search(r'gyro_x, the worst axis; measured \S+ \(\S+ to \S+\)\n', text)
-    assert re.search(r'gyro_y measured \S+ \(\S+ to \S+\)\n\s*\S+ gyro_z measured ', text)
-
-
-@pytest.mark.parametrize('consumer', [
-    name for name in CONSUMERS if name not in (*EACH_AXIS, 'robot_localization', 'drivers',
-                                               'airsim', 'glim', 'fast_livo2', 'ob_gins',
-                                               'rotors', 'pegasus')])
-def test_an_upper_bound_that_stands_in_is_said_to_be_one(build, consumer):
-    text = export(build(bound=1e-3), consumer).text
-    assert 'NOT OBSERVABLE on gyro_z in this recording: its 95 % upper bound' in text
-    if consumer == 'kalibr':
-        assert yaml.safe_load(text)['gyroscope_random_walk'] == 1e-3
+    one_value = consumer not in (*EACH_AXIS, 'airsim', 'glim', 'rotors')
+    if one_value:
+        assert re.search(r'gyro_x, the worst axis; measured \S+ \(\S+ to \S+\)\n', text)
+        assert re.search(r'gyro_y measured \S+ \(\S+ to \S+\)\n\s*\S+ gyro_z measured ', text)
+    if one_value and consumer not in ('robot_localization', 'drivers', 'fast_livo2', 'ob_gins',
+                                      'pegasus'):
+        bounded = export(build(bound=1e-3), consumer).text
+        assert 'NOT OBSERVABLE on gyro_z in this recording: its 95 % upper bound' in bounded
+    if consumer != 'plain':
+        # N of each axis with its interval, in the unit of the file; three axes, two sensors.
+        tuned = export_as_wished(drifting, consumer).text
+        assert len(re.findall(r'measured [\d.e+-]+ \([\d.e+-]+ to [\d.e+-]+\)', tuned)) >= 6
+        known = CONSUMERS[consumer]
+        if (known.aiding.interval_s is not None and consumer != 'fast_livo2'
+                and known.bias == 'random_walk' and known.share != 'both'):
+            assert 'not observable, below' in tuned
+    axes = {**easy.axes, 'gyro_y': dead(make_axis, 'gyro_y')}
+    assert ('gyro_y is DEAD in this recording (every sample is the same): it is in none of the '
+            'numbers below') in export(build(axes=axes), consumer).text
+    gyro = {name: axis for name, axis in easy.axes.items() if name.startswith('gyro')}
+    assert ('This result has no accelerometer: its numbers are left out.'
+            in export(build(axes=gyro), consumer).text)
 
 
 @pytest.mark.parametrize('consumer', ['kalibr', 'basalt', 'matlab', 'fast_lio'])
@@ -338,15 +359,13 @@ def test_small_numbers_stay_numbers_in_yaml(make_axis, make_result):
     assert document['gyroscope_random_walk'] == 1.23457e-11
 
 
-def test_a_sensor_that_the_result_lacks_is_left_out_and_named(build):
-    result = build()
+def test_a_sensor_that_the_result_lacks_and_a_bound_that_stands_in(build):
+    result = build(bound=1e-3)
     gyro = {name: axis for name, axis in result.axes.items() if name.startswith('gyro')}
-    for consumer in CONSUMERS:
-        text = export(build(axes=gyro), consumer).text
-        assert 'This result has no accelerometer: its numbers are left out.' in text
     document = yaml.safe_load(export(build(axes=gyro), 'kalibr').text)
     assert 'accelerometer_noise_density' not in document
     assert document['gyroscope_noise_density'] == GYRO_N
+    assert yaml.safe_load(export(result, 'kalibr').text)['gyroscope_random_walk'] == 1e-3
 
 
 def dead(make_axis, name):
@@ -357,20 +376,9 @@ def dead(make_axis, name):
 
 def test_a_result_without_any_noise_gives_no_configuration(make_axis, make_result):
     axes = {name: dead(make_axis, name) for name in ('gyro_x', 'gyro_y', 'gyro_z')}
-    with pytest.raises(ImuAllanError) as error:
+    with refused('no configuration for kalibr: no axis of this result has a noise density '
+                 '(constant or too short); look at the driver, or record longer'):
         export(make_result(axes=axes), 'kalibr')
-    assert str(error.value) == (
-        'no configuration for kalibr: no axis of this result has a noise density (constant or too '
-        'short); look at the driver, or record longer')
-
-
-@pytest.mark.parametrize('consumer', CONSUMERS)
-def test_a_dead_axis_is_named(build, make_axis, consumer):
-    axes = dict(build().axes)
-    axes['gyro_y'] = dead(make_axis, 'gyro_y')
-    text = export(build(axes=axes), consumer).text
-    assert ('gyro_y is DEAD in this recording (every sample is the same): it is in none of the '
-            'numbers below') in text
 
 
 NASTY = 'evil"\n- key: {x: 1}\n%YAML:1.0 # \x1b[2J \u2028 $(rm) </script>'
@@ -416,14 +424,6 @@ def test_the_command_knows_the_names_without_loading_numerics():
 
 # The consumers of one family each, by hand.
 
-def test_okvis2_takes_densities_and_no_prior_of_the_bias(easy, tmp_path):
-    storage = opencv(export(easy, 'okvis2').text, tmp_path)
-    node = storage.getNode('imu_parameters')
-    found = {key: node.getNode(key).real() for key in node.keys()}  # noqa: SIM118
-    assert found == {'sigma_g_c': GYRO_N, 'sigma_a_c': ACCEL_N, 'sigma_gw_c': GYRO_K,
-                     'sigma_aw_c': ACCEL_K}
-
-
 def test_rovio_takes_squared_densities_of_each_axis(easy):
     found = dict(re.findall(r'^ +(\w{3}_\d) (\S+);', export(easy, 'rovio').text, re.MULTILINE))
     assert {key: float(value) for key, value in found.items()} == {
@@ -431,22 +431,6 @@ def test_rovio_takes_squared_densities_of_each_axis(easy):
         'att_0': near(4e-6), 'att_1': near(1e-6), 'att_2': near(4e-8),
         'acb_0': near(2.5e-7), 'acb_1': near(6.25e-8), 'acb_2': near(1e-12),
         'gyb_0': near(9e-10), 'gyb_1': near(2.25e-10), 'gyb_2': near(1e-12)}
-
-
-def test_rtabmap_takes_strings_for_each_backend(easy):
-    found = yaml.safe_load(export(easy, 'rtabmap').text)['/**']['ros__parameters']
-    assert {key: float(value) for key, value in found.items()} == {
-        'OdomOpenVINS/AccelerometerNoiseDensity': ACCEL_N,
-        'OdomOpenVINS/AccelerometerRandomWalk': ACCEL_K,
-        'OdomOpenVINS/GyroscopeNoiseDensity': GYRO_N, 'OdomOpenVINS/GyroscopeRandomWalk': GYRO_K,
-        'OdomORBSLAM/AccNoise': ACCEL_N, 'OdomORBSLAM/AccWalk': ACCEL_K,
-        'OdomORBSLAM/GyroNoise': GYRO_N, 'OdomORBSLAM/GyroWalk': GYRO_K,
-        'OdomORBSLAM/SamplingRate': RATE,
-        'OdomMSCKF/NoiseAcc': ACCEL_N, 'OdomMSCKF/NoiseAccBias': ACCEL_K,
-        'OdomMSCKF/NoiseGyro': GYRO_N, 'OdomMSCKF/NoiseGyroBias': GYRO_K,
-        'OdomLIOSAM/ImuAccNoise': ACCEL_N, 'OdomLIOSAM/ImuAccBiasN': ACCEL_K,
-        'OdomLIOSAM/ImuGyrNoise': GYRO_N, 'OdomLIOSAM/ImuGyrBiasN': GYRO_K}
-    assert all(isinstance(value, str) for value in found.values())
 
 
 def test_glim_takes_densities_and_the_larger_bias_step_of_a_frame(easy):
@@ -488,20 +472,12 @@ def test_psins_takes_sigma_and_correlation_time(easy):
     assert found['TauG'] == found['TauA'] == [200.0, 200.0, 200.0]
 
 
-def test_psins_is_given_what_makes_its_filter_take_the_drift(easy):
+def test_psins_is_given_what_makes_its_filter_take_the_drift_and_no_bias_at_the_start(easy):
     # etm.m reads ins.tauG, infinite after insinit.m; only kfinit186 has sqg and sqa in its Qt.
-    text = export(easy, 'psins').text
-    after = text[text.index('imuerr = imuerrset('):]
-    assert 'ins.tauG = imuerr.taug;  ins.tauA = imuerr.taua;' in after
-    assert 'only psinstypedef(186) takes the drift (imuerr.sqg, imuerr.sqa)' in after
-
-
-def test_psins_gets_no_bias_at_the_start_that_nobody_measured(easy):
     # kfinit takes eb and db for how well the biases are known at the start: 0 freezes them.
     text = export(easy, 'psins').text
+    assert 'ins.tauG = imuerr.taug;  ins.tauA = imuerr.taua;' in text.partition('imuerrset(')[2]
     assert not re.search(r'^ *(eb|db) *=', text, re.MULTILINE)
-    assert 'set both before this runs, not to 0' in text
-    assert 'right, front, up' in text
 
 
 def test_gazebo_takes_the_deviation_of_a_sample_and_the_driving_density(easy):
@@ -608,20 +584,6 @@ def test_what_a_driver_says_of_a_message_is_at_the_rate_of_its_own_topic(easy):
         assert yaml.safe_load(text)['/**']['ros__parameters'][key] == near(ACCEL_N * 5)
 
 
-def test_drivers_get_covariances_and_deviations(easy):
-    document = yaml.safe_load(export(easy, 'drivers').text)
-    parameters = {name: part['ros__parameters'] for name, part in document.items()}
-    accel = [near(0.64), 0, 0, 0, near(0.16), 0, 0, 0, near(6.4e-3)]
-    assert parameters['microstrain_inertial_driver']['imu_linear_cov'] == accel
-    assert parameters['vn_sensor_msgs']['linear_acceleration_covariance'] == accel
-    assert parameters['/**/camera'] == {'linear_accel_cov': near(0.64),
-                                        'angular_velocity_cov': near(1.6e-3)}
-    assert parameters['xsens_mti_node']['angular_velocity_stddev'] == [
-        near(0.04), near(0.02), near(0.004)]
-    assert parameters['/**/imu'] == {'linear_acceleration_stdev': near(0.8),
-                                     'angular_velocity_stdev': near(0.04)}
-
-
 def test_a_filter_of_ones_own_gets_the_state_space(easy):
     document = json.loads(export(easy, 'state_space').text)
     axis = document['axes']['gyro_x']
@@ -631,18 +593,6 @@ def test_a_filter_of_ones_own_gets_the_state_space(easy):
     assert axis['process'] == [[near(9e-11)]]
     assert axis['cross'] == [[near(4.5e-11)]]
     assert axis['transition'] == axis['observation'] == [[1.0]]
-
-
-def test_the_header_of_the_state_space_compiles(easy, tmp_path):
-    compiler = shutil.which('c++') or pytest.skip('no C++ compiler')
-    (tmp_path / 'state_space.hpp').write_text(export(easy, 'state_space_cpp').text)
-    (tmp_path / 'try.cpp').write_text(
-        '#include "state_space.hpp"\n'
-        'static_assert(imu_allan::gyro_x::transition[0][0] == 1.0);\n'
-        'static_assert(imu_allan::gyro_x::states == 1);\n'
-        'int main() { return 0; }\n')
-    subprocess.run([compiler, '-std=c++17', '-Wall', '-Werror', '-fsyntax-only', 'try.cpp'],
-                   cwd=tmp_path, check=True)
 
 
 def test_a_slow_process_keeps_its_time_in_the_state_space(drifting, tmp_path):
@@ -719,17 +669,6 @@ def test_what_was_measured_stands_above_each_tuned_number(drifting):
                 r'; measured (\S+) \((\S+) to (\S+)\)$', line).groups())
             assert found == pytest.approx(measured * share, rel=1e-3)
             assert low < found < high
-
-
-@pytest.mark.parametrize('consumer', [name for name in CONSUMERS if name != 'plain'])
-def test_every_configuration_says_what_was_measured_of_each_axis(drifting, consumer):
-    text = export_as_wished(drifting, consumer).text
-    # N of each axis with its interval, in the unit of the file; three axes, two sensors.
-    assert len(re.findall(r'measured [\d.e+-]+ \([\d.e+-]+ to [\d.e+-]+\)', text)) >= 6
-    known = CONSUMERS[consumer]
-    if (known.aiding.interval_s is not None and consumer != 'fast_livo2'
-            and known.bias == 'random_walk' and known.share != 'both'):
-        assert 'not observable, below' in text
 
 
 def test_of_a_datasheet_nothing_was_measured(tmp_path):
@@ -866,11 +805,9 @@ def test_a_result_without_drift_model_gives_the_measured_numbers_and_says_so(bui
     assert ('# Coefficients as measured: this result has no drift model to tune from.'
             in text.splitlines())
     assert yaml.safe_load(text)['gyroscope_random_walk'] == GYRO_K
-    with pytest.raises(ImuAllanError) as error:
+    with refused('no configuration for state_space: this result has no drift model; analyze the '
+                 'recording again'):
         export_as_wished(old, 'state_space')
-    assert str(error.value) == (
-        'no configuration for state_space: this result has no drift model; analyze the recording '
-        'again')
 
 
 def test_one_correlation_time_serves_all_axes_of_kf_gins(drifting):

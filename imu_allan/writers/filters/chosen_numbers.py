@@ -11,7 +11,7 @@ says so: a filter needs some number, and this one is not too small. A dead axis 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import sqrt
-from typing import Literal
+from typing import get_args, Literal
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
@@ -26,23 +26,15 @@ Key = Literal['N', 'K', 'sigma', 'Tc']
 Sensor = Literal['accel', 'gyro']
 Scale = Callable[[float], float]
 
-N: Key = 'N'
-K: Key = 'K'
-SIGMA: Key = 'sigma'
-TIME: Key = 'Tc'
-KEYS = (N, K, SIGMA, TIME)
-SENSORS: tuple[Sensor, ...] = ('accel', 'gyro')
-SENSOR_NAMES: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
-
-
-def unscaled(value: float) -> float:
-    """Return the number as it is."""
-    return value
+SENSORS: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
 
 
 def times(factor: float) -> Scale:
     """Return what multiplies by a factor."""
     return lambda value: value * factor
+
+
+AS_IT_IS = times(1.0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +74,7 @@ class Wishes:
         if not isinstance(self.inflate, Mapping):
             raise ImuAllanError("inflate takes factors of N and K, such as {'K': 5.0}, not "
                                 f'{shorten(printable(repr(self.inflate)))}')
-        if unknown := [key for key in self.inflate if key not in (N, K)]:
+        if unknown := [key for key in self.inflate if key not in ('N', 'K')]:
             raise ImuAllanError('inflate takes factors of N and K, not of '
                                 f'{shorten(printable(repr(unknown[0])))}')
         for key, factor in self.inflate.items():
@@ -119,7 +111,7 @@ class Number:
     by_curve: bool = False
     of_flicker: bool = False
 
-    def measured(self, scale: Scale = unscaled) -> str:
+    def measured(self, scale: Scale = AS_IT_IS) -> str:
         """Say what was measured, scaled as in the file."""
         if self.bound:
             return f'not observable, below {scale(self.value):.4g}'
@@ -190,11 +182,11 @@ class Numbers:
         known = self.known(sensor, key)
         if not known:
             return None
-        by = self.known(sensor, SIGMA) if key in (K, TIME) else known
+        by = self.known(sensor, 'sigma') if key in ('K', 'Tc') else known
         name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
         return name, known[name]
 
-    def measured(self, name: str, key: Key, scale: Scale = unscaled) -> str:
+    def measured(self, name: str, key: Key, scale: Scale = AS_IT_IS) -> str:
         """Say what was measured of a number of an axis: value and 95 % interval, or bound."""
         found = self.coefficients[name].get(key)
         if found is None:
@@ -211,10 +203,11 @@ class Numbers:
         """Return the numbers that an axis gets: its own, or those that it shares with others."""
         if self.consumer.share == 'axis':
             return self.of_axis[name]
-        found = {key: one[1] for key in KEYS if (one := self.worst(sensor, key)) is not None}
-        if self.consumer.share == 'both' and K in found:
-            walks = [one[1] for each in SENSORS if (one := self.worst(each, K)) is not None]
-            found[K] = max(walks, key=lambda number: number.value)
+        found = {key: one[1] for key in get_args(Key)
+                 if (one := self.worst(sensor, key)) is not None}
+        if self.consumer.share == 'both' and 'K' in found:
+            walks = [one[1] for each in SENSORS if (one := self.worst(each, 'K')) is not None]
+            found['K'] = max(walks, key=lambda number: number.value)
         return found
 
     def rate(self, sensor: Sensor | None = None) -> float:
@@ -250,51 +243,48 @@ class Numbers:
 
     def _agree_on_a_time(self) -> None:
         """Give all axes the correlation time of the gyroscope that drifts furthest."""
-        found = self.worst('gyro', TIME) or self.worst('accel', TIME)
+        found = self.worst('gyro', 'Tc') or self.worst('accel', 'Tc')
         for numbers in self.of_axis.values():
-            if found is not None and SIGMA in numbers:
-                sigma, numbers[TIME] = numbers[SIGMA], found[1]
-                numbers[K] = Number(sigma.value * sqrt(2 / found[1].value), sigma.bound)
+            if found is not None and 'sigma' in numbers:
+                numbers |= _of_process(numbers['sigma'], found[1])
 
     def _numbers(self, name: str) -> dict[Key, Number]:
-        found = self._tuned_numbers(name) or self.coefficients[name]
-        if not found:
-            return {}
-        factors = {N: self.wishes.inflate.get('N', 1.0), K: self.wishes.inflate.get('K', 1.0)}
-        factors[SIGMA] = factors[K]
-        return {key: replace(number, value=number.value * factors.get(key, 1.0))
+        found = _tuned(self.tunings[name]) if name in self.tunings else self.coefficients[name]
+        k = self.wishes.inflate.get('K', 1.0)
+        factors = {'N': self.wishes.inflate.get('N', 1.0), 'K': k, 'sigma': k, 'Tc': 1.0}
+        return {key: replace(number, value=number.value * factors[key])
                 for key, number in found.items()}
 
-    def _tuned_numbers(self, name: str) -> dict[Key, Number]:
-        tuning = self.tunings.get(name)
-        if tuning is None:
-            return {}
-        found = {N: Number(tuning.noise_density)}
-        if tuning.random_walk is not None:
-            found[K] = Number(tuning.random_walk)
-        elif tuning.sigma is not None and tuning.correlation_time_s is not None:
-            found[SIGMA] = Number(tuning.sigma)
-            found[TIME] = Number(tuning.correlation_time_s)
-            found[K] = Number(tuning.sigma * sqrt(2 / tuning.correlation_time_s))
-        return found
+
+def _tuned(tuning: FilterTuning) -> dict[Key, Number]:
+    found: dict[Key, Number] = {'N': Number(tuning.noise_density)}
+    if tuning.random_walk is not None:
+        found['K'] = Number(tuning.random_walk)
+    elif tuning.sigma is not None and tuning.correlation_time_s is not None:
+        found |= _of_process(Number(tuning.sigma), Number(tuning.correlation_time_s))
+    return found
+
+
+def _of_process(sigma: Number, time: Number) -> dict[Key, Number]:
+    """Return a Gauss-Markov process with the density that drives it, K."""
+    return {'sigma': sigma, 'Tc': time,
+            'K': replace(sigma, value=sigma.value * sqrt(2 / time.value), interval=None)}
 
 
 def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
     """Return coefficients as measured, or their bounds; nothing for an axis without noise."""
     found: dict[Key, Number] = {}
-    for key, name in ((N, 'noise_density'), (K, 'rate_random_walk')):
+    keys: dict[Key, str] = {'N': 'noise_density', 'K': 'rate_random_walk'}
+    for key, name in keys.items():
         coefficient = axis.coefficients[name]
         if coefficient.observable and coefficient.value:
             found[key] = Number(coefficient.value, False, coefficient.ci95)
         elif not coefficient.observable and (bound := upper_bound(axis, name)):
             found[key] = Number(bound, True, by_curve=bound < (coefficient.upper95 or 0.0))
-    if N not in found:
+    if 'N' not in found:
         return {}
-    if bias == 'gauss_markov':
-        sigma, time = _process(axis)
-        if sigma.value:
-            found[SIGMA], found[TIME] = sigma, time
-            found[K] = replace(sigma, value=sigma.value * sqrt(2 / time.value), interval=None)
+    if bias == 'gauss_markov' and (process := _process(axis))[0].value:
+        found |= _of_process(*process)
     return found
 
 

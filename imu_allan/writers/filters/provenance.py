@@ -3,19 +3,10 @@
 """The head of a configuration: where its numbers come from, and what to expect of a filter."""
 
 from imu_allan.errors import printable
-from imu_allan.result import AxisResult
-from imu_allan.tuning.tune import assess, FilterTuning
+from imu_allan.tuning.tune import assess
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration, ranged
-from imu_allan.writers.filters.chosen_numbers import (
-    K,
-    N,
-    Numbers,
-    Sensor,
-    SENSOR_NAMES,
-    SENSORS,
-    TIME,
-)
+from imu_allan.writers.filters.chosen_numbers import Numbers, Sensor, SENSORS
 from imu_allan.writers.included import included, why_left_out
 
 
@@ -101,39 +92,29 @@ def _inflated(numbers: Numbers) -> list[str]:
 
 def _consistency(numbers: Numbers) -> list[str]:
     """Say what filters with the numbers of the file reach on each sensor."""
-    if numbers.aiding_s is None or numbers.consumer.share == 'model':
+    aiding_s, coast_s = numbers.aiding_s, numbers.coast_s
+    if aiding_s is None or numbers.consumer.share == 'model':
         return []
     lines = []
     for sensor in SENSORS:
-        found = [met for name, axis in numbers.axes(sensor).items()
-                 if axis.drift_model is not None
-                 and (met := _met(numbers, sensor, name, axis)) is not None]
-        if found:
-            lines.append(_expectation(sensor, found))
+        given = {name: numbers.given(sensor, name) for name, axis in numbers.axes(sensor).items()
+                 if axis.drift_model is not None and numbers.of_axis[name]}
+        met = [assess(numbers.result.axes[name], own['N'].value, own['K'].value, aiding_s,
+                      coast_s, own['Tc'].value if 'Tc' in own else None)
+               for name, own in given.items() if 'K' in own]
+        if met:
+            nis, coast = (ranged(values, '{:.2g}'.format) for values in (
+                [one.nis for one in met], [one.coast_ratio for one in met]))
+            lines.append(f'{sensor}: expected NIS {nis}; squared error after {duration(coast_s)} '
+                         f'unaided {coast} times what the filter predicts (1 is right, above 1 '
+                         'overconfident).')
     return lines
-
-
-def _met(numbers: Numbers, sensor: Sensor, name: str, axis: AxisResult) -> FilterTuning | None:
-    """Return what a filter with the numbers that an axis gets reaches on it."""
-    own = numbers.of_axis[name] and numbers.given(sensor, name)
-    if not own or K not in own or numbers.aiding_s is None:
-        return None
-    return assess(axis, own[N].value, own[K].value, numbers.aiding_s, numbers.coast_s,
-                  own[TIME].value if TIME in own else None)
-
-
-def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
-    nis = ranged([tuning.nis for tuning in found], '{:.2g}'.format)
-    coast = ranged([tuning.coast_ratio for tuning in found], '{:.2g}'.format)
-    return (f'{sensor}: expected NIS {nis}; squared error after '
-            f'{duration(found[0].coast_s)} unaided {coast} times what the filter predicts '
-            '(1 is right, above 1 overconfident).')
 
 
 def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
     """Say which axes have no number, and why."""
     if not numbers.axes(sensor):
-        return [f'This result has no {SENSOR_NAMES[sensor]}: its numbers are left out.']
+        return [f'This result has no {SENSORS[sensor]}: its numbers are left out.']
     said = []
     for name, axis in numbers.axes(sensor).items():
         if axis.high_passed_hz is not None:

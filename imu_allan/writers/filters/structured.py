@@ -12,15 +12,7 @@ from math import pi, sqrt
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
-from imu_allan.writers.filters.chosen_numbers import (
-    K,
-    Key,
-    N,
-    Numbers,
-    Sensor,
-    TIME,
-    times,
-)
+from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, times
 from imu_allan.writers.filters.provenance import provenance
 from imu_allan.writers.filters.template import (
     each,
@@ -50,8 +42,8 @@ def basalt(numbers: Numbers) -> str:
     """
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = provenance(numbers)
-    names: _Named = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
-                     ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
+    names: _Named = {('accel', 'N'): 'accel_noise_std', ('gyro', 'N'): 'gyro_noise_std',
+                     ('accel', 'K'): 'accel_bias_std', ('gyro', 'K'): 'gyro_bias_std'}
     for (sensor, key), name in names.items():
         found, said = each(numbers, sensor, key)
         remarks += [f'{name}: {remark}' for remark in said]
@@ -78,11 +70,11 @@ def glim(numbers: Numbers) -> str:
     steps, said = [], []
     units: dict[Sensor, str] = {'accel': 'm/s^2', 'gyro': 'rad/s'}
     for sensor, unit in units.items():
-        if (found := numbers.worst(sensor, K)) is not None:
+        if (found := numbers.worst(sensor, 'K')) is not None:
             name, step = found[0], found[1].value * sqrt(frame)
             steps.append(step)
-            said.append(f'{name} {real(step)} {unit}, '
-                        f'{numbers.measured(name, K, times(sqrt(frame)))}')
+            measured = numbers.measured(name, 'K', times(sqrt(frame)))
+            said.append(f'{name} {real(step)} {unit}, {measured}')
     return joined([
         *heading(numbers, '//'), '// Part of config_sensors.json, which allows comments: put '
         'these in place of its own.', '{', '  "sensors": {', str(densities),
@@ -111,19 +103,19 @@ def gazebo(numbers: Numbers) -> str:
     for sensor, tag in tags.items():
         lines.append(f'  <{tag}>')
         for name in numbers.axes(sensor):
-            own = numbers.of_axis[name]
-            if N not in own:
+            own = {key: number.value for key, number in numbers.of_axis[name].items()}
+            if 'N' not in own:
                 continue
+            n = numbers.measured(name, 'N', times(sqrt(f)))
+            k, time = numbers.measured(name, 'K'), numbers.measured(name, 'Tc')
             lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
-                      f'      <!-- N sqrt(f) {numbers.measured(name, N, times(sqrt(f)))} -->',
-                      f'      <stddev>{real(own[N].value * sqrt(f))}</stddev>']
-            if TIME in own:
-                lines += [f'      <!-- K {numbers.measured(name, K)}; Tc '
-                          f'{numbers.measured(name, TIME)} -->',
-                          f'      <dynamic_bias_stddev>{real(own[K].value)}'
-                          '</dynamic_bias_stddev>',
-                          f'      <dynamic_bias_correlation_time>{real(own[TIME].value)}'
-                          '</dynamic_bias_correlation_time>']
+                      f'      <!-- N sqrt(f) {n} -->',
+                      f'      <stddev>{real(own["N"] * sqrt(f))}</stddev>']
+            if 'Tc' in own:
+                lines += [f'      <!-- K {k}; Tc {time} -->', '      <dynamic_bias_stddev>'
+                          f'{real(own["K"])}</dynamic_bias_stddev>',
+                          '      <dynamic_bias_correlation_time>'
+                          f'{real(own["Tc"])}</dynamic_bias_correlation_time>']
             lines.append(f'    </noise></{name[-1]}>')
         lines.append(f'  </{tag}>')
     return joined([*lines, '</imu>'])
@@ -140,10 +132,10 @@ def airsim(numbers: Numbers) -> str:
     # In seconds: ImuSimpleParams.hpp has these, which the file then states.
     gyro_tau, accel_tau = 500.0, 800.0
     units: dict[tuple[Sensor, Key], tuple[str, float]] = {
-        ('gyro', N): ('AngularRandomWalk', pi / 180 / 60),
-        ('accel', N): ('VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
-        ('gyro', K): ('GyroBiasStability', pi / 180 / 3600 / sqrt(gyro_tau)),
-        ('accel', K): ('AccelBiasStability', STANDARD_GRAVITY * 1e-6 / sqrt(accel_tau))}
+        ('gyro', 'N'): ('AngularRandomWalk', pi / 180 / 60),
+        ('accel', 'N'): ('VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
+        ('gyro', 'K'): ('GyroBiasStability', pi / 180 / 3600 / sqrt(gyro_tau)),
+        ('accel', 'K'): ('AccelBiasStability', STANDARD_GRAVITY * 1e-6 / sqrt(accel_tau))}
     remarks = [*provenance(numbers), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
     for (sensor, key), (name, unit) in units.items():
         value, said = worst(numbers, sensor, key, times(1 / unit))
@@ -233,7 +225,7 @@ def plain(numbers: Numbers) -> str:
             else:
                 lines.append(f'  # {key}: this result has no value for it')
         for letter, number in own.items():
-            word = {N: 'filter_noise_density', K: 'filter_random_walk'}.get(letter)
+            word = {'N': 'filter_noise_density', 'K': 'filter_random_walk'}.get(letter)
             if word is not None:
                 bound = '   # the upper bound' if number.bound else ''
                 lines.append(f'  {word}: {real(number.value)}{bound}')

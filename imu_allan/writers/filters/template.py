@@ -24,23 +24,19 @@ from importlib.resources import files
 import json
 from math import sqrt
 import re
+from typing import cast
 
 from imu_allan.errors import printable
 from imu_allan.sensor.units import convert
 from imu_allan.wording import is_table
 from imu_allan.writers.filters.chosen_numbers import (
-    K,
+    AS_IT_IS,
     Key,
-    KEYS,
-    N,
     Numbers,
     Scale,
     Sensor,
     SENSORS,
-    SIGMA,
-    TIME,
     times,
-    unscaled,
 )
 from imu_allan.writers.filters.provenance import provenance
 
@@ -50,18 +46,14 @@ _NUMBER = re.compile(
     r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
 _WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
 _COMMENTS = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''), 'xml': ('<!-- ', ' -->')}
-_TERMS: dict[tuple[Sensor, Key], str] = {
-    ('gyro', N): 'angle random walk', ('gyro', K): 'gyro bias random walk',
-    ('accel', N): 'velocity random walk', ('accel', K): 'accelerometer bias random walk',
-    ('gyro', SIGMA): 'standard deviation of the gyro bias',
-    ('accel', SIGMA): 'standard deviation of the accelerometer bias',
-    ('gyro', TIME): 'correlation time of the gyro bias',
-    ('accel', TIME): 'correlation time of the accelerometer bias'}
+_TERMS: dict[str, str] = {
+    'N': '{0} random walk', 'K': '{1} bias random walk',
+    'sigma': 'standard deviation of the {1} bias', 'Tc': 'correlation time of the {1} bias'}
 UNITS: dict[tuple[Sensor, Key], str] = {
-    ('gyro', N): 'rad/s/sqrt(Hz)', ('gyro', K): 'rad/s^2/sqrt(Hz)',
-    ('accel', N): 'm/s^2/sqrt(Hz)', ('accel', K): 'm/s^3/sqrt(Hz)',
-    ('gyro', SIGMA): 'rad/s', ('accel', SIGMA): 'm/s^2', ('gyro', TIME): 's',
-    ('accel', TIME): 's'}
+    ('gyro', 'N'): 'rad/s/sqrt(Hz)', ('gyro', 'K'): 'rad/s^2/sqrt(Hz)',
+    ('accel', 'N'): 'm/s^2/sqrt(Hz)', ('accel', 'K'): 'm/s^3/sqrt(Hz)',
+    ('gyro', 'sigma'): 'rad/s', ('accel', 'sigma'): 'm/s^2', ('gyro', 'Tc'): 's',
+    ('accel', 'Tc'): 's'}
 _SCALINGS = {
     '': (1, 1.0, 0.0), ' sqrt(2)': (1, sqrt(2), 0.0), ' sqrt(f)': (1, 1.0, 0.5),
     ' sqrt(2 f)': (1, sqrt(2), 0.5), '^2': (2, 1.0, 0.0), '^2 f': (2, 1.0, 1.0),
@@ -120,10 +112,12 @@ def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
         said = provenance(numbers)
         return [f'{before}{one}' for one in (said if before else map(quoted_in_xml, said))]
     if word[1] == 'topic':
-        topic = topic_of(numbers) or word[2]
-        return None if topic is None else [f'{before}{topic}{after}']
+        topic = numbers.result.source.topic
+        shown = word[2] if not topic or is_table(topic) else json.dumps(
+            printable(topic), ensure_ascii=False)
+        return None if shown is None else [f'{before}{shown}{after}']
     if word[1] == 'hours':
-        found = numbers.worst('gyro', TIME) or numbers.worst('accel', TIME)
+        found = numbers.worst('gyro', 'Tc') or numbers.worst('accel', 'Tc')
         return None if found is None else [f'{before}{real(found[1].value / 3600)}{after}']
     rates = {sensor: numbers.rate(sensor) for sensor in SENSORS}
     same = len(set(rates.values())) == 1
@@ -136,15 +130,16 @@ def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
 
 def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | None, list[str]]:
     """Return a number as it stands in the file, and what to say about it."""
-    sensor: Sensor = 'gyro' if field['sensor'] == 'gyro' else 'accel'
+    sensor = cast('Sensor', field['sensor'])
     axis = f'{sensor}_{field["letter"]}'
     if field['key'] == 'mean':
         mean = numbers.result.axes[axis].mean if axis in numbers.result.axes else None
         return None if mean is None else real(mean), []
-    key = {str(known): known for known in KEYS}[field['key']]
+    key = cast('Key', field['key'])
     scale, unit = _scale(numbers, sensor, key, field)
     what = f'{"filter " if numbers.tunings else ""}{key}{field["scaling"]}'
-    term = f'[{unit}], {_TERMS[sensor, key]}'
+    words = ('angle', 'gyro') if sensor == 'gyro' else ('velocity', 'accelerometer')
+    term = f'[{unit}], {_TERMS[key].format(*words)}'
     if field['letter']:
         number = numbers.of_axis.get(axis, {}).get(key)
         return (None if number is None else real(scale(number.value)),
@@ -175,7 +170,7 @@ def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
     """Return what a formula makes of a number, and in which unit that is."""
     # Autopilots write F for the rate at which they predict.
     power, factor, of_rate = _SCALINGS[field['scaling'].replace('F', 'f')]
-    unit = UNITS[sensor, SIGMA if of_rate < 0 else key]
+    unit = UNITS[sensor, 'sigma' if of_rate < 0 else key]
     if field['unit'] is not None:
         return times(factor * convert(1.0, unit, field['unit'])), field['unit']
     if of_rate:
@@ -185,7 +180,7 @@ def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
     return (lambda value: value**power * factor), f'({unit})^2' if power == 2 else unit
 
 
-def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
+def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
           ) -> tuple[float | None, list[str]]:
     """Return the largest of the axes' numbers, scaled, and what was measured of all of them."""
     found = numbers.worst(sensor, key)
@@ -204,7 +199,7 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
     return scale(chosen.value), [first, *others]
 
 
-def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
+def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
          ) -> tuple[list[float] | None, list[str]]:
     """Return the numbers of x, y, z, or None where one lacks, and what to say about them."""
     known = numbers.known(sensor, key)
@@ -224,14 +219,6 @@ def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
 def heading(numbers: Numbers, sign: str = '#') -> list[str]:
     """Return the comment at the top of a file."""
     return [f'{sign} {line}' for line in provenance(numbers)]
-
-
-def topic_of(numbers: Numbers) -> str | None:
-    """Return the topic as a string in YAML and JSON, or None."""
-    topic = numbers.result.source.topic
-    if not topic or is_table(topic):
-        return None
-    return json.dumps(printable(topic), ensure_ascii=False)
 
 
 def real(value: float) -> str:
