@@ -7,7 +7,7 @@ Three axes share a panel; the band in which the points should fall, the terms an
 shown for one of them at a time, the worst one until the reader chooses another.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
@@ -22,9 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-WIDE, NARROW = 1080.0, 380.0
-"""Widths of the two drawings: the page at a desk and in print, and on a phone."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +53,9 @@ class Chart:
 
 def both(name: str, label: str, height: float, narrow_height: float,
          draw: Callable[[Drawing, bool], None]) -> str:
-    """Draw for the desk and for the phone."""
+    """Draw for the page at a desk and in print, and on a phone."""
     drawings = []
-    for size, width, tall in (('at-desk', WIDE, height), ('on-phone', NARROW, narrow_height)):
+    for size, width, tall in (('at-desk', 1080.0, height), ('on-phone', 380.0, narrow_height)):
         drawing = Drawing(width, tall, f'{name}-{size}', label)
         draw(drawing, size == 'on-phone')
         drawings.append(drawing.svg(size))
@@ -106,79 +103,78 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
     if not known:
         return None
-    unit = AXES[next(iter(known))].unit
-    factor, shown = engineering(1.0, unit)
-    low, high = curves.limits_of(known.values(), rings=True)
-    ends = (min(axis.curve.tau_s[0] for axis in known.values()) / 1.5,
-            max(axis.curve.tau_s[-1] for axis in known.values()) * 1.9)
+    factor, shown = engineering(1.0, next(iter(known.values())).unit)
+    limits = curves.limits_of(known.values(), rings=True)
+    models = {name: curves.model_curve(axis, timeline) for name, axis in known.items()}
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
-        inside = []
-        models = {name: curves.model_curve(axis, timeline) for name, axis in known.items()}
-        for name, axis in known.items():
-            tau, _, bound = models[name]
-            inside.append(group(name[-1], f'detail axis-{name[-1]}', [
-                *_expected(panel, axis, timeline, factor),
-                panel.line(tau, bound * factor, 'bound')]))
-        for name, axis in known.items():
-            tau, adev, _ = models[name]
-            inside.append(group(name[-1], f'axis-{name[-1]}', [
-                panel.line(tau, adev * factor, 'curve model'),
-                _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
-                                 shape_of(name[-1]))]))
+        panel = _framed(drawing, narrow, sensor, known.values(), limits, 1.9)
+        inside = [_of(name, [*_expected(panel, axis, models[name], factor),
+                             panel.line(models[name].tau, models[name].bound * factor, 'bound')],
+                      'detail ') for name, axis in known.items()]
+        inside += [_of(name, _curve(panel, axis, models[name], (factor, shown),
+                                    f'{name[-1]} axis', shape_of(name[-1])))
+                   for name, axis in known.items()]
         # Of all axes: a name of one would hide the curve of another.
         avoid = np.vstack([panel.pixels(x, np.asarray(y) * factor) for name, axis in known.items()
                            for x, y in ((axis.curve.tau_s, axis.curve.adev), models[name][:2])])
-        for name, axis in known.items():
-            inside.append(group(name[-1], 'detail', _term_labels(
-                panel, axis, factor, avoid, brief=narrow)))
+        inside += [group(name[-1], 'detail', _term_labels(panel, axis, factor, avoid,
+                                                          brief=narrow))
+                   for name, axis in known.items()]
         drawing.add(panel, inside)
 
     caption = ('Points: measured, hollow where few averages stand behind one. Line: reported. '
                'Of the axis chosen: 95 % of the points should fall into the shade. Ring: where a '
                'coefficient is read. Dots: the most that a hidden term may add.')
-    if curves.beyond(known.values(), (low, high)):
+    if curves.beyond(known.values(), limits):
         caption += ' Arrow: a point beyond the axes.'
     return sensor_chart(sensor, 'allan', 'Allan deviation',
                         'Allan deviation against averaging time', caption, (470, 330), draw,
                         known, worst_axis(known))
 
 
-def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[float, float],
-            heights: tuple[float, float]) -> Panel:
-    """Return the panel of a curve between ends of averaging time and heights in SI units."""
+def _of(name: str, parts: Iterable[str], before: str = '') -> str:
+    """Return what is of an axis, shown and hidden with it."""
+    return group(name[-1], f'{before}axis-{name[-1]}', parts)
+
+
+def _framed(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisResult],
+            limits: tuple[float, float], beyond: float) -> Panel:
+    """Return the panel of curves between limits in SI units, `beyond` times as long as they."""
+    unit = next(iter(axes)).unit
     factor, shown = engineering(1.0, unit)
-    low, high = heights
+    ends = (min(axis.curve.tau_s[0] for axis in axes) / 1.5,
+            max(axis.curve.tau_s[-1] for axis in axes) * beyond)
     panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                          (low * factor, high * factor, True))
+                          (limits[0] * factor, limits[1] * factor, True))
     panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
                 f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
     return panel
 
 
-def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
+def _expected(panel: Panel, axis: AxisResult, model: curves.ModelCurve, factor: float
+              ) -> list[str]:
     """Return the area in which 95 % of the points should fall."""
-    tau, adev, _ = curves.model_curve(axis, timeline)
-    if not len(tau) or not (adev > 0).any():
+    if not (model.adev > 0).any():
         return []
-    low, high = curves.expected_band(axis, tau, adev)
-    return [panel.band(tau, low * factor, high * factor, 'expected')]
+    low, high = curves.expected_band(axis, model.tau, model.adev)
+    return [panel.band(model.tau, low * factor, high * factor, 'expected')]
 
 
-def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, label: str,
-                     shape: str) -> str:
-    curve = axis.curve
-    titles = []
-    for tau, value, band in zip(curve.tau_s, curve.adev, curve.ci95, strict=True):
-        shown, *bounds = measured(*(v * factor for v in (value, *band)))
-        titles.append(f'{label}, τ = {tau:.4g} s: {shown} {typeset(unit)}, '
-                      f'95 % {" – ".join(bounds)}')
-    seen = [value > 0 for value in curve.adev]
-    return panel.points(np.array(curve.tau_s)[seen], np.array(curve.adev)[seen] * factor, shape,
-                        [t for t, there in zip(titles, seen, strict=True) if there],
-                        [few for few, there in zip(curves.few_degrees(axis), seen, strict=True)
-                         if there])
+def _curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, unit: tuple[float, str],
+           label: str, shape: str) -> list[str]:
+    """Return the line of the model, and the points above zero with what each tells."""
+    factor, shown = unit
+    points = []
+    for tau, adev, band, few in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95,
+                                    curves.few_degrees(axis), strict=True):
+        if adev > 0:
+            value, *bounds = measured(*(v * factor for v in (adev, *band)))
+            points.append((tau, adev * factor, f'{label}, τ = {tau:.4g} s: {value} '
+                           f'{typeset(shown)}, 95 % {" – ".join(bounds)}', few))
+    x, y, titles, hollow = zip(*points, strict=True)
+    return [panel.line(model.tau, model.adev * factor, 'curve model'),
+            panel.points(x, y, shape, titles, hollow)]
 
 
 def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
@@ -216,34 +212,28 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
              if axis in result.axes and any(result.axes[axis].curve.adev)}
     if not known:
         return None
-    sensor = axis.partition('_')[0]
-    unit = AXES[axis].unit
-    factor, shown = engineering(1.0, unit)
+    factor, shown = engineering(1.0, AXES[axis].unit)
     found = [item for _, item, _ in known.values()]
-    low, high = curves.limits_of(found)
-    ends = (min(item.curve.tau_s[0] for item in found) / 1.5,
-            max(item.curve.tau_s[-1] for item in found) * 1.6)
+    limits = curves.limits_of(found)
+    kinds = {place: f'result-{int(place) % 7}' for place in known}
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
+        panel = _framed(drawing, narrow, axis.partition('_')[0], found, limits, 1.6)
         inside = []
         for place, (name, item, timeline) in known.items():
-            tau, adev, _ = curves.model_curve(item, timeline)
             seen = np.array(item.curve.adev) > 0
-            bands = np.array(item.curve.ci95)[seen].T * factor
-            kind = f'result-{int(place) % 7}'
-            inside.append(group(place, f'detail {kind}', [
-                panel.band(np.array(item.curve.tau_s)[seen], bands[0], bands[1], 'expected')]))
-            inside.append(group(place, kind, [
-                panel.line(tau, adev * factor, 'curve model'),
-                _measured_points(panel, item, factor, shown, name,
-                                 SHAPES[int(place) % len(SHAPES)])]))
+            low, high = np.array(item.curve.ci95)[seen].T * factor
+            inside.append(group(place, f'detail {kinds[place]}', [
+                panel.band(np.array(item.curve.tau_s)[seen], low, high, 'expected')]))
+            inside.append(group(place, kinds[place], _curve(
+                panel, item, curves.model_curve(item, timeline), (factor, shown), name,
+                SHAPES[int(place) % len(SHAPES)])))
         drawing.add(panel, inside)
 
     return Chart(axis, spoken(axis), '',
                  both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, 340, draw),
-                 tuple((place, f'result-{int(place) % 7}', name)
-                       for place, (name, _, _) in known.items()), next(iter(known)))
+                 tuple((place, kinds[place], name) for place, (name, _, _) in known.items()),
+                 next(iter(known)))
 
 
 def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
@@ -256,6 +246,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
              if not axis.constant and len(curves.over_time(axis.signal)[0])}
     if not known:
         return None
+    moved = {name: curves.wander(axis) for name, axis in known.items()}
     unit = next(iter(known.values())).unit
     shown = MEAN_UNITS[unit]
     factor = convert(1.0, unit, shown)
@@ -270,18 +261,23 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         left, top, right, _ = box_of(drawing, narrow)
         strip = 52.0
         split = drawing.height - 46 - strip * len(strips) - 26
+        values = np.concatenate([mean for _, mean in moved.values()]) * factor
         main = drawing.panel((left, top, right, split), (0, length / scale, False),
-                             _wander(known, factor))
+                             padded(float(np.nanmin(values)), float(np.nanmax(values))))
         _shade(main, result.timeline, scale, known)
         main.frame('', f'mean of each segment less the mean of all [{typeset(shown)}]',
                    x_labels=False, most_y=6)
-        over_time = [(name[-1], *curves.wander(axis)) for name, axis in known.items()]
-        lines = [group(letter, f'axis-{letter}', [main.line(time / scale, mean * factor, 'curve')])
-                 for letter, time, mean in over_time]
-        # Over all of the lines.
-        marks = [group(letter, f'axis-{letter}', [
-            _marks(main, letter, time, mean * factor, curves.marked(mean, place), scale)])
-            for place, (letter, time, mean) in enumerate(over_time)]
+        lines, marks = [], []
+        for place, name in enumerate(known):
+            time, mean = moved[name]
+            at = curves.marked(mean, place)
+            lines.append(_of(name, [main.line(time / scale, mean * factor, 'curve')]))
+            # In grey, colours look the same.
+            marks.append(_of(name, [main.points(
+                time[at] / scale, mean[at] * factor, shape_of(name[-1]),
+                [f'{name[-1]} axis, after {duration(time[i])}: {number(mean[i] * factor, 3)}'
+                 for i in at])]))
+        # The marks lie over all of the lines.
         drawing.add(main, [*lines, *marks])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
@@ -316,19 +312,6 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                         ' '.join([text, *shades]), (height, height), draw, known)
 
 
-def _marks(panel: Panel, letter: str, time_s: Array, mean: Array, at: NDArray[np.intp],
-           scale: float) -> str:
-    """Draw the mark of an axis here and there on its curve: in grey, colours look the same."""
-    return panel.points(time_s[at] / scale, mean[at], shape_of(letter),
-                        [f'{letter} axis, after {duration(time_s[i])}: {number(mean[i], 3)}'
-                         for i in at], [False] * len(at))
-
-
-def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:
-    values = np.concatenate([curves.wander(axis)[1] for axis in axes.values()]) * factor
-    return padded(float(np.nanmin(values)), float(np.nanmax(values)))
-
-
 def _shade(panel: Panel, timeline: Timeline, scale: float,
            axes: Mapping[str, AxisResult]) -> None:
     """Shade what was left out, and mark where the parts begin that were fitted by themselves."""
@@ -359,10 +342,10 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     factor, shown = engineering(1.0, unit)
     segments = {name: axis.stationarity.segments for name, axis in known.items()
                 if axis.stationarity is not None}
-    rows = {name: [(s.start_s + s.duration_s / 2, s.noise_density * factor,
-                    s.ci95[0] * factor, s.ci95[1] * factor)
-                   for s in own if s.noise_density is not None and s.ci95 is not None]
-            for name, own in segments.items()}
+    rows = {name: [(s.start_s + s.duration_s / 2, *(
+        factor * value for value in (s.noise_density, *s.ci95)))
+        for s in own if s.noise_density is not None and s.ci95 is not None]
+        for name, own in segments.items()}
     length = max(s.start_s + s.duration_s for own in segments.values() for s in own)
     scale, units = curves.time_unit(length)
     ends = length / scale
@@ -381,8 +364,8 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
             parts.append(panel.points(
                 [p[0] / scale + apart for p in points], [p[1] for p in points], shape_of(name[-1]),
                 [f'{name[-1]} axis, segment {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
-                 for number_, p in enumerate(points, 1)], [False] * len(points)))
-            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+                 for number_, p in enumerate(points, 1)]))
+            inside.append(_of(name, parts))
         drawing.add(panel, inside)
 
     return sensor_chart(sensor, 'segments', 'by segment', 'noise density of each segment',
@@ -429,12 +412,11 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
         for name, axis in known.items():
             if axis.spectrum is not None:
                 at, power = curves.in_bands(axis.spectrum)
-                inside.append(group(name[-1], f'axis-{name[-1]}', [
-                    panel.line(at, power * factor**2, 'measured')]))
+                inside.append(_of(name, [panel.line(at, power * factor**2, 'measured')]))
         for name, axis in known.items():
             model = curves.model_density(axis, frequency, rate) * factor**2
-            inside.append(group(name[-1], f'axis-{name[-1]}', [
-                panel.line(frequency, np.where(model > 0, model, np.nan), 'curve model')]))
+            inside.append(_of(name, [panel.line(
+                frequency, np.where(model > 0, model, np.nan), 'curve model')]))
         drawing.add(panel, inside)
 
     shaded = any(axis.band_edge_hz is not None for axis in known.values())
@@ -459,45 +441,43 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)
-    horizons, values = [], []
-    for name, axis in known.items():
-        if name in tunings:
-            horizons += [row[0] for row in tunings[name].consistency]
-            values += [row[1] for row in tunings[name].consistency]
-        for row in axis.backtest.coast if axis.backtest else ():
-            horizons.append(row.horizon_s)
-            values.append(row.observed_rms)
-        values += [end for band in bands_of(axis) for end in band]
-    values = [value for value in values if value > 0]
-    if not values:
+    expected = {name: np.array(tunings[name].consistency).T for name in known if name in tunings}
+    coasts = {name: axis.backtest.coast if axis.backtest else () for name, axis in known.items()}
+    met = [coast for each in coasts.values() for coast in each]
+    horizons = np.concatenate([*(line[0] for line in expected.values()),
+                               [one.horizon_s for one in met]])
+    values = np.concatenate([*(line[1] for line in expected.values()),
+                             [one.observed_rms for one in met],
+                             [end for axis in known.values() for band in bands_of(axis)
+                              for end in band]])
+    values = values[values > 0]
+    if not len(values):
         return None
-    ends = min(horizons) / 1.4, max(horizons) * 1.4
+    low, high = float(values.min()) * factor, float(values.max()) * factor
+    ends = float(horizons.min()) / 1.4, float(horizons.max()) * 1.4
 
     def draw(drawing: Drawing, narrow: bool) -> None:
         panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                              (min(values) * factor / 1.7, max(values) * factor * 1.7, True))
+                              (low / 1.7, high * 1.7, True))
         panel.frame('unaided time [s]', f'error of the mean {SAMPLES[sensor]} over it '
                     f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
         inside = []
         for name, axis in known.items():
-            parts = []
-            if name in tunings:
-                h, expected, _ = np.array(tunings[name].consistency).T
-                parts.append(panel.line(h, expected * factor, 'curve model'))
-            if axis.backtest is not None:
-                coast = axis.backtest.coast
-                if coast:
-                    low, high = np.array(bands_of(axis)).T * factor
-                    inside.append(group(name[-1], f'detail axis-{name[-1]}', [
-                        panel.band([c.horizon_s for c in coast], low, high, 'expected')]))
+            parts, coast = [], coasts[name]
+            if name in expected:
+                parts.append(panel.line(expected[name][0], expected[name][1] * factor,
+                                        'curve model'))
+            if coast:
+                times = [c.horizon_s for c in coast]
+                least, most = np.array(bands_of(axis)).T * factor
+                inside.append(_of(name, [panel.band(times, least, most, 'expected')], 'detail '))
                 parts.append(panel.points(
-                    [c.horizon_s for c in coast], [c.observed_rms * factor for c in coast],
-                    shape_of(name[-1]), [
+                    times, [c.observed_rms * factor for c in coast], shape_of(name[-1]), [
                         f'{name[-1]} axis, after {duration(c.horizon_s)}: predicted '
                         f'{number(c.predicted_sigma * factor, 3)}, observed '
                         f'{number(c.observed_rms * factor, 3)} {typeset(shown)}'
-                        for c in coast], [False] * len(coast)))
-            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+                        for c in coast]))
+            inside.append(_of(name, parts))
         drawing.add(panel, inside)
 
     tested = any(axis.backtest is not None for axis in known.values())

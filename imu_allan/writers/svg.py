@@ -12,6 +12,7 @@ drawings of a report take 0.2 s of CPU; matplotlib takes 0.8 for half of them, a
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import product
 from math import ceil, floor, inf, log10
 import re
 
@@ -23,14 +24,9 @@ Box = tuple[float, float, float, float]
 
 LETTER = 0.56
 """Mean width of a letter over its height, in the sans-serif fonts of browsers."""
-_AROUND = [(right, down) for down in (-34, 34, -58, 58, -86, 86, 0, -120, 120)
-           for right in (16, -16, 44, -44, 90, -90)]
-"""Where to try: first right above the point, then ever further off; for text 12.5 high."""
 
 FONT = 12.5
 """Size of all text, in the unit of the view box, which is a pixel at the width it is made for."""
-_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
-_PLAIN_DECADES = range(-3, 4)
 
 
 @dataclass(frozen=True)
@@ -94,10 +90,11 @@ def power_text(value: float) -> str:
 
     """
     k = floor(log10(value) + 1e-9)
-    if k in _PLAIN_DECADES:
+    if -3 <= k <= 3:
         return f'{value:.6g}'
     times = round(value / 10.0**k)
-    return ('' if times == 1 else f'{times}×') + '10' + str(k).translate(_SUPERSCRIPTS)
+    power = str(k).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))
+    return f'{"" if times == 1 else f"{times}×"}10{power}'
 
 
 def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
@@ -190,15 +187,18 @@ class Panel:
         return f'<path class="{kind}" d="{path}"/>' if path else ''
 
     def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
-               hollow: Sequence[bool]) -> str:
+               hollow: Sequence[bool] = ()) -> str:
         """Return marks with what is shown under the pointer; an arrow for those outside."""
         _, top, _, bottom = self.box
         marks = []
-        for px, py, title, empty in zip(self.x(x), self.y(y), titles, hollow, strict=True):
+        for px, py, title, empty in zip(self.x(x), self.y(y), titles,
+                                        hollow or [False] * len(titles), strict=True):
             if self._inside(px, py):
                 kind, path = 'mark hollow' if empty else 'mark', _MARKS[shape]
             else:
-                kind, path = 'beyond', _ARROWS['up' if py < top else 'down']
+                kind = 'beyond'
+                path = 'M{x:.1f} {y:.1f}' + ('v13m-4 -7l4 -6l4 6' if py < top else
+                                             'v-13m-4 7l4 6l4 -6')
                 py = min(max(float(py), top + 1), bottom - 1)
             marks.append(f'<path class="{kind}" d="{path.format(x=px, y=py)}">'
                          f'<title>{escape(title)}</title></path>')
@@ -263,8 +263,6 @@ _MARKS = {
     'diamond': 'M{x:.1f} {y:.1f}m0 -4.8l4.8 4.8l-4.8 4.8l-4.8 -4.8Z',
 }
 SHAPES = tuple(_MARKS)
-_ARROWS = {'up': 'M{x:.1f} {y:.1f}v13m-4 -7l4 -6l4 6',
-           'down': 'M{x:.1f} {y:.1f}v-13m-4 7l4 6l4 -6'}
 
 
 @dataclass
@@ -345,7 +343,7 @@ def _unbroken(values: Array) -> list[slice]:
 
 
 def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box, avoid: Array,
-               taken: Iterable[Box], scale: float = 1.0) -> Box:
+               taken: Sequence[Box], scale: float = 1.0) -> Box:
     """
     Return the box for a label.
 
@@ -359,21 +357,22 @@ def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box
         Left, top, right and bottom of the panel.
     avoid : ndarray, shape (n, 2)
         Points that should stay free.
-    taken : iterable of box
+    taken : sequence of box
         Where labels stand.
     scale : float, optional
         Of the distances that are tried: the height of the text over 12.5.
 
     """
-    others = list(taken)
     width, height = size
     best, cost = (point[0], point[1], point[0] + width, point[1] + height), inf
-    for right, down in _AROUND:
+    # First right above the point, then ever further off; for text 12.5 high.
+    for down, right in product((-34, 34, -58, 58, -86, 86, 0, -120, 120),
+                               (16, -16, 44, -44, 90, -90)):
         left = point[0] + right * scale - (width if right < 0 else 0)
         top = point[1] + down * scale - height / 2
         box = (left, top, left + width, top + height)
         # What a unit of distance costs beside a covered point, which costs 3.
-        price = _price(box, panel, avoid, others) + 0.02 * (abs(right) + abs(down))
+        price = _price(box, panel, avoid, taken) + 0.02 * (abs(right) + abs(down))
         if price < cost:
             best, cost = box, price
     return best
