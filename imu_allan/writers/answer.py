@@ -80,7 +80,11 @@ def answers(result: Result) -> list[Answer]:
         axes = axes_of(result, sensor)
         known = {name: axis for name, axis in axes.items()
                  if axis.drift_model is not None and not axis.constant}
-        tunings = _tunings(known)
+        tunings = {}
+        for name, axis in known.items():
+            # The reasons are those for which it cannot be tuned at all: nothing to show.
+            with suppress(ImuAllanError):
+                tunings[name] = tune(axis, AIDING_S, COAST_S)
         found.append(Answer(
             sensor, wording.SENSORS[sensor], all(axis.constant for axis in axes.values()),
             {key: (worst[-1], axes[worst].coefficients[key])
@@ -99,15 +103,6 @@ def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
     if not values:
         values = {name: c.upper95 for name, c in seen.items() if c.upper95 is not None}
     return max(values, key=values.__getitem__, default=None)
-
-
-def _tunings(axes: Mapping[str, AxisResult]) -> dict[str, FilterTuning]:
-    tunings = {}
-    for name, axis in axes.items():
-        # The reasons are those for which it cannot be tuned at all: nothing to show.
-        with suppress(ImuAllanError):
-            tunings[name] = tune(axis, AIDING_S, COAST_S)
-    return tunings
 
 
 def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuning]

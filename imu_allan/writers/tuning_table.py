@@ -7,8 +7,8 @@ There are five ways to feed it; what its numbers are worth in another recording 
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import asdict
+from typing import Any, NamedTuple
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
@@ -31,8 +31,7 @@ from rich.text import Text
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(NamedTuple):
     """
     One way to feed a filter.
 
@@ -41,21 +40,17 @@ class Choice:
     name : str
     tuning : FilterTuning or None
         None for the full drift model, which has more numbers than a row.
-    bound : bool
-        Whether K is an upper bound.
-    nis, coast_ratio : float
-        Expected.
     coast_sigma : float
         What the filter predicts for the mean over the longest unaided time.
+    bound : bool
+        Whether K is an upper bound.
 
     """
 
     name: str
     tuning: FilterTuning | None
-    bound: bool
-    nis: float
-    coast_ratio: float
     coast_sigma: float
+    bound: bool = False
 
 
 def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
@@ -66,22 +61,17 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     Tuned, conservative, as measured, ten times K, the full drift model. ImuAllanError if the axis
     has no drift model or the times make no sense.
     """
-    found = [_choice(TUNED, tune(axis, aiding_s, coast_s, bias)),
-             _choice('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True))]
+    found = [(TUNED, tune(axis, aiding_s, coast_s, bias), False),
+             ('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True), False)]
     noise, walk = (coefficient.value if (coefficient := axis.coefficients[key]).observable
                    else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
     if noise and walk:
         bound = not axis.coefficients['rate_random_walk'].observable
-        for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0)):
-            found.append(_choice(name, assess(axis, noise, factor * walk, aiding_s, coast_s),
-                                 bound=bound))
-    best = optimum(axis, aiding_s, coast_s)
-    found.append(Choice(FULL, None, False, 1.0, 1.0, best[-1][2]))
-    return found
-
-
-def _choice(name: str, tuning: FilterTuning, *, bound: bool = False) -> Choice:
-    return Choice(name, tuning, bound, tuning.nis, tuning.coast_ratio, tuning.consistency[-1][2])
+        found += [(name, assess(axis, noise, factor * walk, aiding_s, coast_s), bound)
+                  for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))]
+    return [*(Choice(name, tuning, tuning.consistency[-1][2], bound)
+              for name, tuning, bound in found),
+            Choice(FULL, None, optimum(axis, aiding_s, coast_s)[-1][2])]
 
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
@@ -129,8 +119,8 @@ def _cells(choice: Choice, bias: Bias) -> list[str]:
                   + number(tuning.random_walk, 3))
     else:
         second = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
-    return [choice.name, number(tuning.noise_density, 3), second, f'{choice.nis:.3g}',
-            f'{choice.coast_ratio:.3g}', predicted]
+    return [choice.name, number(tuning.noise_density, 3), second, f'{tuning.nis:.3g}',
+            f'{tuning.coast_ratio:.3g}', predicted]
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
@@ -188,23 +178,18 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
     table = bare_table('axis', 'off by', *map(duration, FORECAST_S))
     for name, axis in known_axes(result).items():
         forecast = predicted_drift(axis, FORECAST_S, calibration_s)
-        gyro = forecast.position is None
-        rows = [('heading, deg', forecast.integral, 180 / np.pi) if gyro else
-                ('velocity, m/s', forecast.integral, 1.0)]
+        rows = [('heading, deg', forecast.integral, 180 / np.pi)]
         if forecast.position is not None:
-            rows.append(('position, m', forecast.position, 1.0))
+            rows = [('velocity, m/s', forecast.integral, 1.0),
+                    ('position, m', forecast.position, 1.0)]
         for i, (what, values, factor) in enumerate(rows):
+            shown = [number(float(f'{value * factor:.2g}')) for value in values]
             table.add_row(spoken(name) if i == 0 else '', what, *(
-                _known_or_more(forecast, horizon, value * factor)
-                for horizon, value in zip(FORECAST_S, values, strict=True)))
+                text if _is_known(forecast, horizon) else f'({text})'
+                for horizon, text in zip(FORECAST_S, shown, strict=True)))
     return Group(
         Text('Unaided drift, one standard deviation, the bias averaged '
              f'over {duration(calibration_s)} before:'), table)
-
-
-def _known_or_more(forecast: DriftForecast, horizon: float, value: float) -> str:
-    text = number(float(f'{value:.2g}'))
-    return text if _is_known(forecast, horizon) else f'({text})'
 
 
 def _is_known(forecast: DriftForecast, horizon: float) -> bool:
@@ -273,15 +258,18 @@ def verification_table(found: Mapping[str, Verification], other: str,
 
     Where filters were `run` over it, what its model expects needs no column.
     """
+    def ratio(value: float, ci95: tuple[float, float]) -> str:
+        return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
+
     spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
     second = 'K' if bias == 'random_walk' else 'sigma'
     table = bare_table('axis', *(() if run else ('NIS', 'error')), 'N times', f'{second} times',
                        *spans, texts=1)
     for name, one in found.items():
-        bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
+        bands = {_span(e): ratio(e.ratio, e.ci95) for e in one.excess}
         expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
-        table.add_row(spoken(name), *expected, _factor(one.noise_factor, one.noise_ci95),
-                      _factor(one.random_walk_factor, one.random_walk_ci95),
+        table.add_row(spoken(name), *expected, ratio(one.noise_factor, one.noise_ci95),
+                      ratio(one.random_walk_factor, one.random_walk_ci95),
                       *(bands.get(span, '') for span in spans))
     return Group(
         Text(f'The tuned numbers held against {other}:'), table,
@@ -298,35 +286,25 @@ def _span(excess: Excess) -> str:
     return f'{low} s' if low == high else f'{low}-{high} s'
 
 
-def _factor(value: float, ci95: tuple[float, float]) -> str:
-    return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
-
-
-SCHEMA = 'imu_allan.tuning/1'
-
-
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
                     calibration_s: float = 60.0) -> dict[str, Any]:
     """Return what the tables show."""
-    axes: dict[str, Any] = {}
-    for name, axis in known_axes(result).items():
-        axes[name] = {'choices': [_plain(choice) for choice in
-                                  choices(axis, aiding_s, coast_s, bias)],
-                      'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
-    return {'schema': SCHEMA, 'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias,
-            'axes': axes}
+    axes = {name: {'choices': [*map(_plain, choices(axis, aiding_s, coast_s, bias))],
+                   'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
+            for name, axis in known_axes(result).items()}
+    return {'schema': 'imu_allan.tuning/1', 'aiding_interval_s': aiding_s, 'coast_s': coast_s,
+            'bias': bias, 'axes': axes}
 
 
 def _plain(choice: Choice) -> dict[str, Any]:
-    line: dict[str, Any] = {'numbers': choice.name, 'nis': choice.nis,
-                            'coast_ratio': choice.coast_ratio, 'coast_sigma': choice.coast_sigma}
-    if choice.tuning is not None:
-        tuning = choice.tuning
-        line.update(noise_density=tuning.noise_density, random_walk=tuning.random_walk,
-                    sigma=tuning.sigma, correlation_time_s=tuning.correlation_time_s,
-                    consistency=tuning.consistency,
-                    known_from_s=tuning.known_from_s, known_to_s=tuning.known_to_s)
-    return line
+    tuning = choice.tuning
+    if tuning is None:
+        return {'numbers': choice.name, 'nis': 1.0, 'coast_ratio': 1.0,
+                'coast_sigma': choice.coast_sigma}
+    return {'numbers': choice.name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
+            'coast_sigma': choice.coast_sigma, **{name: getattr(tuning, name) for name in (
+                'noise_density', 'random_walk', 'sigma', 'correlation_time_s', 'consistency',
+                'known_from_s', 'known_to_s')}}
 
 
 def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],
