@@ -24,12 +24,6 @@ Kind = TypeVar('Kind')
 
 _FINE, _BETWEEN = 161, 8
 """Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
-_APART = 1.1
-"""Of the variance: a bound that adds less lies on the line of the model."""
-_LOWEST = 1.1
-"""Of the lowest variance: up to there the model is flat."""
-_BAND = 0.25
-"""Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""
 _MARKED = 8
 """Marks on the curve of an axis: those of three stand apart in a phone's width, too."""
 
@@ -102,8 +96,9 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     size, avar = size[keep], avar[keep]
     bound = avar + hidden_avar(axis, size / rate)
+    # A bound that adds less than a tenth lies on the line of the model.
     return ModelCurve(size / rate, np.sqrt(np.where(avar > 0, avar, np.nan)),
-                      np.sqrt(np.where(bound > _APART * avar, bound, np.nan)))
+                      np.sqrt(np.where(bound > 1.1 * avar, bound, np.nan)))
 
 
 def expected_band(axis: AxisResult, tau: Array, adev: Array) -> tuple[Array, Array]:
@@ -141,12 +136,14 @@ def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
     Return the mean density of a spectrum in equal bands of a logarithmic axis.
 
     The lowest frequencies come one by one, where a single bin may be a hundred times too high or
-    too low; a band is no wider than `_BAND` octaves, and a bin that is wider stays by itself.
+    too low; a band is no wider than a quarter of an octave, and a bin that is wider stays by
+    itself.
     """
     frequency, power = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
     if not len(frequency):
         return frequency, power
-    bands = np.floor(np.log2(frequency) / _BAND)
+    # 80 bands in all; half as wide they scatter 1.4 times as much, twice as wide they hide a hump.
+    bands = np.floor(np.log2(frequency) / 0.25)
     _, starts, counts = np.unique(bands, return_index=True, return_counts=True)
     return (np.exp(np.add.reduceat(np.log(frequency), starts) / counts),
             np.add.reduceat(power, starts) / counts)
@@ -171,7 +168,7 @@ def reading_point(term: Term, axis: AxisResult, tau: Array,
     model = reported_model(axis) if truth is None else FittedModel(truth)
     # Lines and the low-pass bend the short end; what has a floor is the sum of the rest.
     total = FittedModel(model.coefficients, None, model.processes).allan_variance(tau, 1.0)
-    flat = tau[total <= _LOWEST * total.min()]
+    flat = tau[total <= 1.1 * total.min()]
     return float(np.sqrt(flat[0] * flat[-1]))
 
 

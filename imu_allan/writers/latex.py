@@ -10,9 +10,6 @@ from imu_allan.wording import duration, listed, SENSORS
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.pages import text_of
 
-_SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
-            '_': r'\_', '{': r'\{', '}': r'\}', '~': r'\textasciitilde{}',
-            '^': r'\textasciicircum{}'}
 _UNITS = {
     'deg': r'$^\circ$', 'deg/sqrt(h)': r'$^\circ/\sqrt{\mathrm{h}}$',
     'deg/h': r'$^\circ/\mathrm{h}$', 'deg/h/sqrt(h)': r'$^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$',
@@ -33,7 +30,9 @@ def escaped(text: str) -> str:
     imu\_link 5 \%
 
     """
-    return ''.join(_SPECIAL.get(letter, letter) for letter in text)
+    special = {**{letter: f'\\{letter}' for letter in '&%$#_{}'}, '\\': r'\textbackslash{}',
+               '~': r'\textasciitilde{}', '^': r'\textasciicircum{}'}
+    return ''.join(special.get(letter, letter) for letter in text)
 
 
 def noise_table(result: Result) -> str:

@@ -30,12 +30,10 @@ _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density':
                            'bias_instability': (0, (8, 2, 1, 2)),
                            'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
 _SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
-READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
-           'rate_ramp': '√2 s'}
+_READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
+            'rate_ramp': '√2 s'}
 _NAME_SIZE = 7.5
 """Points: with the 6 of a superscript the smallest that survives a printer."""
-_WIDER = 1.1
-"""Letters of DejaVu Sans are so much wider than those of a browser."""
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
@@ -116,7 +114,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
         slope = f'slope {_SLOPES[term.slope]}'
         ringed = tau[0] <= at <= tau[-1] and low < height < high
         if ringed:
-            lines.append(f'{slope}, read at {READ_AT[key]}' if term.read_at else
+            lines.append(f'{slope}, read at {_READ_AT[key]}' if term.read_at else
                          f'{slope}, at {FLICKER_FLOOR:.3f} B')
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
                        markeredgecolor=COLOURS['ink'], markeredgewidth=1.2, zorder=8)
@@ -142,7 +140,8 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
     seen = [(t, v) for values in (curve.adev, curve.model_adev)
             for t, v in zip(curve.tau_s, values, strict=True) if v > 0]
     x, y = points(*([value] for value in at))[0]
-    size = (max(map(len, lines)) * LETTER * _WIDER * _NAME_SIZE + 4,
+    # Letters of DejaVu Sans are a tenth wider than those of a browser.
+    size = (max(map(len, lines)) * LETTER * 1.1 * _NAME_SIZE + 4,
             len(lines) * 1.25 * _NAME_SIZE + 3)
     box = best_place((x, y), size, (0, 0, panel.bbox.width * scale, tall),
                      points(*zip(*seen, strict=True)), taken, _NAME_SIZE / FONT)

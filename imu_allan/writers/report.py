@@ -48,9 +48,6 @@ from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.verdict import findings_line, SAID, verdict_lines, verdicts_of
 from imu_allan.writers.words import message_of, presented, title_of
 
-_UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
-"""What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
-
 
 def report_html(result: Result) -> str:
     """Return the report of one result."""
@@ -119,7 +116,9 @@ def _facts(result: Result) -> list[str]:
 
 
 def _typeset(sentence: str) -> str:
-    return _UNIT.sub(lambda match: typeset(match[0]), sentence).replace('+-', '±')
+    # What follows a number is a unit, or a word that `typeset` leaves as it is.
+    return re.sub(r'(?<=\d )[A-Za-z][\w/^()*]*', lambda match: typeset(match[0]),
+                  sentence).replace('+-', '±')
 
 
 def _charts(result: Result, answer: Answer) -> list[Chart | None]:

@@ -17,10 +17,6 @@ from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
 """A result has some megabytes at most; what is larger is not read into memory."""
-_MOST_NAMED = 5
-"""Results in a folder that a message lists: as many as a line holds."""
-_CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
-                  'ci95_high', 'edf', 'model_adev')
 
 
 def save_result(result: schema.Result, path: str | os.PathLike[str]) -> None:
@@ -85,10 +81,9 @@ def _result_in(folder: Path) -> Path:
         return folder / 'result.json'
     several = sorted(str(found.parent) for found in folder.glob('*/result.json'))
     if several:
-        named = ', '.join(map(printable, several[:_MOST_NAMED]))
-        more = ', ...' if len(several) > _MOST_NAMED else ''
-        raise ImuAllanError(f'{printable(folder)}: holds several results; name one of {named}'
-                            f'{more}')
+        # As many as a line holds.
+        named = ', '.join([*map(printable, several[:5]), *(['...'] if len(several) > 5 else [])])
+        raise ImuAllanError(f'{printable(folder)}: holds several results; name one of {named}')
     raise ImuAllanError(f'{printable(folder)}: a folder without result.json; of a recording make '
                         f'one with: imu_allan analyze {printable(folder)} --output DIR')
 
@@ -101,7 +96,8 @@ def curves_csv(result: schema.Result) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(_CURVE_COLUMNS)
+    writer.writerow(['axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
+                     'ci95_high', 'edf', 'model_adev'])
     for name, axis in result.axes.items():
         curve = axis.curve
         for i, tau in enumerate(curve.tau_s):

@@ -61,9 +61,6 @@ def _each(value: Any, say: Callable[[Any], str], unit: str = '') -> str:
     return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
 
 
-_HALF_RATE = '; one at half the message rate is a vibration, or two sensors publish in turn'
-
-
 def _most(value: Any) -> Any:
     """Return a number, of several axes the largest."""
     return max(value) if isinstance(value, Span) else value
@@ -634,7 +631,9 @@ WORDS: Mapping[str, Words] = {
         'Narrow lines stand above the spectrum.',
         says=lambda f: f'{f.count:d} {"lines" if _most(f.count) > 1 else "line"}, the strongest '
                        f'at {f.frequency_hz:.4g} Hz ({_in_unit(f.amplitude, f.unit)}), left out '
-                       f'of the fit{_HALF_RATE if _most(f.half_rate) else ""}'),
+                       'of the fit' + (
+                           '; one at half the message rate is a vibration, or two sensors publish '
+                           'in turn' if _most(f.half_rate) else '')),
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next.',
         'Means of the recordings differ by more than they drift in one.',

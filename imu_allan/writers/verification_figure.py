@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_APART = 1.06
-"""Factor between the points of two axes: side by side, and still at one horizon."""
-_ROOM = 1.5
-"""Factor from the outer horizons to the ends of the axis, also where there is one alone."""
-
 
 def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
     """
@@ -54,8 +49,9 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest]) -> None:
     horizons = sorted({row.horizon_s for one in found.values() for row in one.full.coasts})
     for place, (name, one) in enumerate(found.items()):
         colour, outcome = COLOURS[name[-1]], one.full
+        # The points of the axes stand side by side, and still at one horizon.
         h = np.array([row.horizon_s for row in outcome.coasts]) \
-            * _APART**(place - (len(found) - 1) / 2)
+            * 1.06**(place - (len(found) - 1) / 2)
         low, high = (np.array(ends) * factor for ends in zip(*outcome.bands, strict=True))
         panel.fill_between(h, low, high, color=colour, alpha=0.08, linewidth=0)
         # A single horizon is no area: its band is a bar.
@@ -66,7 +62,7 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest]) -> None:
         panel.plot(h, [row.observed_rms * factor for row in outcome.coasts], MARKERS[name[-1]],
                    color=colour, markersize=6, label=f'{name[-1]} axis')
     panel.set(xscale='log', yscale='log', xlabel='unaided time',
-              xlim=(horizons[0] / _ROOM, horizons[-1] * _ROOM),
+              xlim=(horizons[0] / 1.5, horizons[-1] * 1.5),
               ylabel=f'error of the mean {SAMPLES[sensor]} over it [{typeset(shown)}]')
     panel.set_xticks(horizons, [duration(h) for h in horizons])
     panel.set_xticks([], minor=True)

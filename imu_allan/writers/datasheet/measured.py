@@ -232,12 +232,6 @@ def _magnitude(interval: Interval) -> Interval:
     return (-high, -low) if high <= 0 else (0.0, max(-low, high))
 
 
-_STILL = 15.0
-"""From which on less than 1 in 200 samples differs: a thousand in a row may be one value."""
-_HIDDEN = sqrt(2.0)
-"""Noise, in steps, from which on the noise of what is cut is larger than a step."""
-
-
 # Rounding a sample to steps q makes white noise of q / sqrt(12) as long as the noise is half a
 # step: little more is seen than there is. Less noise stays within a step or jumps between two,
 # whatever it is. A driver that cuts towards zero, as a cast to an integer does, has a cell of two
@@ -247,7 +241,8 @@ _HIDDEN = sqrt(2.0)
 def nearly_constant(axis: AxisResult) -> str | None:
     """Say that next to all samples of an axis are one value, as its output steps so coarsely."""
     ratio = _steps_of_noise(axis)
-    if ratio <= _STILL:
+    # Less than 1 in 200 samples differs from there on: a thousand in a row may be one value.
+    if ratio <= 15.0:
         return None
     return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
             f'{axis.unit}, {ratio:.0f} times the noise of one sample')
@@ -270,8 +265,9 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     if key == 'noise_density':
         a_step = step * sqrt(axis.curve.tau_s[0])
         interval = axis.coefficients[key].ci95
-        # Noise, in steps, that a mean between two of them makes of next to none.
-        if limit >= _HIDDEN * a_step or (
+        # From the root of two steps on the noise of what is cut is larger than a step. Half a step
+        # is what a mean between two of them makes of next to none.
+        if limit >= sqrt(2.0) * a_step or (
                 interval is not None and interval[0]**2 - (0.5 * a_step)**2 > limit**2):
             return None
     return (f'the output steps by {step:.3g} {axis.unit}, {ratio:.1f} times the noise of one '

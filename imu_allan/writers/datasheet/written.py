@@ -23,19 +23,21 @@ from imu_allan.writers.datasheet.verdicts import (
     with_interval,
 )
 from imu_allan.writers.pages import filled
+from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.verdict import findings_line
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 SCHEMA = 'imu_allan.check/1'
-_MARKS: dict[Outcome, tuple[str, str]] = {
-    'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'undecided')}
+_MARKS: dict[Outcome, tuple[str, str, str]] = {
+    'pass': ('✓', 'pass', 'green'), 'fail': ('✗', 'fail', 'bold red'),
+    'cannot tell': ('?', 'undecided', 'yellow')}
+"""Sign and class on the certificate, style on a terminal."""
 _MOST_SENTENCES = 8
 """More would push the signature off the sheet; the table holds every verdict anyway."""
 _LONGEST = 110
 """Characters that fit on a line of the sheet."""
-_STYLES: dict[Outcome, str] = {'pass': 'green', 'fail': 'bold red', 'cannot tell': 'yellow'}
 
 
 def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
@@ -45,21 +47,21 @@ def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
     Every number stands in the unit that the specification uses, so that the two can be compared
     by eye. Behind what does not pass stands the number of its reason, as of `reasons`.
     """
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(printable(title), style='bold') if title else None,
-                  title_justify='left', box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    for heading in ('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
-                    'verdict'):
-        table.add_column(heading, overflow='fold', justify='right' if heading in (
-            'measured', '95 % interval', 'limit', 'ratio') else 'left')
+    table = bare_table('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
+                       'verdict')
+    table.title_justify = 'left'
+    if title:
+        table.title = Text(printable(title), style='bold')
+    for place in (5, 7):
+        table.columns[place].justify = 'left'
     for verdict, number in zip(verdicts, reasons(verdicts)[1], strict=True):
         table.add_row(verdict.axis, verdict.symbol, *figures(verdict),
                       Text(unit_of(verdict.specified)),
                       '' if verdict.ratio is None else f'{verdict.ratio:.3g}',
                       Text(verdict.verdict if number is None else
-                           f'{verdict.verdict} ({number})', style=_STYLES[verdict.verdict]))
+                           f'{verdict.verdict} ({number})', style=_MARKS[verdict.verdict][2]))
     return table
 
 

@@ -12,8 +12,6 @@ from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import listed, named, number, ranged, rounded
 
-_ONE_DIGIT = '{:.1f}'.format
-
 
 @dataclass(frozen=True)
 class Failure:
@@ -99,7 +97,7 @@ def sentence(*same: Oddity) -> str:
     values, medians = ([engineering(value or 0.0, unit)[0] for value in each] for each in zip(
         *((oddity.value, oddity.median) for oddity in same), strict=True))
     spreads = [abs(oddity.spreads) for oddity in same if oddity.spreads is not None]
-    away = f', {ranged(spreads, _ONE_DIGIT)} spreads away' if spreads else ''
+    away = f', {ranged(spreads, "{:.1f}".format)} spreads away' if spreads else ''
     what = f'{axes} {quantity_name(first.axis, first.key)} {ranged(values, number)} {shown_unit}'
     if first.key in (MEAN, 'rate_ramp') or first.median == 0:
         return f'{what}: the mean of the others is {ranged(medians, number)}{away}'
