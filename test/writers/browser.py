@@ -7,6 +7,7 @@ from __future__ import annotations
 from base64 import b64decode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from html.parser import HTMLParser
 import json
 from pathlib import Path
 import re
@@ -82,6 +83,37 @@ FAINT = """
       if (ratio < 4.5) found.push([item.textContent.slice(0, 40), ratio]);
     }
     return found;"""
+
+
+class Outline(HTMLParser):
+    """Visible text, tags and scripts of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.scripts: list[str] = []
+        self.inside = ''
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag in ('script', 'style'):
+            self.inside = tag
+            self.scripts += [''] if tag == 'script' else []
+
+    def handle_endtag(self, tag: str) -> None:
+        self.inside = '' if tag == self.inside else self.inside
+
+    def handle_data(self, data: str) -> None:
+        if self.inside == 'script':
+            self.scripts[-1] += data
+        elif not self.inside:
+            self.words.append(' '.join(data.split()))
+
+    @property
+    def text(self) -> str:
+        return ' '.join(' '.join(self.words).split())
 
 
 class Browser:

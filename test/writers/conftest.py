@@ -111,19 +111,19 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
     return Result(**settings)
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def make_axis() -> Callable[..., AxisResult]:
     """Build one axis from coefficients."""
     return axis_result
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def make_result() -> Callable[..., Result]:
     """Build a result of six axes."""
     return build_result
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def result() -> Result:
     """Return a three-hour recording at 200 Hz of six axes with N, B and K (z without K)."""
     return build_result()
@@ -167,13 +167,13 @@ def fill(result: Result) -> Result:
     return replace(result, axes=axes)
 
 
-@pytest.fixture
-def filtered() -> Result:
+@pytest.fixture(scope='session')
+def filtered(result: Result) -> Result:
     """Return the same recording with drift models, segments, signal and backtest."""
-    return fill(build_result())
+    return fill(result)
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def with_edf() -> Callable[[Result, float], Result]:
     """Return a function that makes every averaging time of a result as well known as said."""
     def known(result: Result, edf: float) -> Result:

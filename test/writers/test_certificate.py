@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
-from html.parser import HTMLParser
 import shutil
 import subprocess
 
+from browser import Outline
 from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import LIMITS, parse_model
 from imu_allan.writers.datasheet import certificate_html, check
@@ -21,24 +21,8 @@ EVERYTHING = parse_model(
     ' z: {mean: 1 g, noise_density: 7 ug/sqrt(Hz)}}')
 
 
-class Text(HTMLParser):
-    """The text of a page, and what it loads."""
-
-    def __init__(self):
-        super().__init__()
-        self.words, self.tags = [], []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_data(self, data):
-        self.words.append(' '.join(data.split()))
-
-
 def page_of(result):
-    page = Text()
-    page.feed(certificate_html(check(result, EVERYTHING), result, EVERYTHING))
-    return page
+    return Outline(certificate_html(check(result, EVERYTHING), result, EVERYTHING))
 
 
 def test_a_certificate_says_unit_person_place_and_verdict(result):
