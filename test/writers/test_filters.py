@@ -584,17 +584,6 @@ def test_what_a_driver_says_of_a_message_is_at_the_rate_of_its_own_topic(easy):
         assert yaml.safe_load(text)['/**']['ros__parameters'][key] == near(ACCEL_N * 5)
 
 
-def test_a_filter_of_ones_own_gets_the_state_space(easy):
-    document = json.loads(export(easy, 'state_space').text)
-    axis = document['axes']['gyro_x']
-    # N^2/T + K^2 T/3 and K^2 T, K^2 T/2 at T = 0.1 s.
-    assert document['step_s'] == 0.1
-    assert axis['measurement'] == [[near(4e-5 + 9e-10 * 0.1 / 3)]]
-    assert axis['process'] == [[near(9e-11)]]
-    assert axis['cross'] == [[near(4.5e-11)]]
-    assert axis['transition'] == axis['observation'] == [[1.0]]
-
-
 def test_a_slow_process_keeps_its_time_in_the_state_space(drifting, tmp_path):
     """Six digits of exp(-0.1/30000) leave one of what it forgets in a step."""
     model = drifting.axes['gyro_x'].drift_model
@@ -602,7 +591,9 @@ def test_a_slow_process_keeps_its_time_in_the_state_space(drifting, tmp_path):
     result = replace(drifting, axes={'gyro_x': replace(drifting.axes['gyro_x'],
                                                        drift_model=slow)})
     space = state_space(result.axes['gyro_x'], 0.1)
-    found = json.loads(export(result, 'state_space').text)['axes']['gyro_x']
+    document = json.loads(export(result, 'state_space').text)
+    assert document['step_s'] == 0.1
+    found = document['axes']['gyro_x']
     for part, rows in found.items():
         assert rows == getattr(space, part).tolist()
     assert 1 - found['transition'][0][0] == pytest.approx(0.1 / 3e4, rel=1e-5)
@@ -654,21 +645,18 @@ def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
 
 def test_what_was_measured_stands_above_each_tuned_number(drifting):
     lines = export_as_wished(drifting, 'kalibr').text.splitlines()
-    for name, letter, measured in (('gyroscope_noise_density', 'N', GYRO_N),
-                                   ('accelerometer_noise_density', 'N', ACCEL_N),
-                                   ('gyroscope_random_walk', 'K', GYRO_K),
-                                   ('accelerometer_random_walk', 'K', ACCEL_K)):
+    for name, what, *measured in (
+            ('gyroscope_noise_density', 'N [rad/s/sqrt(Hz)], angle random walk',
+             '0.002 (0.001996 to 0.002004)', '0.001 (0.000998 to 0.001002)',
+             '0.0002 (0.0001996 to 0.0002004)'),
+            ('accelerometer_random_walk', 'K [m/s^3/sqrt(Hz)], accelerometer bias random walk',
+             '0.0005 (0.00035 to 0.00065)', '0.00025 (0.000175 to 0.000325)')):
         place = next(i for i, line in enumerate(lines) if line.startswith(name))
-        what, *axes = lines[place - 4:place]
-        assert what.startswith(f'# filter {letter} [')
-        for line, share in zip(axes, (1, 1 / 2, 1 / 10), strict=True):
-            if letter == 'K' and share == 1 / 10:
-                assert line.endswith('; not observable, below 1e-06')
-                continue
-            found, low, high = map(float, re.search(
-                r'; measured (\S+) \((\S+) to (\S+)\)$', line).groups())
-            assert found == pytest.approx(measured * share, rel=1e-3)
-            assert low < found < high
+        heading, *axes = lines[place - 4:place]
+        assert heading == f'# filter {what}'
+        known = [f'; measured {one}' for one in measured]
+        for line, end in zip(axes, [*known, '; not observable, below 1e-06'], strict=False):
+            assert line.endswith(end)
 
 
 def test_of_a_datasheet_nothing_was_measured(tmp_path):
@@ -776,19 +764,14 @@ def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
     assert inflated_coast < coast / 5
 
 
-def test_an_outage_beyond_what_the_recording_knows_is_said(drifting):
-    text = export_as_wished(drifting, 'kalibr', None, Wishes(coast_s=7200.0)).text
-    assert ('# WARNING: this recording knows 60 min at most; beyond it the numbers are widened, '
-            'and K may be' in text.splitlines())
-
-
-def test_what_is_expected_of_measured_numbers_is_widened_only_where_something_is(drifting):
+def test_an_outage_beyond_what_the_recording_knows_is_said_where_it_widens_something(drifting):
     wishes = Wishes(as_measured=True, coast_s=7200.0)
-    widened = ('# WARNING: this recording knows 60 min at most; beyond it what is expected is '
-               'widened, and K may be')
-    text = export_as_wished(drifting, 'kalibr', None, wishes).text
-    assert 'expected NIS' in text
-    assert widened in text.splitlines()
+    widened = '# WARNING: this recording knows 60 min at most; beyond it {} widened, and K may be'
+    tuned, measured = (export_as_wished(drifting, 'kalibr', None, one).text for one in (
+        replace(wishes, as_measured=False), wishes))
+    assert widened.format('the numbers are') in tuned.splitlines()
+    assert widened.format('what is expected is') in measured.splitlines()
+    assert 'expected NIS' in measured
     # Without a random walk, or a bound of it, nothing is predicted that could be expected.
     unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
         axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,

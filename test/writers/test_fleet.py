@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
+from io import StringIO
 import json
 
 from browser import faults_of, needs_browser, pages_in_print
@@ -15,7 +16,13 @@ import pytest
 from rich.console import Console
 
 
-@pytest.fixture
+def printed(fleet, width):
+    out = StringIO()
+    Console(file=out, width=width).print(population_table(fleet, width))
+    return out.getvalue()
+
+
+@pytest.fixture(scope='module')
 def fleet(make_result):
     """Twelve units that differ by 3 %, unit 5 by much more."""
     rng = np.random.default_rng(1)
@@ -49,7 +56,7 @@ def test_a_spread_that_does_not_show_has_its_upper_limit(fleet):
     assert not cells(fleet.population.traits[0])[5].startswith('<')
 
 
-def test_what_too_few_units_show_is_said(fleet, tmp_path):
+def test_what_too_few_units_show_is_said(fleet):
     def without_random_walk(result):
         axes = {name: replace(axis, coefficients={**axis.coefficients, 'rate_random_walk': replace(
             axis.coefficients['rate_random_walk'], value=None, ci95=None, upper95=1e-6,
@@ -62,21 +69,17 @@ def test_what_too_few_units_show_is_said(fleet, tmp_path):
         'shown by fewer than 3 of 12 units, which makes no population; longer recordings show '
         'more')
     assert fleet.unseen in fleet_html(fleet)
-    with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=400).print(population_table(fleet, 400))
-    assert fleet.unseen in (tmp_path / 'out').read_text()
+    assert fleet.unseen in printed(fleet, 400)
 
 
-def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet, tmp_path):
+def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet):
     # Its page takes two seconds: one is looked at for all.
     results = {**fleet.results, '<b>evil</b>': fleet.results['unit5'],
                'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
     copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
     fleet = replace(fleet, results=results, folders={}, failures=(*fleet.failures, copy))
     page = fleet_html(fleet)
-    with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=140).print(population_table(fleet, 140))
-    for text in ((tmp_path / 'out').read_text(), page, fleet_csv(fleet), fleet_json(fleet)):
+    for text in (printed(fleet, 140), page, fleet_csv(fleet), fleet_json(fleet)):
         assert 'unit5' in text
         assert 'angle random walk' in text
         assert 'cannot be read' in text
@@ -102,11 +105,9 @@ def test_a_fleet_of_nothing_but_failures_is_reported(fleet):
 
 @pytest.mark.parametrize(('count', 'said'), [
     (2, '2 units, too few to compare (fewer than 3)'), (4, '4 units, no outlier')])
-def test_the_last_line_says_what_came_of_it(make_result, tmp_path, count, said):
+def test_the_last_line_says_what_came_of_it(make_result, count, said):
     fleet = Fleet({f'unit{n}': make_result(scale=1 + n / 50) for n in range(count)})
-    with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=80).print(population_table(fleet, 80))
-    lines = (tmp_path / 'out').read_text().splitlines()
+    lines = printed(fleet, 80).splitlines()
     assert lines[-1] == said
     assert [line for line in lines if line != line.rstrip()] == []
 

@@ -6,47 +6,32 @@ from imu_allan.result import Timeline
 from imu_allan.writers.filters import CONSUMERS, export, left_from_earlier
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import load_result
-import pytest
+from whole_lines import refused
 
 
 def test_a_folder_holds_the_result_its_configurations_picture_and_report(result, tmp_path):
-    paths = save_folder(result, tmp_path / 'new' / 'folder', ('kalibr', 'px4'))
+    folder = tmp_path / 'new' / 'folder'
+    paths = save_folder(result, folder, ('vins_fusion', 'px4'))
     assert [path.name for path in paths] == [
-        'result.json', 'curve.csv', 'imu.yaml', 'px4_imu.params', 'report.html',
+        'result.json', 'curve.csv', 'vins_fusion_imu.yaml', 'px4_imu.params', 'report.html',
         'allan_deviation.png']
     assert all(path.stat().st_size for path in paths)
     assert load_result(paths[0]) == result
-    assert paths[2].read_text() == export(result, 'kalibr').text
-
-
-def test_the_configurations_of_all_consumers_go_into_one_folder(result, tmp_path):
-    paths = save_folder(result, tmp_path, tuple(CONSUMERS))
-    assert len(set(paths)) == len(paths) == len(CONSUMERS) + 4
-
-
-def test_where_a_configuration_cannot_be_all_else_is_written(result, tmp_path):
+    old = export(result, 'vins_fusion').text
+    assert paths[2].read_text() == old
+    # Of a result that gives no configuration all else is written, and the old one is left alone.
     rateless = replace(result, timeline=Timeline(None, 10, 1.0))
-    with pytest.raises(IncompleteSave) as caught:
-        save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
-    assert str(caught.value) == (
-        'the configuration for vins_fusion needs the sample rate, which this result does not '
-        f'have; give it with --rate HZ; the other files are in {tmp_path}')
-    assert {path.name for path in tmp_path.iterdir()} == {
+    why = ('the configuration for vins_fusion needs the sample rate, which this result does not '
+           'have; give it with --rate HZ')
+    with refused(f'{why}; {paths[2]} stands there from before and was not replaced; the other '
+                 f'files are in {folder}', IncompleteSave):
+        save_folder(rateless, folder, ('vins_fusion', 'px4'))
+    assert load_result(paths[0]) == rateless
+    assert paths[2].read_text() == old
+    with refused(f'{why}; the other files are in {tmp_path / "bare"}', IncompleteSave):
+        save_folder(rateless, tmp_path / 'bare', ('vins_fusion', 'px4'))
+    assert {path.name for path in (tmp_path / 'bare').iterdir()} == {
         'result.json', 'curve.csv', 'px4_imu.params', 'report.html', 'allan_deviation.png'}
-    assert load_result(tmp_path / 'result.json') == rateless
-
-
-def test_a_configuration_of_an_earlier_result_is_named_and_left_alone(result, tmp_path):
-    save_folder(result, tmp_path, ('vins_fusion', 'px4'))
-    old = (tmp_path / 'vins_fusion_imu.yaml').read_bytes()
-    rateless = replace(result, timeline=Timeline(None, 10, 1.0))
-    with pytest.raises(IncompleteSave) as caught:
-        save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
-    assert str(caught.value) == (
-        'the configuration for vins_fusion needs the sample rate, which this result does not '
-        f"have; give it with --rate HZ; {tmp_path / 'vins_fusion_imu.yaml'} stands there from "
-        f'before and was not replaced; the other files are in {tmp_path}')
-    assert (tmp_path / 'vins_fusion_imu.yaml').read_bytes() == old
 
 
 def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, tmp_path):
@@ -61,8 +46,10 @@ def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, 
         '--for basalt writes it anew')
 
 
-def test_every_configuration_says_whose_it_is(result, tmp_path):
-    save_folder(result, tmp_path, tuple(CONSUMERS), report=False)
+def test_the_configurations_of_all_consumers_go_into_one_folder_and_say_whose_they_are(
+        result, tmp_path):
+    paths = save_folder(result, tmp_path, tuple(CONSUMERS), report=False)
+    assert len(set(paths)) == len(paths) == len(CONSUMERS) + 3
     said = left_from_earlier(tmp_path)
     assert all(consumer.file in said for consumer in CONSUMERS.values())
 

@@ -123,6 +123,7 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     assert 'N = 2.406 °/√h\nslope −½, read at 1 s' in texts
     assert 'K = 50 °/h/√h\nslope +½, read at 3 s' in texts
     assert 'B = 24.8 °/h\nslope 0, at 0.664 B' in texts
+    assert 'tone 23.4 Hz' in texts_of(plot.sensor_figure(result, 'gyro'))
 
 
 def test_the_ring_of_b_stands_where_the_curve_is_lowest_beside_a_correlated_process(result):
@@ -156,18 +157,18 @@ def test_a_point_beyond_the_axes_leaves_an_arrow_at_their_edge(result):
             curve, adev=(*curve.adev[:-1], curve.adev[-1] * 1e-3),
             edf=(*curve.edf[:-1], 1.0)))
 
-    for figure, name in ((plot.overview_figure, 'gyro_x'),
-                         (lambda r: plot.sensor_figure(r, 'gyro'), 'gyro_x'),
-                         (lambda r: plot.paper_figure(r, 8.5), 'gyro_x')):
-        sheet = figure(replace(result, axes={name: far(result.axes[name])}))
+    def arrows(sheet):
         panel = next(p for p in sheet.axes if 'Allan' in p.get_ylabel())
-        arrows = [text.xy for text in panel.texts if not text.get_text()]
-        assert arrows == [(result.axes[name].curve.tau_s[-1], panel.get_ylim()[0])]
-        plain = figure(result)
-        panel = next(p for p in plain.axes if 'Allan' in p.get_ylabel())
-        assert not [text for text in panel.texts if not text.get_text()]
-    assert any('arrow: a point beyond' in text for text in texts_of(plot.overview_figure(
-        replace(result, axes={'gyro_x': far(result.axes['gyro_x'])}))))
+        return [text.xy for text in panel.texts if not text.get_text()], panel.get_ylim()[0]
+
+    axis = result.axes['gyro_x']
+    bent = replace(result, axes={'gyro_x': far(axis)})
+    for figure in (plot.overview_figure, lambda r: plot.sensor_figure(r, 'gyro'),
+                   lambda r: plot.paper_figure(r, 8.5)):
+        found, bottom = arrows(figure(bent))
+        assert found == [(axis.curve.tau_s[-1], bottom)]
+        assert arrows(figure(result))[0] == []
+    assert any('arrow: a point beyond' in text for text in texts_of(plot.overview_figure(bent)))
 
 
 def test_the_temperature_stands_beside_the_signal(result):
@@ -285,10 +286,6 @@ def test_a_measured_spectrum_is_drawn_where_it_is_given(result):
     more = [len(after.lines) - len(before.lines)
             for before, after in zip(bare, drawn, strict=True)]
     assert sorted(more) == [0] * (len(more) - 1) + [1]
-
-
-def test_tones_are_named(result):
-    assert 'tone 23.4 Hz' in texts_of(plot.sensor_figure(result, 'gyro'))
 
 
 def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):

@@ -102,10 +102,15 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     # The test knows the terms of a sensor, not what a filter behind it leaves of them.
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
-    settled = [_settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
-               if verdict.key in _TESTED and not hidden
-               else (verdict, hidden or verdict.verdict != 'cannot tell')
-               for verdict in verdicts for hidden in [_hidden(result, verdict)]]
+    settled = []
+    for verdict in verdicts:
+        axis = result.axes.get(verdict.axis)
+        # However long the record is, the steps of the output hide what is limited.
+        hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
+        settled.append(
+            _settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
+            if verdict.key in _TESTED and not hidden
+            else (verdict, hidden or verdict.verdict != 'cannot tell'))
     found = [verdict for verdict, _ in settled]
     if recorded < shortest_s:
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
@@ -148,12 +153,6 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
     decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
                       pass_error=error, fail_error=error / limited)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
-
-
-def _hidden(result: Result, verdict: Verdict) -> bool:
-    """Whether the steps of the output hide what is limited, however long the record is."""
-    axis = result.axes.get(verdict.axis)
-    return axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
 
 
 def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: float) -> Verdict:

@@ -151,21 +151,18 @@ def _with_figures(verdict: Verdict) -> str:
 
 
 def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
-    whole = set()
+    """Yield axis, key and limit; what is of the accelerometer as a whole once."""
+    said = set()
     for axis in AXES:
-        for key in TERMS:
-            limit = specification.axes.get(axis, {}).get(key)
-            if limit is not None:
-                yield axis, key, abs(limit)
-        for key in LIMITS:
-            limit = specification.limits.get(axis, {}).get(key)
-            if limit is None or key in whole:
-                continue
-            if key == 'gravity_error':
-                whole.add(key)
-                yield 'accel', key, limit
-            else:
-                yield axis, key, limit
+        terms = specification.axes.get(axis, {})
+        limits = {key: abs(terms[key]) for key in TERMS if key in terms}
+        others = specification.limits.get(axis, {})
+        limits |= {key: others[key] for key in LIMITS if key in others}
+        for key, limit in limits.items():
+            name = 'accel' if key == 'gravity_error' else axis
+            if (name, key) not in said:
+                said.add((name, key))
+                yield name, key, limit
 
 
 def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, limit: float
@@ -186,15 +183,10 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
     return Verdict(
         axis=axis, key=key, symbol=symbol, unit=unit, limit=limit, specified=written,
         value=measured.value, ci95=measured.ci95, upper95=measured.upper95,
-        ratio=_ratio(measured.value, limit),
+        # A limit next to nothing has a quotient that no number holds.
+        ratio=None if measured.value is None or limit <= 0 or measured.value > limit * 1e300
+        else measured.value / limit,
         verdict=outcome, reason=f'{_what(axis, symbol)}: {reason}')
-
-
-def _ratio(value: float | None, limit: float) -> float | None:
-    # A limit next to nothing has a quotient that no number holds.
-    if value is None or limit <= 0 or value > limit * 1e300:
-        return None
-    return value / limit
 
 
 def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str]
