@@ -338,11 +338,16 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     for stream, options, blocks, unit in _streams(recording, choice, progress):
         shortfall: list[Finding] = []
         part = _part(recording, choice, blocks, shortfall)
-        # Reading has begun in a process of its own: numerics are imported meanwhile.
-        from imu_allan.characterization import Characterization
-        yield Taken(recording, stream, unit, part, Characterization(
-            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
-            shortfall)
+        yield Taken(recording, stream, unit, part,
+                    _characterization(recording, stream.topic, options), shortfall)
+
+
+def _characterization(recording: Recording, topic: str, options: TimelineOptions
+                      ) -> Characterization:
+    # Reading has begun in a process of its own: numerics are imported meanwhile.
+    from imu_allan.characterization import Characterization
+    return Characterization(
+        kind='recording', path=str(recording.path), topic=topic, options=options)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
