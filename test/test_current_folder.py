@@ -55,7 +55,7 @@ def installed(folder):
 def run(current, *commands):
     """Run commands in a folder, one after the other; returns their standard output."""
     done = subprocess.run([*installed(current.parent), *commands], cwd=current,
-                          capture_output=True, text=True, timeout=120, check=False)
+                          capture_output=True, text=True, timeout=300, check=False)
     assert not (current.parent / 'ran').exists(), (current.parent / 'ran').read_text()
     assert (done.returncode, done.stderr) == (0, '')
     return done.stdout

@@ -17,11 +17,11 @@ from imu_allan.state import Record
 GROWTH = 3.0
 """The record grows by this while every fit has to show a term, which costs as much time. Without
 it 21 of 186 axes of ten minutes, each fitted 47 times, are wrong at some fit, however probable the
-term is. It is not there, or its interval misses by a half."""
+term is. It is not there, or its interval misses by a half (`bench_looks.py --fit-growth 0.03`)."""
 PROBABLE = 0.99
 """One in a hundred of those that are so probable is wrong, if the fit is right about it. Of 450
-terms of 75 IMUs 29 came, 1 of them wrong. With 0.9 it is 1 of 14 on the axes above, a flicker
-taken for a random walk."""
+terms of 75 IMUs 29 came, 1 of them wrong (`bench/bench_looks.py --seeds 100:125`). With 0.9 it is
+1 of 14 on the axes above, a flicker taken for a random walk."""
 ONE_LOOK_S = 600.0
 """The first look at a record of so long is one; a shorter one is followed by others at once."""
 RECEDES = 1.25

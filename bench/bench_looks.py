@@ -1,0 +1,104 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a node publishes of a growing record, and whether it is wrong or vanishes again.
+
+Simulated IMUs stand still for ten minutes, all axes with the same noise. They are fitted as often
+as the node fits them. A term is wrong where it is not in the noise, or where its interval misses
+the truth by a half. It vanishes where a later fit does not show it any more.
+
+    OPENBLAS_NUM_THREADS=1 python bench/bench_looks.py         # half an hour
+    ... python bench/bench_looks.py --growth 1 --probable 0.9  # by other rules
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.node import sequential
+from imu_allan.node.results import FIT_GROWTH
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import AXES
+from imu_allan.result import Result
+import numpy as np
+
+RATE_HZ, PERIOD_S, DURATION_S = 100.0, 10, 600
+MISSES = 1.5
+"""An interval that misses by so much has misled a user."""
+WHITE = {'noise_density': 1.4e-4}
+FLICKER = {**WHITE, 'bias_instability': 4.8e-5}
+MODELS = {'N': WHITE, 'N, B': FLICKER, 'N, B, K': {**FLICKER, 'rate_random_walk': 4.8e-6}}
+
+
+def lengths_s(growth: float) -> Iterator[int]:
+    """Give the lengths at which the node fits a record, each longer by a share."""
+    length = PERIOD_S
+    while length <= DURATION_S:
+        yield length
+        length += PERIOD_S * max(1, int(np.ceil(growth * length / PERIOD_S)))
+
+
+def looks(terms: dict[str, float], seed: int, fit_growth: float) -> Iterator[Result]:
+    """Give what is published of one IMU."""
+    samples = np.stack([simulate(terms, int(DURATION_S * RATE_HZ), RATE_HZ, seed + axis)
+                        for axis in range(len(AXES))], axis=1)
+    stamps = 1_700_000_000 * 10**9 + np.rint(np.arange(len(samples)) / RATE_HZ * 1e9).astype(int)
+    imu, published, known = (Characterization(kind='topic', topic='/imu'),
+                             sequential.SequentialLooks(), 0)
+    for length in lengths_s(fit_growth):
+        new = slice(known, int(length * RATE_HZ))
+        known = new.stop
+        imu.update(ImuBlock(stamps[new], stamps[new], samples[new],
+                            np.zeros((new.stop - new.start, 2), bool), 'imu'))
+        yield published.judged(imu.result(tested={}))
+
+
+def count(terms: dict[str, float], seed: int, fit_growth: float
+          ) -> tuple[Counter[str], list[float]]:
+    """Count axes and terms of one IMU by what happens to them, and give when terms are shown."""
+    shown: dict[tuple[str, str], float] = {}
+    wrong, vanished, last = set(), set(), set()
+    for result in looks(terms, seed, fit_growth):
+        now = set()
+        for name, axis in result.axes.items():
+            for key, found in axis.coefficients.items():
+                if key == 'noise_density' or not found.observable or found.ci95 is None:
+                    continue
+                now.add((name, key))
+                low, high = found.ci95
+                if key not in terms or not low / MISSES <= terms[key] <= high * MISSES:
+                    wrong.add((name, key))
+        vanished |= last - now
+        shown = {**dict.fromkeys(now, result.timeline.duration_s), **shown}
+        last = now
+    return Counter(runs=1, axes=len(AXES), shown=len(shown), wrong=len(wrong),
+                   vanished=len(vanished), wrong_runs=bool(wrong)), list(shown.values())
+
+
+def main() -> None:
+    """Print a line for each model."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--seeds', default='0:11', metavar='FIRST:END')
+    parser.add_argument('--fit-growth', type=float, default=FIT_GROWTH)
+    parser.add_argument('--growth', type=float, default=sequential.GROWTH)
+    parser.add_argument('--probable', type=float, default=sequential.PROBABLE)
+    given = parser.parse_args()
+    sequential.GROWTH, sequential.PROBABLE = given.growth, given.probable
+    first, end = map(int, given.seeds.split(':'))
+    for number, (name, terms) in enumerate(MODELS.items()):
+        total: Counter[str] = Counter()
+        times: list[float] = []
+        for seed in range(first, end):
+            counts, shown_s = count(terms, 1000 * seed + 100 * number, given.fit_growth)
+            total += counts
+            times += shown_s
+        print(f'{name:8s} {total["runs"]} runs, {total["axes"]} axes: {total["shown"]} slow terms '
+              f'shown, {total["wrong"]} of them wrong in {total["wrong_runs"]} runs, '
+              f'{total["vanished"]} vanished again; shown after, in s: '
+              f'{" ".join(f"{time:.0f}" for time in sorted(times)) or "never"}', flush=True)
+
+
+if __name__ == '__main__':
+    main()
