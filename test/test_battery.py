@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The battery: its simulators, its bounds, its scores, and where it finds two runs to differ."""
 
+from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -18,6 +19,7 @@ from battery.tables import differences, table
 import numpy as np
 import pytest
 from scipy.fft import dct
+from scipy.signal import butter
 
 
 def octave_ratios(draw, power, samples=16384, records=60):
@@ -90,10 +92,11 @@ def test_noise_through_a_filter_keeps_its_slow_level():
     (Said(None, None, None), 1.0, False, None, None, None)])
 def test_what_is_said_is_scored_by_its_width_and_its_miss(
         said, truth, reported, inside, width, score):
-    found = verdict(said, truth, 0.1)
+    found = verdict(said, truth, 0.1, 2.0)
     assert (found.reported, found.inside) == (reported, inside)
-    assert (found.width, found.score) == (
-        width and pytest.approx(width), score and pytest.approx(score))
+    assert (found.width, found.free, found.score) == (
+        width and pytest.approx(width), width and pytest.approx(width / 2),
+        score and pytest.approx(score))
 
 
 def test_records_and_spectra_are_the_same_again():
@@ -124,6 +127,18 @@ def test_every_case_has_a_name_of_its_own_and_finite_bounds():
             widths = bounds.reference_widths(case.sensor)
             assert set(widths) == set(TERMS)
             assert all(np.isfinite(width) and width > 0 for width in widths.values()), case.name
+            assert all(cost >= 1 for cost in bounds.corner_costs(case.sensor).values()), case.name
+
+
+def test_who_does_not_know_the_corner_reads_white_noise_in_the_pass_band_alone():
+    """The stop band of one pole shows N times the corner, and nothing of N itself."""
+    corner_hz, rate_hz, hours = 0.2, 100.0, 1.0
+    sensor = Sensor(rate_hz, hours * 3600, {N: 1.0},
+                    through=Filter(*butter(1, corner_hz, fs=rate_hz)))
+    cost = bounds.corner_costs(sensor)[N]
+    # So many of the coefficients lie below the corner; those about it say something, too.
+    assert 0.5 < cost * np.sqrt(2 * corner_hz / rate_hz) < 2
+    assert bounds.corner_costs(replace(sensor, through=None))[N] == 1
 
 
 def of_flicker(seed, interval, codes=()):
@@ -134,7 +149,7 @@ def of_flicker(seed, interval, codes=()):
             B: Said(truth[B], tuple(end * truth[B] for end in interval), None),
             K: Said(None, None, 1e-3)}
     return outcome('records', case, seed, Answer(said, codes, 0.1),
-                   bounds.reference_widths(case.sensor))
+                   bounds.reference_widths(case.sensor), bounds.corner_costs(case.sensor))
 
 
 def test_two_runs_differ_where_all_records_changed_the_same_way():

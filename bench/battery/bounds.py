@@ -4,13 +4,15 @@
 The exact Cramer-Rao bound of every coefficient of a record, by Whittle's likelihood.
 
 It is that of one who knows what terms there are and what filter they came through, but neither
-their sizes, nor time and exponent of other slow noise, nor the mean.
+their sizes, nor time and exponent of other slow noise, nor the mean. `corner_costs` says how much
+wider it is for one who knows the kind of the filter, but not its corner.
 """
 
 from battery import simulated
-from battery.sensors import B, N, Q, Sensor, TERMS
+from battery.sensors import B, Filter, N, Q, Sensor, TERMS
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import tf2zpk
 from scipy.special import zeta
 
 Array = NDArray[np.float64]
@@ -54,6 +56,56 @@ def term_power(key: str, nu: Array, rate_hz: float) -> Array:
         return np.full(len(nu), rate_hz)
     return slow_power(nu, 1.0) if key == B else np.asarray(
         (1 - 2 * sine / 3) / (4 * sine * rate_hz))
+
+
+def moved(roots: Array, scale: float) -> Array:
+    """Move zeros or poles as the bilinear transform does where all frequencies are scaled."""
+    finite = np.abs(roots + 1) > 1e-6
+    analog = scale * (roots[finite] - 1) / (roots[finite] + 1)
+    return np.concatenate(((1 + analog) / (1 - analog), roots[~finite]))
+
+
+def passed(through: Filter, nu: Array, scale: float, folds: int) -> Array:
+    """Power of white noise behind a filter whose corner is scaled, in the mean of a sample."""
+    zeros, poles, _ = tf2zpk(through.numerator, through.denominator)
+    zeros, poles = moved(zeros, scale), moved(poles, scale)
+
+    def gain(turn: Array) -> Array:
+        return np.asarray(np.abs(np.prod(turn[..., None] - zeros, axis=-1)
+                                 / np.prod(turn[..., None] - poles, axis=-1)))
+
+    place = np.abs(nu + np.arange(-folds, folds + 1)[:, None]) / through.times
+    # The mean of so many values: sin(pi n x)/(n sin(pi x)).
+    mean = np.sinc(place * through.times) / np.sinc(place)
+    power = (gain(np.exp(2j * np.pi * place)) / gain(np.ones(1)) * mean)**2
+    return np.asarray(power.sum(axis=0))
+
+
+def corner_costs(sensor: Sensor) -> dict[str, float]:
+    """
+    Return by key the bound with an unknown corner of the filter, over that with a known one.
+
+    1 where there is none, or where it passes no mean.
+    """
+    if sensor.through is None or sensor.process or sensor.law or abs(
+            np.sum(sensor.through.numerator)) < 1e-6:
+        return dict.fromkeys(TERMS, 1.0)
+    nu, count = frequencies(sensor.samples)
+    filtered: list[Array] = []
+    for scale in (1 - _STEP, 1 + _STEP):
+        white, slow = (passed(sensor.through, nu, scale, folds)
+                       for folds in ((sensor.through.times - 1) // 2, 0))
+        filtered.append(np.stack([size**2 * term_power(key, nu, sensor.rate_hz)
+                                  * (white if key in (Q, N) else slow)
+                                  for key, size in sensor.terms.items()]))
+    middle = (filtered[0] + filtered[1]) / 2
+    total = middle.sum(axis=0)
+    scores = np.vstack((2 * middle, (filtered[1] - filtered[0]).sum(axis=0) / (2 * _STEP))) / total
+    information = (scores * count / 2) @ scores.T
+    free, known = (np.sqrt(np.diag(np.linalg.inv(part)))[:len(middle)]
+                   for part in (information, information[:-1, :-1]))
+    return dict.fromkeys(TERMS, 1.0) | dict(
+        zip(sensor.terms, (free / known).tolist(), strict=True))
 
 
 def reference_widths(sensor: Sensor) -> dict[str, float]:

@@ -18,7 +18,7 @@ import sys
 from zlib import crc32
 
 from battery import cases, doors, recordings
-from battery.bounds import reference_widths
+from battery.bounds import corner_costs, reference_widths
 from battery.cases import Case
 from battery.doors import Answer, Said
 from battery.sensors import TERMS
@@ -44,6 +44,8 @@ class Verdict:
         An upper bound holds the truth where that is below it; None where nothing is said.
     width : float or None
         Of the interval, over that of the Cramer-Rao bound; None for a bound alone.
+    free : float or None
+        The same over the bound of one who does not know the corner of the filter.
     score : float or None
         Of the interval, or of (0, bound), over the width of the Cramer-Rao bound; None where
         nothing is said.
@@ -54,29 +56,31 @@ class Verdict:
     reported: bool
     inside: bool | None
     width: float | None
+    free: float | None
     score: float | None
 
 
-def verdict(said: Said, truth: float, reference: float) -> Verdict:
+def verdict(said: Said, truth: float, reference: float, corner_cost: float) -> Verdict:
     """Hold what is said of a term against the truth."""
     if said.interval is not None:
         low, high = said.interval
     elif said.bound is not None:
         low, high = 0.0, said.bound
     else:
-        return Verdict(truth, False, None, None, None)
+        return Verdict(truth, False, None, None, None, None)
     miss = max(low - truth, truth - high, 0.0)
     score = (high - low + _MISS * miss) / reference
-    return Verdict(truth, said.value is not None, miss == 0,
-                   (high - low) / reference if said.value is not None else None,
+    width = (high - low) / reference if said.value is not None else None
+    return Verdict(truth, said.value is not None, miss == 0, width,
+                   None if width is None else width / corner_cost,
                    score if math.isfinite(score) else None)
 
 
-def outcome(part: str, case: Case, seed: int, answer: Answer, references: dict[str, float]
-            ) -> dict[str, object]:
+def outcome(part: str, case: Case, seed: int, answer: Answer, references: dict[str, float],
+            costs: dict[str, float]) -> dict[str, object]:
     """Gather what became of one record."""
     terms = {key: asdict(verdict(answer.terms[key], case.sensor.terms.get(key, 0.0),
-                                 references[key]))
+                                 references[key], costs[key]))
              for key in TERMS if key not in case.unknown}
     return {'part': part, 'family': case.family, 'case': case.name, 'seed': seed,
             'cpu_s': answer.cpu_s, 'codes': answer.codes, 'terms': terms}
@@ -87,15 +91,16 @@ def of_record(number: int, seed: int) -> list[dict[str, object]]:
     case = cases.RECORDS[number]
     rng = np.random.default_rng([seed, crc32(f'{case.family} {case.name}'.encode())])
     answer = doors.of_samples(case.sensor.record(rng), case.sensor.rate_hz)
-    return [outcome('records', case, seed, answer, reference_widths(case.sensor))]
+    return [outcome('records', case, seed, answer, reference_widths(case.sensor),
+                    corner_costs(case.sensor))]
 
 
 def of_spectra(number: int, seed: int, count: int) -> list[dict[str, object]]:
     """Draw some spectra, fit them and judge what is said; the seed is that of all of them."""
     case = cases.SPECTRA[number]
-    references = reference_widths(case.sensor)
+    references, costs = reference_widths(case.sensor), corner_costs(case.sensor)
     own = crc32(f'{case.family} {case.name} {seed}'.encode())
-    return [outcome('spectra', case, seed + one, answer, references)
+    return [outcome('spectra', case, seed + one, answer, references, costs)
             for one, answer in enumerate(doors.of_spectra(case.sensor, count, own))]
 
 

@@ -28,7 +28,7 @@ def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
         if not of_part:
             continue
         yield (f'{part:48} {"of":>4}  {"term":4} {"reported":>8}  {"coverage":>15}  {"width":>6} '
-               f'{"score":>7} {"ms":>5}  false; codes')
+               f'{"free":>5} {"score":>7} {"ms":>5}  false; codes')
         for family, of_family in _by(of_part, 'family'):
             cases = list(_by(of_family, 'case'))
             for case, found in cases:
@@ -63,9 +63,10 @@ def _rows(name: str, found: Sequence[Outcome]) -> Iterator[str]:
             continue
         inside = [one['inside'] for one in true if one['inside'] is not None]
         widths = [one['width'] for one in true if one['width'] is not None]
+        free = [one['free'] for one in true if one.get('free') is not None]
         scores = [one['score'] for one in true if one['score'] is not None]
         yield (f'{head}  {SYMBOL[key]:4} {np.mean([one["reported"] for one in true]):8.2f}  '
-               f'{share(inside):>15}  {_middle(widths):>6} '
+               f'{share(inside):>15}  {_middle(widths):>6} {_middle(free):>5} '
                f'{_mean(scores):>7} {milliseconds}  {rest}').rstrip('; ')
         head, milliseconds, rest = ' ' * len(head), ' ' * 5, ''
 
