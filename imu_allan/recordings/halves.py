@@ -32,12 +32,6 @@ _REPEATED = 0.3
 repeats 0.38 of them."""
 _BAND = 64
 """Bins of a spectrum that share one level; lines that stand sixteen times above it are cut out."""
-_BEAT = (0.17, 0.43)
-"""Amplitude of the beat of two rates, relative to the mean square: 2 (1 - f + f^2) - 1 of a phase
-f that takes all values has 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4."""
-_TWICE = (0.1, 0.8)
-"""Twice the amplitude at twice the rate, of the variance or of the covariance of neighbours: where
-f is decides which of them goes up and down, one at least by 0.15; 0.09 where f wanders."""
 
 
 @dataclass(frozen=True)
@@ -273,10 +267,14 @@ def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     last = len(variance) - 1
     peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
     # A vibration at a quarter of the rate beats there, too, but leaves the upper band as it is.
+    # The amplitude of the beat, relative to the mean square, 2 (1 - f + f^2) - 1 of a phase f that
+    # takes all values, is 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4.
     # In white noise the beat of 4096 samples reaches seven times its level by chance.
-    beats = _stands_out(variance, peak, _BEAT, 16.0)
+    beats = _stands_out(variance, peak, (0.17, 0.43), 16.0)
+    # At twice the rate, where f is decides whether variance or covariance goes up and down, one at
+    # least by 0.15; 0.09 where f wanders. This is twice the amplitude there.
     # One frequency alone, which is not searched for, reaches ten times once in 100,000.
-    twice = any(_stands_out(each, last, _TWICE, 10.0) for each in (variance, covariance))
+    twice = any(_stands_out(each, last, (0.1, 0.8), 10.0) for each in (variance, covariance))
     return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 

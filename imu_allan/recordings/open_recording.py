@@ -12,9 +12,6 @@ from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 
-_WHOLE = ('.bag', '.ulg', '.bin')
-"""How the names of files end that are a recording each, whatever lies beside them."""
-
 
 def open_recording(
     path: Path | str, *, rate_hz: float | None = None,
@@ -102,7 +99,7 @@ def recordings_in(path: Path | str) -> list[Path]:
         if not folder.is_dir() or _is_bag(folder):
             return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
-            _is_bag(item) if item.is_dir() else item.suffix.lower() in _WHOLE)]
+            _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
     except (OSError, ValueError):
         # What is wrong with it is reported when it is opened.
         return [folder]

@@ -33,9 +33,6 @@ _MOST_REMARKS = 10
 _KEPT_BYTES = 1 << 26
 """Names and definitions that are kept; the largest definition of ROS itself has 40,000 bytes. A
 few kilobytes of zstd hold hundreds of megabytes of them."""
-_MOST_SEARCHED, _SEARCHED_CHARACTERS = 1000, 1 << 21
-"""Definitions that are searched for an IMU or a thermometer, and characters in all of them, which
-take seconds: fifty times the largest of ROS itself. A robot has a dozen."""
 
 
 class Recording(ABC):
@@ -128,8 +125,8 @@ class Recording(ABC):
         found: dict[str, ImuMessages] = {}
         if definition is not None and is_parsed(topic, type_name, definition, self.options):
             self._searched_characters += len(definition.text)
-            if (self._searched >= _MOST_SEARCHED
-                    or self._searched_characters > _SEARCHED_CHARACTERS):
+            # They take seconds: fifty times the largest of ROS itself. A robot has a dozen.
+            if self._searched >= 1000 or self._searched_characters > 1 << 21:
                 self.reasons[topic] = f'not looked into, after {self._searched} others'
                 self.other_topics[topic] = type_name
                 return False

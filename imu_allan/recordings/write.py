@@ -5,7 +5,6 @@
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from functools import cache
-from itertools import count as naturals
 from pathlib import Path
 import shutil
 import sqlite3
@@ -148,11 +147,14 @@ def _imu_type() -> tuple[str, str]:
     return definition, store.hash_rihs01(_IMU_TYPE)
 
 
-def _parts(blocks: Iterable[ImuBlock], size: int) -> Iterator[ImuBlock]:
-    """Cut blocks to at most `size` messages."""
+def _messages(blocks: Iterable[ImuBlock], extent: _Extent) -> Iterator[tuple[int, bytes]]:
+    """Serialize blocks, some thousand messages at a time; gives the receive stamp of each, too."""
     for block in blocks:
-        for start in range(0, len(block), size):
-            yield block.part(slice(start, start + size))
+        for start in range(0, len(block), 1 << 14):
+            part = block.part(slice(start, start + (1 << 14)))
+            extent.add(part.receive_ns)
+            yield from zip(part.receive_ns.tolist(), map(bytes, encode_imu_rows(part)),
+                           strict=True)
 
 
 def _write_sqlite(
@@ -171,11 +173,8 @@ def _write_sqlite(
             (_IMU_TYPE, 'ros2msg', definition, digest))
         database.execute(
             "INSERT INTO topics VALUES (1, ?, ?, 'cdr', '', ?)", (topic, _IMU_TYPE, digest))
-        for block in _parts(blocks, 1 << 14):
-            extent.add(block.receive_ns)
-            database.executemany(
-                'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
-                zip(block.receive_ns.tolist(), map(bytes, encode_imu_rows(block)), strict=True))
+        database.executemany('INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
+                             _messages(blocks, extent))
         database.execute(
             'INSERT INTO metadata(metadata_version, metadata) VALUES (9, ?)',
             (_metadata(file.name, topic, 'sqlite3', extent),))
@@ -196,12 +195,8 @@ def _write_mcap(
         schema = writer.register_schema(_IMU_TYPE, 'ros2msg', definition.encode())
         channel = writer.register_channel(
             topic, 'cdr', schema, {'offered_qos_profiles': '', 'topic_type_hash': digest})
-        for block in _parts(blocks, 1 << 14):
-            messages = zip(map(bytes, encode_imu_rows(block)), block.receive_ns.tolist(),
-                           naturals(extent.count), strict=False)
-            for message, stamp, number in messages:
-                writer.add_message(channel, stamp, message, stamp, number)
-            extent.add(block.receive_ns)
+        for number, (stamp, message) in enumerate(_messages(blocks, extent)):
+            writer.add_message(channel, stamp, message, stamp, number)
         writer.finish()  # type: ignore[no-untyped-call]
     return extent
 

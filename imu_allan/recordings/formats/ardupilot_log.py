@@ -49,9 +49,6 @@ _FIELDS = {
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged'),
     'ISBD_GYR': ImuFields(_BATCH, None, _BATCHED, what='batches, unrolled'),
     'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
-_BATCH_FIELDS = {'ISBH': ('N', 'type', 'instance', 'mul', 'SampleUS', 'smp_rate'),
-                 'ISBD': ('N', 'seqno', 'x', 'y', 'z')}
-_HEAT = replace(_FIELDS['IMU'], temperature='T').thermometer()
 _SAMPLE = np.dtype([('time_ns', np.int64), ('scale', np.float64),
                     *((axis, np.int16) for axis in 'xyz')])
 """A sample of a batch."""
@@ -60,8 +57,6 @@ _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 _PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
 _ROWS = 1 << 14
 """Messages that are gathered at a time."""
-_RAW = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
-        'full rate')
 
 
 @dataclass(frozen=True)
@@ -83,16 +78,19 @@ class ArduPilotRecording(TableLog):
         for base in _FIELDS:
             for name, records, _ in self._tables(kinds, base):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
+        heat = replace(_FIELDS['IMU'], temperature='T').thermometer()
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         for name, rate in rates.items():
             base, dot, number = name.partition('.')
             self.list_at(rate, ImuTopic(name, sum(map(len, times[name])), ImuMessages(
-                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)), _RAW)
+                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
+                'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at '
+                'the full rate')
             # The other messages of a sensor hold no temperature; the thinnest IMU has enough.
             source = f'IMU{dot}{number}'
             if source in rates:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
-                    'ArduPilot IMU', fields=_HEAT), source))
+                    'ArduPilot IMU', fields=heat), source))
         unbroken = {topic.name: rates[topic.name] for topic in self.topics
                     if not topic.name.startswith('ISBD')}
         self.preferred = fastest(unbroken, _PARTNER) or fastest(
@@ -222,7 +220,8 @@ def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
     """Return the first field that messages of an IMU need and have not, as numbers."""
     if name in _FIELDS:
         return lacking(layout, _FIELDS[name])
-    for field in _BATCH_FIELDS[name]:
+    for field in (('N', 'type', 'instance', 'mul', 'SampleUS', 'smp_rate') if name == 'ISBH'
+                  else ('N', 'seqno', 'x', 'y', 'z')):
         shape = (32,) if field in ('x', 'y', 'z') else ()
         if field not in (layout.names or ()) or layout[field].shape != shape or (
                 layout[field].base.kind in 'SV'):

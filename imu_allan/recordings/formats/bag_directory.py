@@ -22,9 +22,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 import yaml
 
-_REPORTED_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file',
-                    'truncated_recording', 'unfinished_recording'}
-"""Remarks that say why there are fewer messages than metadata.yaml counts."""
 _LARGEST_METADATA = 1 << 20
 """Bytes: 500 topics of two publishers each, with their quality of service, take 700,000."""
 _MOST_NODES = 30_000
@@ -75,8 +72,10 @@ class BagDirectory(Recording):
                     self.keep_remarks_of(part)
             before += file.stat().st_size
         counted = self.imu(topic).count or 0
-        if messages < counted and _REPORTED_LOSSES.isdisjoint(
-                remark.code for remark in self.remarks):
+        # Other remarks may have said why there are fewer.
+        if messages < counted and {
+                'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
+                'unfinished_recording'}.isdisjoint(remark.code for remark in self.remarks):
             self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic),
                         by='metadata.yaml')
 

@@ -47,10 +47,6 @@ _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FIRST_LINES = 64
 """By which fields are counted and times without a unit judged: two batches of a FIFO of 32."""
-_MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
-"""From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
-_SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
-"""Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a file whose cells commas part."""
@@ -359,14 +355,16 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
         with suppress(ValueError):
             times.append(float(text))
     finite = [time for time in times if np.isfinite(time)]
-    unit = next((unit for least, unit in _MAGNITUDES if finite and abs(finite[0]) >= least), 's')
+    # From which number on they are in a unit, if they are of this century: 1e9 is 2001 in s.
+    unit = next((unit for least, unit in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
+                 if finite and abs(finite[0]) >= least), 's')
     # A clock that is set back says nothing of the rate.
     steps = np.sort([after - before for before, after in pairwise(finite[:_FIRST_LINES])
                      if after >= before])
+    # IMUs have 5 to 20,000 Hz: beyond, times are in another unit than they seem to be.
     # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
     for interval, least_hz, most_hz in () if len(steps) < 8 else (
-            (float(steps.mean()), 0.0, _FASTEST_HZ),
-            (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
+            (float(steps.mean()), 0.0, 20_000.0), (float(steps[:-1].mean()), 5.0, np.inf)):
         if interval > 0 and not least_hz <= (
                 apparent_hz := 1 / (interval * convert(1.0, unit, 's'))) <= most_hz:
             if rate_hz is not None:

@@ -41,7 +41,6 @@ _AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?
 _SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])')
 _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
-_LETTER = re.compile(r'([xyz])(?:[._-]?axis)?')
 _LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
                  'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
 """Which show the sensor of a bare x, y or z; a large G is a magnetometer's, too."""
@@ -58,11 +57,7 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
     r'|epoch?(?:_(s|ms|us|ns))?'))
 """Names of times, the best first: of the sensor, since the beginning of the log, of the day."""
-_IN_NANOSECONDS = ('%time', 'field.header.stamp')
-"""Columns that are nanoseconds without saying so."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
-_SECONDS = re.compile(r'((?:.*[/._])?)(?:secs?|seconds)')
-_PARTS_OF_SECONDS = re.compile(r'((?:.*[/._])?)(?:nano_?secs?|nano_?seconds|nsecs?)')
 _REST_OF_IMU = re.compile(
     r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
     r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
@@ -71,7 +66,6 @@ _COLUMN = re.compile(
     r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
 _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
 """A name, with its unit, in a header whose names have nothing but blanks between them."""
-_ONE_OF_THREE = re.compile(r'(.*?)[._-]?([xyz])([._-]?axis)?')
 
 
 @dataclass(frozen=True)
@@ -348,7 +342,7 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
         if (match := pattern.fullmatch(lower)) is not None:
             axis = match['axis'] or match['first'] or 'xyz'[int(match['number'])]
             return f'{sensor}_{axis}'
-    letter = _LETTER.fullmatch(lower)
+    letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', lower)
     sensors = [sensor for sensor, units in _LETTER_UNITS.items() if (unit or '').strip() in units]
     return f'{sensors[0]}_{letter[1]}' if letter and sensors else None
 
@@ -402,12 +396,11 @@ def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
     Clock(column=1, unit='s', nanoseconds=2)
 
     """
-    parts = {match[1]: column for column, name in enumerate(names)
-             if (match := _PARTS_OF_SECONDS.fullmatch(name.lower())) is not None}
-    for column, name in enumerate(names):
-        match = _SECONDS.fullmatch(name.lower())
-        if match is not None and match[1] in parts:
-            yield Clock(column, 's', parts[match[1]])
+    whole, parts = ({match[1]: column for column, name in reversed([*enumerate(names)])
+                     if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})', name.lower()))}
+                    for words in ('secs?|seconds', 'nano_?secs?|nano_?seconds|nsecs?'))
+    for path in sorted(whole.keys() & parts.keys(), key=lambda path: whole[path]):
+        yield Clock(whole[path], 's', parts[path])
 
 
 def _clock_named(name: str) -> tuple[int, str | None] | None:
@@ -416,7 +409,8 @@ def _clock_named(name: str) -> tuple[int, str | None] | None:
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(lower)) is not None:
             in_name = next((unit for unit in match.groups() if unit), None)
-            return rank, 'ns' if lower in _IN_NANOSECONDS else in_name
+            # What rostopic echo -p prints is nanoseconds without saying so.
+            return rank, 'ns' if lower in ('%time', 'field.header.stamp') else in_name
     return None
 
 
@@ -442,7 +436,8 @@ def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
     found: dict[str, dict[str, str]] = {}
     for cell in ignored:
         name = name_and_unit(cell)[0].lower()
-        if not _REST_OF_IMU.fullmatch(name) and (match := _ONE_OF_THREE.fullmatch(name)):
+        match = re.fullmatch(r'(.*?)[._-]?([xyz])([._-]?axis)?', name)
+        if match is not None and not _REST_OF_IMU.fullmatch(name):
             found.setdefault(match[1] + (match[3] or ''), {}).setdefault(match[2], cell)
     return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
 

@@ -49,10 +49,6 @@ _MESSAGE = Struct('<HBH')
 _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
           'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
           'bool': '?', 'char': 'S1'}
-_FASTER = ('set SDLOG_PROFILE in the autopilot (bit 4: high rate; bits 8 and 9: FIFOs of '
-           'gyroscope and accelerometer) and record again')
-"""PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default."""
-_FIELD = re.compile(r'(\w+)(?:\[(\d{1,4})\])? (\w+)')
 
 
 class UlogRecording(TableLog):
@@ -86,7 +82,9 @@ class UlogRecording(TableLog):
                     fields, what='as logged',
                     temperature=fields.temperature if fields.temperature in names else None)))
             rates[name] = (samples - 1) * 1e9 / (last - first) if last > first else 0.0
-            self.list_at(rates[name], imu, _FASTER)
+            # PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default.
+            self.list_at(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
+                         'bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
             self.list_own_thermometer(imu)
         self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, _PARTNER)
 
@@ -202,7 +200,7 @@ def _layout(text: str) -> np.dtype[Any]:
     fields: list[tuple[Any, ...]] = []
     taken = set()
     for written in text.split(';'):
-        field = _FIELD.fullmatch(written)
+        field = re.fullmatch(r'(\w+)(?:\[(\d{1,4})\])? (\w+)', written)
         if field is None or field[1] not in _CODES or field[3] in taken:
             break
         taken.add(field[3])

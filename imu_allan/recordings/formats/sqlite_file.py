@@ -40,14 +40,11 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_DECODE, _HELD_BYTES = 1 << 11, 1 << 24
-"""Messages decoded at a time, which stay in the cache, and their bytes where they are large."""
 _MOST_TOPICS = 1 << 16
 """Topics that are listed: as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
 """Numbers that one topic may have; rosbag2 gives it one."""
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
-_NO_MESSAGE = MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most')
 
 class SqliteRecording(FileRecording):
     """A .db3 file; raises ImuAllanError where that is no rosbag2 database."""
@@ -245,7 +242,8 @@ class SqliteRecording(FileRecording):
                 try:
                     cursor = database.execute(query, (start, stop - 1))
                     while found := cursor.fetchmany(most):
-                        if len(messages) >= _DECODE or held_bytes >= _HELD_BYTES:
+                        # So many stay in the cache, unless they are large.
+                        if len(messages) >= 1 << 11 or held_bytes >= 1 << 24:
                             yield stamps, messages, position
                             handed += len(messages)
                             stamps, messages, held_bytes = [], [], 0
@@ -257,7 +255,8 @@ class SqliteRecording(FileRecording):
                                 latest = number
                                 read += 1
                                 if message is None:
-                                    malformed(1, _NO_MESSAGE)
+                                    malformed(1, MalformedImu(
+                                        f'not a blob of {LONGEST_VALUE:,} bytes at most'))
                                 else:
                                     stamps.append(stamp)
                                     messages.append(message)

@@ -19,9 +19,6 @@ from imu_allan.wording import duration, NO_TOPIC, SENSORS
 
 _REPORTED = 2
 """Files of which it is reported why none is read."""
-_CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
-_LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
-"""In the name of a file that somebody expects to be read."""
 _BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
 """Names in small letters, the best first: Sensor Logger takes gravity out of its Accelerometer."""
 
@@ -74,7 +71,7 @@ class TableFolder(Recording):
         try:
             return CsvRecording(file, file, self.options)
         except ImuAllanError:
-            named = [sensor for sensor, name in _CALLED.items() if name.search(file.name)]
+            named = [sensor for sensor in SENSORS if sensor[:3] in file.name.lower()]
             if len(named) != 1 or self.options.columns:
                 raise
             columns = ('time', 'time'), *((f'{named[0]}_{axis}', axis) for axis in 'xyz')
@@ -90,7 +87,7 @@ class TableFolder(Recording):
         lacking = [SENSORS[sensor].lower() for sensor, names in halves.items() if not names]
         said = f'its CSV files give no {" and no ".join(lacking)}'
         # Of thirty sensors of a phone the others have no axis of an IMU either.
-        names = sorted(self.reasons, key=lambda name: _LIKELY.search(name) is None)
+        names = sorted(self.reasons, key=lambda name: not re.search('gyr|acc|imu', name.lower()))
         return '; '.join([said, *(self.reasons[name] for name in names[:_REPORTED])])
 
     def _why_apart(self, gyro: str, accel: str) -> str:

@@ -31,11 +31,8 @@ _LIMITS = {
     'SQLITE_LIMIT_FUNCTION_ARG': 8,
     'SQLITE_LIMIT_ATTACHED': 0,
 }
-_STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
-"""For the rest: a row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least."""
 _STEPS_AT_A_TIME = 1000
 """Between two calls into Python, which cost nothing beside so many; the budget ends as exactly."""
-_MAY_STAND = ('create table ', 'create index ', 'create unique index ')
 
 
 class Budget:
@@ -78,7 +75,8 @@ def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *
         if tolerant:
             database.execute('PRAGMA writable_schema = ON')
         _require_plain_schema(database)
-        budget = Budget(_STEPS_AT_LEAST + _STEPS_PER_BYTE * size_bytes)
+        # A row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least.
+        budget = Budget(20_000_000 + 2 * size_bytes)
         database.set_progress_handler(budget.spend, _STEPS_AT_A_TIME)
         yield database, budget
     finally:
@@ -105,7 +103,8 @@ def _require_plain_schema(database: sqlite3.Connection) -> None:
                 'SELECT CAST(name AS TEXT), lower(substr(CAST(sql AS TEXT), 1, 20)) '
                 'FROM sqlite_master WHERE sql NOT NULL'):
             # What an entry is its text says; its name and its type may say anything.
-            if not beginning.startswith(_MAY_STAND):
+            if not beginning.startswith(
+                    ('create table ', 'create index ', 'create unique index ')):
                 raise sqlite3.DatabaseError(
                     f'{printable(shorten(name or "", 60))} is neither a table nor an index, and '
                     'rosbag2 writes nothing else')

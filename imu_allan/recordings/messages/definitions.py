@@ -25,8 +25,6 @@ FORMS: Mapping[str, Form] = {
 
 _SEPARATOR = '=' * 80 + '\n'
 """As rosbag and rosbag2 put it between the definitions of the parts of a message."""
-_DIRECTIVE = re.compile(r'^[ \t]*#.*$', re.MULTILINE)
-"""A line for the preprocessor, such as an include; the parser knows none."""
 _LARGEST = 1 << 20
 """Bytes of a definition that are parsed; the largest of ROS itself has 40,000."""
 _BASE = {
@@ -129,7 +127,8 @@ def parse(type_name: str, definition: Definition | Types,
         else:
             for part in definition.text.split(_SEPARATOR):
                 head, _, rest = part.partition('\n')
-                text = _DIRECTIVE.sub('', rest if head.startswith('IDL: ') else part)
+                # The parser knows no lines for the preprocessor, such as an include.
+                text = re.sub('(?m)^[ \t]*#.*$', '', rest if head.startswith('IDL: ') else part)
                 if text.strip():
                     found.update(get_types_from_idl(text))
     # The parser raises what it meets: its own error, KeyError, RecursionError, AssertionError.

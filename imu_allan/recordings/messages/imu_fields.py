@@ -18,8 +18,6 @@ _MOST_IMUS = 16
 _MOST_VISITED = 1000
 """Messages within a message that are looked into; a robot's state has some fifty."""
 _TIME = ('sec', 'nanosec')
-_PATH = re.compile(r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*')
-_SLICE = re.compile(r'(.*)\[(\d{1,6}):(\d{1,6})\]')
 
 
 @dataclass(frozen=True)
@@ -194,7 +192,8 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
     own = tuple(_stamps(types, fields.values(), path))
     stamps = own + stamps
     frame_id = _frame_id(types, fields.values(), path) or frame_id
-    heat = next((f'{path}{name}' for name in _TEMPERATURES
+    heat = next((f'{path}{name}'
+                 for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
                  if name in fields and _is_number(fields[name])), heat)
     if all(_is_vector(types, fields.get(name)) for name in _HALVES):
         gyro, accel = (Vector(
@@ -218,7 +217,6 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
                         depth + 1, visits, heat)
 
 
-_TEMPERATURES = ('imu_temperature', 'temperature', 'imu_temp', 'temp')
 _HALVES = ('angular_velocity', 'linear_acceleration')
 
 
@@ -298,7 +296,7 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
         for part in parts:
             number_at(types, type_name, part, what)
         return Vector((parts[0], parts[1], parts[2]))
-    match = _SLICE.fullmatch(text)
+    match = re.fullmatch(r'(.*)\[(\d{1,6}):(\d{1,6})\]', text)
     path = match[1] if match else text
     start, stop = (int(match[2]), int(match[3])) if match else (0, 3)
     field = field_at(types, type_name, path, what)
@@ -322,7 +320,8 @@ def number_at(types: Types, type_name: str, path: str, what: str) -> None:
 def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
     """Find a field by its dotted path; ImuAllanError names those that there are."""
     # Eight levels of names of 100 characters, and room.
-    if len(path) > 1000 or _PATH.fullmatch(path) is None:
+    if len(path) > 1000 or re.fullmatch(
+            r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*', path) is None:
         raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
     kind = type_name
     parts = path.split('.')

@@ -13,8 +13,6 @@ import re
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 
 _US = 1000  # nanoseconds in the microseconds of PX4 and SBG
-_SBG_SHORT_ACCEL, _SBG_SHORT_GYRO = 1 / 1048576, 1 / 67108864
-"""sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s."""
 
 
 def _xyz(name: str, factor: float = 1.0, per: str | None = None) -> Vector:
@@ -58,8 +56,9 @@ KNOWN: Mapping[str, ImuFields] = {
     'sbg_driver/msg/SbgImuData': ImuFields(
         _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME,
         temperature='temp'),
+    # sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s.
     'sbg_driver/msg/SbgImuShort': ImuFields(
-        _xyz('delta_angle', _SBG_SHORT_GYRO), _xyz('delta_velocity', _SBG_SHORT_ACCEL),
+        _xyz('delta_angle', 1 / 67108864), _xyz('delta_velocity', 1 / 1048576),
         (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
     # unitreerobotics/unitree_ros2: no stamp; the receive time is the clock.
     'unitree_go/msg/LowState': _UNITREE,
