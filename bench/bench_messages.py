@@ -14,8 +14,8 @@ import argparse
 import time
 from typing import Any
 
+from imu_allan.cdr import MessageBatch
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 

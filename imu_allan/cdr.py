@@ -44,6 +44,27 @@ class MalformedImu(ImuAllanError):
 
 
 @dataclass(frozen=True)
+class MessageBatch:
+    """
+    Serialized messages of equal size, in their order.
+
+    Attributes
+    ----------
+    rows : ndarray of uint8, shape (n, size)
+        The messages; may be a view of a buffer.
+    receive_ns : ndarray of int64, shape (n,)
+        Their receive stamps in nanoseconds.
+    numbers : ndarray of int64, shape (n,), or None
+        Their numbers, where the file has room for them.
+
+    """
+
+    rows: NDArray[np.uint8]
+    receive_ns: NDArray[np.int64]
+    numbers: NDArray[np.int64] | None = None
+
+
+@dataclass(frozen=True)
 class ImuLayout:
     """
     Where the fields of one serialized Imu message stand.
@@ -180,17 +201,17 @@ def blocks_from_messages(
         If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
 
     """
-    return [block for rows, stamps in rows_of(messages, receive_ns)
-            for block in decode_imu_rows(rows, stamps, serialization, on_malformed)]
+    return [block for batch in batches_of(messages, receive_ns) for block in decode_imu_rows(
+        batch.rows, batch.receive_ns, serialization, on_malformed)]
 
 
-def rows_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
-            ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
-    """Join messages of equal size that follow each other, one a row; with their stamps."""
+def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
+               ) -> Iterator[MessageBatch]:
+    """Join messages of equal size that follow each other, one a row."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
     for start, stop in _runs(sizes[1:] != sizes[:-1], len(sizes)):
         rows = np.frombuffer(b''.join(messages[start:stop]), np.uint8)
-        yield rows.reshape(stop - start, int(sizes[start])), receive_ns[start:stop]
+        yield MessageBatch(rows.reshape(stop - start, int(sizes[start])), receive_ns[start:stop])
 
 
 def encode_imu(

@@ -10,12 +10,11 @@ class, which the subscription needs all the same.
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from itertools import groupby
 import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages, MalformedImu
+from imu_allan.cdr import batches_of, blocks_from_messages, MalformedImu
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 import numpy as np
@@ -80,7 +79,6 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             messages, receive_ns, on_malformed=on_malformed)
     # Most nodes read sensor_msgs/Imu and have no use for these.
     from imu_allan.recordings.messages.imus_in import imu_messages
-    from imu_allan.recordings.messages.message_batch import MessageBatch
     from imu_allan.recordings.options import RecordingOptions
     try:
         decode = imu_messages(type_name, types_of(type_name), options=RecordingOptions(
@@ -92,14 +90,5 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             text = text.replace(option, parameter)
         raise ImuAllanError(text) from error
 
-    def decoded(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
-                on_malformed: OnMalformed) -> list[ImuBlock]:
-        batches, start = [], 0
-        for size, group in groupby(messages, len):
-            equal = list(group)
-            rows = np.frombuffer(b''.join(equal), np.uint8).reshape(len(equal), size)
-            batches.append(MessageBatch(rows, receive_ns[start:start + len(equal)]))
-            start += len(equal)
-        return decode(batches, on_malformed)
-
-    return decoded
+    return lambda messages, receive_ns, on_malformed: decode(
+        batches_of(messages, receive_ns), on_malformed)

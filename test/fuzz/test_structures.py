@@ -9,12 +9,11 @@ import tempfile
 import time
 
 from bags import block, IMU, write_db3
-from imu_allan.cdr import encode_imu_rows
+from imu_allan.cdr import encode_imu_rows, MessageBatch
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
-from imu_allan.recordings.messages.message_batch import MessageBatch
 from imu_allan.writers.words import message_of
 from mutations import each, EXTREMES, mutated_text, rounds, TEXTS
 import numpy as np

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import Serialization
+from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import DamagedData
 from imu_allan.recordings.formats.effort import Effort
@@ -19,10 +19,10 @@ from imu_allan.recordings.formats.gather import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
-from imu_allan.recordings.messages.message_batch import MessageBatch, MessageNumbers
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
+import numpy as np
 
 LARGEST_CHUNK = 1 << 28
 """Bytes before and after decompression; recorders write 768 kB unless asked otherwise."""
@@ -204,6 +204,34 @@ class ChunkedRecording(FileRecording):
         else:
             damage.hole(at, known - at)
         return known
+
+
+class MessageNumbers:
+    """The numbers that a writer may give the messages of one channel: those missing were lost."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._steps = self._ones = self._back = self._skipped = 0
+
+    def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:
+        """Hand batches on."""
+        for batch in batches:
+            if batch.numbers is not None:
+                before = batch.numbers[:1] if self._last is None else [self._last]
+                step = np.diff(batch.numbers, prepend=before)[self._last is None:]
+                self._steps += len(step)
+                self._ones += int(np.count_nonzero(step == 1))
+                self._back += int(np.count_nonzero(step <= 0))
+                self._skipped += int(np.maximum(step - 1, 0).sum())
+                self._last = int(batch.numbers[-1])
+            yield batch
+
+    def lost(self, others: int) -> int:
+        """Count the lost, beside so many messages of other channels; 0 where none is numbered."""
+        # Most writers leave zeros. Some count the messages of all channels in one.
+        numbered = 3 * self._ones >= self._steps and 1000 * self._back <= self._steps
+        of_all = others and abs(self._skipped - others) <= 1 + 0.02 * others
+        return self._skipped if numbered and not of_all else 0
 
 
 @dataclass

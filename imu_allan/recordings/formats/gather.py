@@ -17,10 +17,9 @@ from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from itertools import chain, pairwise
 from struct import Struct
 
-from imu_allan.cdr import rows_like_first
+from imu_allan.cdr import MessageBatch, rows_like_first
 from imu_allan.recordings.formats.decompress import DamagedData
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.message_batch import MessageBatch
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray

@@ -3,16 +3,15 @@
 """Messages that rosbag2 compressed one by one, recognized by their first bytes."""
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice, starmap
+from itertools import groupby, islice
 
-from imu_allan.cdr import rows_of
+from imu_allan.cdr import batches_of, MessageBatch
 from imu_allan.recordings.formats.decompress import (
     DamagedData,
     declared_size,
     decompress_frame,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
@@ -32,9 +31,8 @@ def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[Messag
         # However large they are, 256 messages are decompressed into one batch.
         while some := list(islice(rows, 256)):
             messages, stamps = zip(*some, strict=True)
-            yield from starmap(MessageBatch, rows_of(
-                [_unpacked_message(message, effort) for message in messages],
-                np.array(stamps, np.int64)))
+            yield from batches_of([_unpacked_message(message, effort) for message in messages],
+                                  np.array(stamps, np.int64))
 
 
 def _is_compressed(batch: MessageBatch) -> bool:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
 from imu_allan.block import ImuBlock
+from imu_allan.cdr import MessageBatch
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
@@ -33,7 +34,6 @@ from imu_allan.recordings.formats.decompress import DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.gather import collect, equal_records, in_lists
 from imu_allan.recordings.messages.definitions import Definition
-from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from numpy.typing import NDArray
 

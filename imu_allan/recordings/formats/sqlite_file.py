@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from itertools import pairwise, starmap
+from itertools import pairwise
 import os
 from pathlib import Path
 import shutil
@@ -22,7 +22,7 @@ from struct import unpack_from
 import tempfile
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu, rows_of
+from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import unpacked
@@ -35,7 +35,6 @@ from imu_allan.recordings.formats.untrusted_database import (
 )
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
-from imu_allan.recordings.messages.message_batch import MessageBatch
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
@@ -75,7 +74,7 @@ class SqliteRecording(FileRecording):
         effort = Effort(self.path, 0)
         with self._database() as (database, budget):
             for stamps, messages, position in self._fetched(database, budget, imu, malformed):
-                batches = starmap(MessageBatch, rows_of(messages, np.array(stamps, np.int64)))
+                batches = batches_of(messages, np.array(stamps, np.int64))
                 for block in decode(unpacked(batches, effort), malformed):
                     yield block, position
         malformed.report(imu, self.remark)

@@ -14,12 +14,17 @@ from itertools import pairwise
 from typing import Literal, Protocol
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import decode_imu_rows, MalformedImu, rows_like_first, Serialization
+from imu_allan.cdr import (
+    decode_imu_rows,
+    MalformedImu,
+    MessageBatch,
+    rows_like_first,
+    Serialization,
+)
 from imu_allan.recordings.messages.columns import Columns, frames_of, taken
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.forms import Form, Forms, OnMalformed
 from imu_allan.recordings.messages.imu_fields import ImuFields
-from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from numpy.typing import NDArray
 

@@ -182,9 +182,8 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     Returns
     -------
     Decoder
-        Takes batches of serialized messages in their order, as
-        `imu_allan.recordings.messages.message_batch` has them, and returns blocks. It remembers
-        which stamps are used: one for each topic.
+        Takes batches of serialized messages in their order, as `imu_allan.cdr` has them, and
+        returns blocks. It remembers which stamps are used: one for each topic.
 
     Raises
     ------
@@ -194,7 +193,7 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     Examples
     --------
     >>> import numpy as np
-    >>> from imu_allan.recordings.messages.message_batch import MessageBatch
+    >>> from imu_allan.cdr import MessageBatch
     >>> definition = 'uint64 timestamp' + chr(10) + 'float32[3] gyro_rad' + chr(10) + (
     ...     'float32[3] accelerometer_m_s2')
     >>> decode = decoder_of('px4_msgs/msg/SensorCombined', definition)

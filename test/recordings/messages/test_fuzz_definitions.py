@@ -4,12 +4,12 @@
 
 from random import Random
 
+from imu_allan.cdr import MessageBatch
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import vector_of
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.message_batch import MessageBatch
 from mutations import mutated_bytes
 import numpy as np
 from other_types import full_definition, imu, stamped, store_with

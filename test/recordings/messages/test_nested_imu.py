@@ -7,13 +7,12 @@ import os
 from pathlib import Path
 
 from bags import database, figures, insert, joined, read, said
-from imu_allan.cdr import rows_like_first
+from imu_allan.cdr import MessageBatch, rows_like_first
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages import forms
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
-from imu_allan.recordings.messages.message_batch import MessageBatch
 import numpy as np
 from other_types import (
     full_definition,
