@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Databases that ask for more than they hold, or for something else than reading."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import closing
 from pathlib import Path
 import sqlite3
 import struct
@@ -19,114 +20,27 @@ PAGE = 4096
 OVERFLOWING = 1_000_000_000
 
 
-def from_script(*statements: str) -> Callable[[Path], Path]:
-    """Make a database by statements; a topic /imu is entered where its table is plain."""
+def from_script(*statements: str | tuple[str, Callable[[], Iterable[tuple[object, ...]]]],
+                first: Callable[[Path], Path] | None = None) -> Callable[[Path], Path]:
+    """Make a database by statements, some with rows; topic /imu is entered with its table."""
     def make(folder: Path) -> Path:
-        path = folder / 'a.db3'
-        with sqlite3.connect(path) as database:
+        path = folder / 'a.db3' if first is None else first(folder)
+        with closing(sqlite3.connect(path)) as database:
             for statement in statements:
-                database.execute(statement)
-            if TOPICS in statements:
-                database.execute(f"INSERT INTO topics VALUES (1, '/imu', '{IMU}', 'cdr')")
-        database.close()
+                if isinstance(statement, str):
+                    database.execute(statement)
+                else:
+                    database.executemany(statement[0], statement[1]())
+                if statement == TOPICS:
+                    database.execute(f"INSERT INTO topics VALUES (1, '/imu', '{IMU}', 'cdr')")
+            database.commit()
         return path
     return make
 
 
-def disguised_view(folder: Path) -> Path:
-    """Enter an endless view into the schema as what its columns call a table."""
-    path = from_script(TOPICS, MESSAGES)(folder)
-    with sqlite3.connect(path) as database:
-        database.execute('PRAGMA writable_schema = ON')
-        database.execute("UPDATE sqlite_master SET sql = ?, rootpage = 0 WHERE name = 'messages'",
-                         ('CREATE VIEW messages AS ' + ENDLESS,))
-    database.close()
-    return path
-
-
-def many_tables(folder: Path) -> Path:
-    """Make a schema of 200,000 tables."""
-    path = from_script(TOPICS, MESSAGES)(folder)
-    with sqlite3.connect(path) as database:
-        database.execute('PRAGMA writable_schema = ON')
-        database.executemany(
-            "INSERT INTO sqlite_master VALUES ('table', ?, ?, 2, ?)",
-            ((f't{number}', f't{number}', f'CREATE TABLE t{number}(a, b, c)')
-             for number in range(200_000)))
-    database.close()
-    return path
-
-
-def long_schema(folder: Path) -> Path:
-    """Make a schema with a statement of 20 MB."""
-    path = from_script(TOPICS, MESSAGES)(folder)
-    with sqlite3.connect(path) as database:
-        database.execute('PRAGMA writable_schema = ON')
-        database.execute("INSERT INTO sqlite_master VALUES ('table', 't', 't', 2, ?)",
-                         ('CREATE TABLE t(a DEFAULT (' + '1+' * 10_000_000 + '1))',))
-    database.close()
-    return path
-
-
-def many_topics(folder: Path) -> Path:
-    """Make 100,000 Imu topics, each with a message."""
-    path = from_script(TOPICS, MESSAGES)(folder)
-    with sqlite3.connect(path) as database:
-        database.executemany('INSERT INTO topics VALUES (?, ?, ?, ?)', (
-            (number, f'/imu{number}', IMU, 'cdr') for number in range(2, 100_000)))
-        database.executemany('INSERT INTO messages VALUES (?, ?, ?, ?)', (
-            (number, number, number, b'') for number in range(2, 100_000)))
-    database.close()
-    return path
-
-
-def many_types(folder: Path) -> Path:
-    """Make 100,000 topics, each of a type of its own that holds an Imu."""
-    path = from_script(
-        TOPICS, MESSAGES, 'CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type '
-        'TEXT, encoding TEXT, encoded_message_definition TEXT)')(folder)
-    with sqlite3.connect(path) as database:
-        for number in range(2, 100_002):
-            kind = f'a_msgs/msg/T{number}'
-            database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr')",
-                             (number, f'/imu{number}', kind))
-            database.execute("INSERT INTO message_definitions VALUES (?, ?, 'ros2msg', ?)",
-                             (number, kind, 'sensor_msgs/Imu imu'))
-    database.close()
-    return path
-
-
-def one_topic_of_many_numbers(folder: Path) -> Path:
-    """Enter the topic /imu 100,000 times."""
-    path = write_db3(folder / 'a.db3', block(2000))
-    with sqlite3.connect(path) as database:
-        database.executemany('INSERT INTO topics VALUES (?, ?, ?, ?)', (
-            (number, '/imu', IMU, 'cdr') for number in range(2, 100_000)))
-    database.close()
-    return path
-
-
-def large_blobs(folder: Path) -> Path:
-    """Store 64 messages of 2 MB among others."""
-    path = write_db3(folder / 'a.db3', block(2000))
-    with sqlite3.connect(path) as database:
-        database.executemany('INSERT INTO messages VALUES (?, 1, ?, zeroblob(2000000))', (
-            (number, number) for number in range(3000, 3064)))
-    database.close()
-    return path
-
-
-def default_values(folder: Path) -> Path:
-    """Leave out of every row a column whose default is long."""
-    path = from_script(TOPICS, 'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, '
-                       'timestamp INTEGER)')(folder)
-    with sqlite3.connect(path) as database:
-        database.executemany('INSERT INTO messages VALUES (?, 1, ?)', (
-            (number, number) for number in range(100_000)))
-        database.execute(
-            f"ALTER TABLE messages ADD COLUMN data DEFAULT x'{'00' * 45_000}'")
-    database.close()
-    return path
+def written(folder: Path) -> Path:
+    """Write 2000 messages."""
+    return write_db3(folder / 'a.db3', block(2000))
 
 
 def followed_by_itself(table: str) -> Callable[[Path], Path]:
@@ -231,7 +145,10 @@ HOSTILE: dict[str, Callable[[Path], Path]] = {
         'CREATE VIEW topics AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) '
         f"SELECT i AS id, '/' || i AS name, '{IMU}' AS type, 'cdr' AS serialization_format "
         'FROM n')),
-    'view called a table': disguised_view,
+    # What its columns call a table.
+    'view called a table': from_script(TOPICS, MESSAGES, 'PRAGMA writable_schema = ON', (
+        "UPDATE sqlite_master SET sql = ?, rootpage = 0 WHERE name = 'messages'",
+        lambda: [('CREATE VIEW messages AS ' + ENDLESS,)])),
     'nested views': from_script(TOPICS, MESSAGES, 'CREATE VIEW v0 AS SELECT * FROM messages', *(
         f'CREATE VIEW v{level} AS SELECT a.id FROM v{level - 1} a, v{level - 1} b'
         for level in range(1, 40))),
@@ -247,13 +164,40 @@ HOSTILE: dict[str, Callable[[Path], Path]] = {
     'no numbers': from_script(
         TOPICS, 'CREATE TABLE messages(id TEXT PRIMARY KEY, topic_id, timestamp, data) '
         'WITHOUT ROWID'),
-    'many tables': many_tables,
-    'long schema': long_schema,
-    'many topics': many_topics,
-    'many types': many_types,
-    'one topic of many numbers': one_topic_of_many_numbers,
-    'large blobs': large_blobs,
-    'default values': default_values,
+    'many tables': from_script(TOPICS, MESSAGES, 'PRAGMA writable_schema = ON', (
+        "INSERT INTO sqlite_master VALUES ('table', ?, ?, 2, ?)",
+        lambda: ((f't{n}', f't{n}', f'CREATE TABLE t{n}(a, b, c)') for n in range(200_000)))),
+    # A statement of 20 MB.
+    'long schema': from_script(TOPICS, MESSAGES, 'PRAGMA writable_schema = ON', (
+        "INSERT INTO sqlite_master VALUES ('table', 't', 't', 2, ?)",
+        lambda: [('CREATE TABLE t(a DEFAULT (' + '1+' * 10_000_000 + '1))',)])),
+    # Each with a message.
+    'many topics': from_script(
+        TOPICS, MESSAGES,
+        ("INSERT INTO topics VALUES (?, ?, ?, 'cdr')",
+         lambda: ((n, f'/imu{n}', IMU) for n in range(2, 100_000))),
+        ("INSERT INTO messages VALUES (?, ?, ?, x'')",
+         lambda: ((n, n, n) for n in range(2, 100_000)))),
+    # Each of a type of its own that holds an Imu.
+    'many types': from_script(
+        TOPICS, MESSAGES, 'CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type '
+        'TEXT, encoding TEXT, encoded_message_definition TEXT)',
+        ("INSERT INTO topics VALUES (?, ?, ?, 'cdr')",
+         lambda: ((n, f'/imu{n}', f'a_msgs/msg/T{n}') for n in range(2, 100_002))),
+        ("INSERT INTO message_definitions VALUES (?, ?, 'ros2msg', 'sensor_msgs/Imu imu')",
+         lambda: ((n, f'a_msgs/msg/T{n}') for n in range(2, 100_002)))),
+    'one topic of many numbers': from_script(
+        ("INSERT INTO topics VALUES (?, '/imu', ?, 'cdr')",
+         lambda: ((n, IMU) for n in range(2, 100_000))), first=written),
+    'large blobs': from_script(
+        ('INSERT INTO messages VALUES (?, 1, ?, zeroblob(2000000))',
+         lambda: ((n, n) for n in range(3000, 3064))), first=written),
+    # Every row leaves out a column whose default is long.
+    'default values': from_script(
+        TOPICS, 'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp '
+        'INTEGER)', ('INSERT INTO messages VALUES (?, 1, ?)',
+                     lambda: ((n, n) for n in range(100_000))),
+        f"ALTER TABLE messages ADD COLUMN data DEFAULT x'{'00' * 45_000}'"),
     'messages that follow themselves': followed_by_itself('messages'),
     'topics that follow themselves': followed_by_itself('topics'),
     'shared leaves': shared_leaves,

@@ -37,13 +37,11 @@ def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason)
     assert refusal(path) == reason
 
 
-def test_a_missing_file_is_named(tmp_path):
-    assert refusal(tmp_path / 'none.mcap') == 'no such file or directory'
-
-
-def test_a_pipe_is_refused_without_waiting_for_it(tmp_path):
+def test_what_is_no_file_is_refused_without_waiting_for_it(tmp_path):
     os.mkfifo(tmp_path / 'pipe')
     assert refusal(tmp_path / 'pipe') == 'not a file'
+    for name in ('none.mcap', 'a\0b'):
+        assert refusal(tmp_path / name) == 'no such file or directory'
 
 
 def test_a_link_that_leads_nowhere_is_named(tmp_path):
@@ -74,11 +72,6 @@ def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
     assert text.isprintable()
     assert text == (f'{printable(path)}: no topic /n\\none; its Imu topics are /imu '
                     '(10 messages)')
-
-
-def test_a_name_with_a_null_byte_is_refused():
-    with refused('a\\x00b: no such file or directory'):
-        open_recording('a\0b')
 
 
 class Listed(Recording):

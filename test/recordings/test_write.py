@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 import sqlite3
 
 from bags import assert_same, block, joined, read
@@ -79,15 +78,20 @@ def test_the_mcap_library_finds_every_checksum_and_index_right(tmp_path, compres
     assert stamps == sorted(MESSAGES.receive_ns.tolist())
 
 
-def test_metadata_is_of_jazzys_version(tmp_path):
-    bag = write_recording(tmp_path / 'my bag', [block(10)])
+def test_metadata_and_database_are_of_jazzys_version(tmp_path):
+    bag = tmp_path / 'my bag'
+    assert write_recording(str(bag), [block(10)], storage='sqlite3') == bag
     information = yaml.safe_load((bag / 'metadata.yaml').read_text())[
         'rosbag2_bagfile_information']
-    assert information['version'] == 9
-    assert information['storage_identifier'] == 'mcap'
-    assert information['relative_file_paths'] == ['my bag_0.mcap']
-    assert (bag / 'my bag_0.mcap').is_file()
-    assert information['message_count'] == 10
+    assert [information[key] for key in (
+        'version', 'storage_identifier', 'relative_file_paths', 'message_count')] == [
+        9, 'sqlite3', ['my bag_0.db3'], 10]
+    with sqlite3.connect(bag / 'my bag_0.db3') as database:
+        assert database.execute('PRAGMA integrity_check').fetchall() == [('ok',)]
+        assert {name for [name] in database.execute('SELECT name FROM sqlite_master')} == {
+            'schema', 'metadata', 'topics', 'message_definitions', 'messages', 'timestamp_idx'}
+        assert database.execute('SELECT * FROM schema').fetchall() == [(4, 'jazzy')]
+    database.close()
 
 
 @every_kind
@@ -135,17 +139,3 @@ def test_frame_ids_that_change_are_kept(tmp_path):
         with open_recording(bag) as recording:
             for before, after in zip(frames, read_blocks(recording, '/imu/data_raw'), strict=True):
                 assert_same(before, after)
-
-
-def test_the_database_has_the_schema_of_jazzy(tmp_path):
-    bag = write_recording(tmp_path / 'bag', [block(10)], storage='sqlite3')
-    with sqlite3.connect(next(bag.glob('*.db3'))) as database:
-        assert database.execute('PRAGMA integrity_check').fetchall() == [('ok',)]
-        assert {name for [name] in database.execute('SELECT name FROM sqlite_master')} == {
-            'schema', 'metadata', 'topics', 'message_definitions', 'messages', 'timestamp_idx'}
-        assert database.execute('SELECT * FROM schema').fetchall() == [(4, 'jazzy')]
-    database.close()
-
-
-def test_a_path_given_as_text_is_taken(tmp_path):
-    assert write_recording(str(tmp_path / 'bag'), [block(1)]) == Path(tmp_path / 'bag')

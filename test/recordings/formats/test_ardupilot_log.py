@@ -78,42 +78,32 @@ def raw(name: str, step_us: int, count: int, sigma: float) -> list[Message]:
 def batches(sensor: int, count: int, sigma: float) -> list[Message]:
     """Return batches of 1024 samples at 1 kHz, one every 2 s, in units of 1 / 1000."""
     found: list[Message] = []
+    noise = np.random.default_rng(sensor)
     for batch in range(count):
         start = (2 * batch + sensor) * 1_000_000
         found.append(('ISBH', (start, 2 * batch + sensor, sensor, 0, 1000, 1024, start, 1000.0)))
-        samples = np.rint(NOISE.normal(0, sigma * 1000, (32, 3, 32))).astype(int)
+        samples = np.rint(noise.normal(0, sigma * 1000, (32, 3, 32))).astype(int)
         found += [('ISBD', (start, 2 * batch + sensor, part, *samples[part].reshape(-1)))
                   for part in range(32)]
     return found
 
 
-def test_every_bit_is_what_pymavlink_reads(tmp_path):
-    path = write(tmp_path / 'a.bin', [m for pair in zip(
-        imu(), imu(number=1), strict=True) for m in pair])
-    log = DFReader.DFReader_binary(str(path))
-    expected = []
-    while (message := log.recv_match(type='IMU')) is not None:
-        if message.I == 1:
-            expected.append((message.TimeUS * 1000, message.GyrX, message.GyrY, message.GyrZ,
-                             message.AccX, message.AccY, message.AccZ))
-    log.close()
-    messages, _ = read(path, 'IMU.1')
-    assert len(expected) == len(messages) == 300
-    assert messages.header_ns.tolist() == [row[0] for row in expected]
-    assert messages.samples.tolist() == [list(row[1:]) for row in expected]
-
-
-def test_samples_that_pymavlink_wrote_are_read_to_the_last_bit(tmp_path):
-    path = write_with_pymavlink(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 300, 0.01))
-    assert read(path, 'IMU')[0].samples.tolist() == [list(values[2:8]) for _, values in imu()]
-    log = DFReader.DFReader_binary(str(path))
-    expected = [(m.SampleUS * 1000, m.GyrX, m.GyrY, m.GyrZ) for m in iter(
-        lambda: log.recv_match(type='GYR'), None)]
-    log.close()
-    messages, _ = read(path, 'GYR')
-    assert len(expected) == 300
-    assert list(zip(messages.header_ns.tolist(), *messages.samples[:, :3].T.tolist(),
-                    strict=True)) == expected
+@pytest.mark.parametrize('write', [write, write_with_pymavlink])
+def test_every_bit_is_what_pymavlink_reads(tmp_path, write):
+    path = write(tmp_path / 'a.bin', [
+        *(m for pair in zip(imu(), imu(number=1), strict=True) for m in pair),
+        *raw('GYR', 1000, 300, 0.01)])
+    for topic, number, fields in (
+            ('IMU', 1, ('TimeUS', 'GyrX', 'GyrY', 'GyrZ', 'AccX', 'AccY', 'AccZ')),
+            ('GYR', 0, ('SampleUS', 'GyrX', 'GyrY', 'GyrZ'))):
+        log = DFReader.DFReader_binary(str(path))
+        expected = [[getattr(m, name) for name in fields] for m in iter(
+            lambda log=log, topic=topic: log.recv_match(type=topic), None) if number == m.I]
+        log.close()
+        messages, _ = read(path, f'{topic}.1' if number else topic)
+        assert len(expected) == 300
+        assert messages.header_ns.tolist() == [row[0] * 1000 for row in expected]
+        assert messages.samples[:, :len(fields) - 1].tolist() == [row[1:] for row in expected]
 
 
 def test_batches_that_pymavlink_wrote_are_unrolled_to_the_last_bit(tmp_path):

@@ -67,6 +67,10 @@ def test_a_split_bag_is_read_in_order(split_bag):
 
 
 def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
+    # What counts no messages is checked against the files.
+    write_metadata(split_bag, [f'bag_{number}.mcap' for number in (9, 10, 11)], [('/imu', IMU, 0)])
+    with open_recording(split_bag) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1500)]
     (split_bag / 'metadata.yaml').unlink()
     after, [remark] = read(split_bag)
     assert_same(block(1500), after)
@@ -92,9 +96,18 @@ def test_damaged_metadata_is_reported_and_the_files_are_read(split_bag):
 
 
 def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
-    (split_bag / 'bag_10.mcap').unlink()
+    others = joined([block(500), block(500, first=1000)])
+    file = split_bag / 'bag_10.mcap'
+    file.write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
-    assert_same(joined([block(500), block(500, first=1000)]), after)
+    assert_same(others, after)
+    assert remark == said(split_bag, 'damaged_recording', fault='file',
+                          reason=remark.values['reason'])
+    assert remark.values['reason'].startswith(f'{file}: ')
+    assert 'git lfs pull' in remark.values['reason']
+    file.unlink()
+    after, [remark] = read(split_bag)
+    assert_same(others, after)
     assert remark == said(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
 
 
@@ -105,16 +118,6 @@ def test_a_bag_without_any_of_its_files_is_refused(split_bag):
             f'{split_bag}: missing bag_9.mcap, bag_10.mcap, bag_11.mcap: no file that '
             'metadata.yaml lists is there; copy them beside it'):
         open_recording(split_bag)
-
-
-def test_a_file_of_it_that_cannot_be_read_is_a_remark(split_bag):
-    (split_bag / 'bag_10.mcap').write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
-    after, [remark] = read(split_bag)
-    assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert remark == said(split_bag, 'damaged_recording', fault='file',
-                          reason=remark.values['reason'])
-    assert remark.values['reason'].startswith(f'{split_bag}/bag_10.mcap: ')
-    assert 'git lfs pull' in remark.values['reason']
 
 
 def test_remarks_of_its_files_are_remarks_of_the_bag(split_bag):
@@ -228,13 +231,6 @@ def test_what_is_no_bag_directory_is_refused(tmp_path):
     (tmp_path / 'a.bag').touch()
     with refused(f'{line}; name one of its .bag files'):
         open_recording(tmp_path)
-
-
-def test_metadata_that_counts_no_messages_is_checked_against_the_files(split_bag):
-    names = [f'bag_{number}.mcap' for number in (9, 10, 11)]
-    write_metadata(split_bag, names, [('/imu', IMU, 0)])
-    with open_recording(split_bag) as recording:
-        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1500)]
 
 
 @needs_data

@@ -9,7 +9,6 @@ import time
 from bags import no_axes, read, refusal, said, START_NS
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
@@ -41,15 +40,6 @@ def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
                 count=len(columns) if count is None else count)
 
 
-def test_all_columns_in_si_units(path):
-    messages, remarks = read_text(path, 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
-                                        '0.00,1,2,3,4,5,6\n0.01,1.5,2.5,-3.5,4e-3,5.25,-6\n')
-    assert messages.header_ns.tolist() == messages.receive_ns.tolist() == [0, 10_000_000]
-    assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6], [1.5, 2.5, -3.5, 4e-3, 5.25, -6]]
-    assert not messages.absent.any()
-    assert remarks == []
-
-
 # A loaded machine may be slow at anything.
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture,
                                                   HealthCheck.too_slow])
@@ -70,24 +60,15 @@ def test_any_subset_of_columns_in_any_order(path, columns, left_out):
         not any(name.startswith(sensor) for name in columns) for sensor in ('gyro', 'accel')]]
 
 
-def test_units_named_in_the_header(path):
-    path.write_text('time [ms],gyro_x [deg/s],accel_z [g],gyro_y [rad/s]\n500,180,-1,2\n')
-    messages, _ = read(path)
-    assert messages.header_ns.tolist() == [500_000_000]
-    assert messages.samples[0, [0, 1, 5]] == pytest.approx([pi, 2, -9.80665], rel=1e-15)
-
-
 def test_without_time_column_the_rate_makes_the_stamps(path):
     path.write_text('gyro_z\n1\n2\n3\n')
     assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 2_500_000, 5_000_000]
+    # One that is there counts before a rate.
+    path.write_text('time_s,gyro_z\n0,1\n0.5,2\n')
+    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 500_000_000]
     assert refusal(path, 'gyro_z\n1\n') == (
         'no time_s column; give the sample rate with --rate, or say which column is the time: '
         "--columns 'time=NAME ms'")
-
-
-def test_a_time_column_counts_before_a_rate(path):
-    path.write_text('time_s,gyro_z\n0,1\n0.5,2\n')
-    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 500_000_000]
 
 
 def test_a_file_of_many_blocks_is_read_whole(path):
@@ -139,12 +120,6 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
     assert remark == bad_lines(path, count, first)
 
 
-def test_other_columns_are_left_out_and_named(path):
-    messages, [remark] = read_text(path, 'time_s,gyro_q,gyro_y,mag_x\n1,2,3,warm\n')
-    assert messages.samples[0, 1] == 3
-    assert remark == ignored(path, ['gyro_q', 'mag_x'])
-
-
 @pytest.mark.parametrize(('text', 'reason'), [
     ('roll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
@@ -163,6 +138,8 @@ def test_other_columns_are_left_out_and_named(path):
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time_s,time [s],gyro_x\n0,5,6\n', 'two time columns'),
+    ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
+     'column accel_z: LSB cannot be turned into m/s^2'),
     (b'time_s,gyro_x\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
 ])
@@ -208,6 +185,12 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
      '/imu/data/linear_acceleration/y,/imu/data/linear_acceleration/z\n1.5,1,2,3,4,5,6\n',
      [1_500_000_000]),
     ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
+    ('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n0.00,1,2,3,4,5,6\n'
+     '0.01,1.0,2e0,+3.0,4,5.,6\n', [0, 10_000_000]),
+    ('timestamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
+     f'"{STAMP}","1","2","3","4","5","6"\n"{STAMP + 5_000_001}","1","2","3","4","5","6"\n',
+     [STAMP, STAMP + 5_000_001]),
+    ('time;gx;gy;gz;ax;ay;az\n0;1;2;3;4;5;6\n0,01;1,0;2;3;4;5;6\n', [0, 10_000_000]),
     ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
     ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
      'linear_acceleration.y,linear_acceleration.z\n5,1,2,3,4,5,6\n', [5000]),
@@ -242,7 +225,8 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
-        'with stamps of zero', 'stamp of any name', 'stamp of another topic', 'short', 'omega',
+        'with stamps of zero', 'stamp of any name', 'stamp of another topic', 'short', 'own',
+        'quotes', 'commas behind whole numbers', 'omega',
         'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
         'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
         'units in names', 'sensorlog', 'androsensor', 'units alone'])
@@ -255,13 +239,9 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     assert 'malformed_messages' not in {remark.code for remark in remarks}
 
 
-def test_nanoseconds_in_quotes_keep_all_their_digits(path):
-    path.write_text('timestamp,gyro_x,gyro_y,gyro_z\n'
-                    f'"{STAMP}","1","2","3"\n"{STAMP + 5_000_001}","1","2","3"\n')
-    assert read(path)[0].header_ns.tolist() == [STAMP, STAMP + 5_000_001]
-
-
 @pytest.mark.parametrize(('header', 'factors'), [
+    ('gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [g],accel_y [g],accel_z [g]',
+     (pi / 180, 9.80665)),
     ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
     ('Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s),Acc X (G),Acc Y (G),Acc Z (G)',
      (pi / 180, 9.80665)),
@@ -269,7 +249,8 @@ def test_nanoseconds_in_quotes_keep_all_their_digits(path):
      (pi / 180, 1.0)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
-    messages, _ = read_text(path, f't,{header}\n1,1,2,3,4,5,6\n')
+    messages, _ = read_text(path, f'time [ms],{header}\n500,1,2,3,4,5,6\n')
+    assert messages.header_ns.tolist() == [500_000_000]
     assert messages.samples[0] == pytest.approx(
         np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
 
@@ -349,12 +330,6 @@ def test_without_names_the_first_sample_is_none_of_them(path, text, first):
     assert block.samples[:, 0].tolist() == first
 
 
-def test_decimal_commas_are_seen_behind_whole_numbers(path):
-    messages, remarks = read_text(path, 'time;gx\n0;0\n0,01;0,5\n0,02;0,6\n')
-    assert messages.samples[:, 0].tolist() == [0, 0.5, 0.6]
-    assert remarks == []
-
-
 def test_the_number_of_the_temperature_is_its_place_whatever_stands_in_other_columns(path):
     path.write_text('0.0,21.5,0.1,3,2\n0.1,21.6,0.2,4,2\n')
     columns = (('time', '1'), ('gyro_x', '3'))
@@ -397,11 +372,6 @@ def test_units_may_stand_in_a_line_of_their_own(path, units):
     assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
     assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
     assert remarks == [ignored(path, ['note'])]
-
-
-def test_a_unit_below_that_nobody_knows_is_reported(path):
-    assert refusal(path, 'time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n') == (
-        'column accel_z: LSB cannot be turned into m/s^2')
 
 
 def test_a_temperature_once_a_second_needs_no_unit_of_time(path):
@@ -457,23 +427,18 @@ def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
     np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
 
 
-def test_a_number_beyond_the_columns_says_how_many_there_are(path):
-    path.write_text('1,2,3\n4,5,6\n')
-    with pytest.raises(ImuAllanError) as error:
-        open_recording(path, options=RecordingOptions(columns=(('gyro_x', '4'),)))
-    assert str(error.value) == f'{path}: --columns: no column 4; there are those from 1 to 3'
-
-
 def test_columns_that_may_be_the_axes_of_the_missing_sensor_are_named(path):
-    path.write_text('t,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z,beta_x\n1,1,2,3,4,5,6,7\n')
+    path.write_text('t,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z,beta_x,gyro_q\n'
+                    '1,1,2,3,4,5,6,7,warm\n')
     messages, remarks = read(path)
     assert messages.absent.tolist() == [[False, True]]
     assert remarks == [ignored(path, ['alpha_x', 'alpha_y', 'alpha_z'], perhaps_axes=True),
-                       ignored(path, ['beta_x'])]
+                       ignored(path, ['beta_x', 'gyro_q'])]
 
 
 @pytest.mark.parametrize(('pair', 'reason'), [
     (('gyro_x', '3'), '--columns: no column 3; there are when, w0'),
+    (('time', '0'), '--columns: no column 0; there are when, w0'),
     (('gyro_x', 'w9'), '--columns: no column w9; there are when, w0'),
     (('roll', 'w0'), '--columns roll: not time or one of gyro_x, gyro_y, gyro_z, accel_x, '
                      'accel_y, accel_z')])
@@ -481,6 +446,9 @@ def test_a_column_that_is_not_there_is_named(path, pair, reason):
     path.write_text('when,w0\n2,180\n')
     with refused(f'{path}: {reason}'):
         open_recording(path, options=RecordingOptions(columns=(pair,)))
+    path.write_text('1,2\n3,4\n')
+    with refused(f'{path}: --columns: no column 4; there are those from 1 to 2'):
+        open_recording(path, options=RecordingOptions(columns=(('gyro_x', '4'),)))
 
 
 @pytest.mark.parametrize(('columns', 'message'), [

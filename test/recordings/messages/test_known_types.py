@@ -39,15 +39,6 @@ def recorded(folder, kind, definitions, make):
         [store.serialize_cdr(make(store, number), kind) for number in range(COUNT)])
 
 
-def test_px4_sensor_combined_has_microseconds_for_a_clock(tmp_path):
-    kind = 'px4_msgs/msg/SensorCombined'
-    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_COMBINED}, lambda store, n: (
-        store.types[kind](TIMES_US[n], GYRO[n], 4000, 0, ACCEL[n], 4000, 0))))
-    assert messages.samples.tobytes() == BOTH.tobytes()
-    assert messages.header_ns.tolist() == (TIMES_US * 1000).tolist()
-    assert messages.frame_id == ''
-
-
 def test_px4_vehicle_imu_is_increments_over_their_own_duration(tmp_path):
     kind = 'px4_msgs/msg/VehicleImu'
     messages, _ = read(recorded(tmp_path, kind, {kind: PX4_VEHICLE_IMU}, lambda store, n: (
@@ -86,14 +77,6 @@ def test_vectornav_common_group_has_the_sensors_own_clock(tmp_path):
     assert messages.header_ns.tolist() == (77 + 4_000_000 * np.arange(COUNT)).tolist()
     assert messages.frame_id == 'imu_link'
     np.testing.assert_array_equal(messages.samples, BOTH)
-
-
-def test_increments_without_a_duration_are_over_the_step_of_the_stamps(tmp_path):
-    kind = 'imu_ros2/msg/VelAngTempData'
-    text = vectors(['delta_velocity', 'delta_angle'], 'float64 temperature\n')
-    messages, _ = read(recorded(tmp_path, kind, {kind: text}, lambda store, n: store.types[kind](
-        stamped(store, n), vector(store, ACCEL[n]), vector(store, GYRO[n]), 20.0)))
-    np.testing.assert_allclose(messages.samples, BOTH / 4_999_873e-9, rtol=1e-12)
 
 
 def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):

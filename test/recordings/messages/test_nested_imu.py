@@ -99,13 +99,9 @@ def test_its_own_stamp_is_used_where_it_advances_finely(tmp_path, inner_ns, uses
 
 def test_seconds_in_nanosec_are_no_stamp(tmp_path):
     store = store_with({DRIVER: TEXT})
-    made = []
-    for message in driver_messages(store):
-        inner = message.imu.header
-        message.imu.header = type(inner)(
-            type(inner.stamp)(0, inner.stamp.sec), inner.frame_id)
-        message.header = stamped(store, len(made))
-        made.append(message)
+    made = list(driver_messages(store, inner_ns=lambda n: (START_NS + n * STEP_NS) // 10**9))
+    for number, message in enumerate(made):
+        message.imu.header.stamp.nanosec = START_NS // 10**9 + number
     path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER),
                       cdr(store, made))
     assert read(path)[0].header_ns.tolist() == STAMPS.tolist()
@@ -215,26 +211,20 @@ def test_a_bag_without_definitions_says_what_it_needs(tmp_path):
         choose_topic(recording)
 
 
-@pytest.mark.parametrize('named', ['src', 'src/my_driver', 'src/my_driver/msg',
-                                   'src/my_driver/msg/Vectornav.msg'])
-def test_definitions_are_found_in_files_packages_and_workspaces(tmp_path, named):
+@pytest.mark.parametrize('named', [
+    'share', 'share/my_driver', 'share/my_driver/msg', 'share/my_driver/msg/Vectornav.msg', None])
+def test_definitions_are_found_in_files_packages_and_workspaces_or_sourced(
+        tmp_path, monkeypatch, named):
     path = without_definitions(tmp_path)
-    folder = tmp_path / 'src' / 'my_driver' / 'msg'
+    folder = tmp_path / 'share' / 'my_driver' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Vectornav.msg').write_text(TEXT)
+    if named is None:
+        monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     with open_recording(path, options=RecordingOptions(
-            definitions=(tmp_path / named,))) as recording:
+            definitions=(tmp_path / named,) if named else ())) as recording:
         blocks = joined(read_blocks(recording, choose_topic(recording)))
     assert blocks.samples.tobytes() == samples(COUNT).tobytes()
-
-
-def test_packages_that_are_sourced_need_not_be_named(tmp_path, monkeypatch):
-    path = without_definitions(tmp_path)
-    folder = tmp_path / 'install' / 'share' / 'my_driver' / 'msg'
-    folder.mkdir(parents=True)
-    (folder / 'Vectornav.msg').write_text(TEXT)
-    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'install'))
-    assert read(path)[0].samples.tobytes() == samples(COUNT).tobytes()
 
 
 def test_a_place_without_definitions_is_refused(tmp_path):
