@@ -104,26 +104,28 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
         if topic is not None:
             raise ImuAllanError('--topic names one topic, --gyro-topic and --accel-topic two; '
                                 'give the one or the two')
-        return [Stream(choose_topic(recording, gyro), 'gyro'),
-                Stream(choose_topic(recording, accel), 'accel')]
+        return _two(choose_topic(recording, gyro), choose_topic(recording, accel))
     if topic is None and recording.apart:
         raise ImuAllanError(f'{printable(recording.path)}: {recording.apart}')
     if topic is None and recording.preferred:
         _report_choice(recording)
         if len(recording.preferred) == 2:
-            return [Stream(recording.preferred[0], 'gyro'),
-                    Stream(recording.preferred[1], 'accel')]
+            return _two(*recording.preferred)
         [topic] = recording.preferred
     # A robot has fewer IMUs.
     if topic is None and 1 < len(recording.topics) <= 16:
-        halves = [(half_of(recording, imu.name), imu.name) for imu in recording.topics
+        halves = [(half_of(recording, imu.name) or '', imu.name) for imu in recording.topics
                   if imu.count != 0]
-        if sorted(half or '' for half, _ in halves) == ['accel', 'gyro']:
+        if sorted(half for half, _ in halves) == ['accel', 'gyro']:
             names = dict(halves)
-            return [Stream(names['gyro'], 'gyro'), Stream(names['accel'], 'accel')]
+            return _two(names['gyro'], names['accel'])
     chosen = choose_topic(recording, topic)
     _report_filtered(recording, chosen)
     return _united(recording, chosen)
+
+
+def _two(gyro: str, accel: str) -> list[Stream]:
+    return [Stream(gyro, 'gyro'), Stream(accel, 'accel')]
 
 
 def _report_filtered(recording: Recording, topic: str) -> None:
@@ -180,26 +182,20 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
     stamps = np.concatenate([block.header_ns for block in blocks])
     made = {half: _upsampled(samples[:, columns], stamps)
             for half, columns in _COLUMNS.items()}
-    if made['gyro'] == made['accel']:
-        if made['gyro'] == 'repeated' and _alternate(samples):
-            recording.remark('repeated_half', topic=printable(topic), half=None)
-            return [Stream(topic, half, only_new=True) for half in _OTHER]
+    interpolated, repeated = ([half for half in _OTHER if made[half] == how]
+                              for how in ('interpolated', 'repeated'))
+    if len(interpolated) == 1:
+        recording.remark('interpolated', topic=printable(topic), half=interpolated[0])
+    # Of a sensor that is polled faster than it samples both halves repeat at once.
+    if not repeated or (len(repeated) == 2 and not _alternate(samples)):
         return [Stream(topic)]
-    for half in _OTHER:
-        if made[half] == 'repeated':
-            recording.remark('repeated_half', topic=printable(topic), half=half)
-            return [Stream(topic, each, only_new=each == half) for each in _OTHER]
-        if made[half] == 'interpolated':
-            recording.remark('interpolated', topic=printable(topic), half=half)
-    return [Stream(topic)]
+    recording.remark('repeated_half', topic=printable(topic),
+                     half=repeated[0] if len(repeated) == 1 else None)
+    return [Stream(topic, half, only_new=half in repeated) for half in _OTHER]
 
 
 def _alternate(samples: NDArray[np.float64]) -> bool:
-    """
-    Whether a message has news of one half alone, as realsense2_camera united them until 2019.
-
-    Where both halves repeat at once, the sensor is polled faster than it samples.
-    """
+    """Whether a message has news of one half alone, as realsense2_camera united until 2019."""
     new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
            for columns in _COLUMNS.values()]
     # All messages have news of one half alone, unless one is lost or both come at once.

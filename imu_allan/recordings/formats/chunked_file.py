@@ -13,8 +13,7 @@ from typing import Any, BinaryIO, ClassVar
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import DamagedData
-from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.decompress import DamagedData, Effort
 from imu_allan.recordings.formats.gather import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name

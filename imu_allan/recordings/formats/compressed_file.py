@@ -7,8 +7,13 @@ from pathlib import Path
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import DamagedData, declared_size, decompressing
-from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
+from imu_allan.recordings.formats.decompress import (
+    DamagedData,
+    declared_size,
+    decompressing,
+    MOST_RATIO,
+    PLAIN_BYTES,
+)
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording

@@ -1,13 +1,22 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Decompression that never allocates more than was promised and checked."""
+"""
+Decompression that never allocates more than was promised, and how much work a file may make.
+
+Six kilobytes of zstd can hold two million records without a byte in them, or 64 MiB of zeros, and
+a file can hold thousands of such chunks. Valid records take bytes of the file.
+"""
 
 import bz2
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby, islice
+from pathlib import Path
 import threading
 from typing import BinaryIO
 
+from imu_allan.cdr import batches_of, MessageBatch
 import lz4.frame  # type: ignore[import-untyped]
+import numpy as np
 import zstandard
 
 try:
@@ -17,7 +26,10 @@ except ImportError:
     from zlib import crc32
 
 __all__ = [
-    'DamagedData', 'crc32', 'declared_size', 'decompress', 'decompress_frame', 'decompressing']
+    'DamagedData', 'Effort', 'crc32', 'declared_size', 'decompress', 'decompressing', 'unpacked']
+
+PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
+"""Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
 
 
 class DamagedData(ValueError):
@@ -36,14 +48,6 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
     if len(plain) != size:
         raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
     return plain
-
-
-def decompress_frame(data: bytes, most: int) -> bytes:
-    """Decompress one zstd frame of at most `most` bytes; raises DamagedData."""
-    try:
-        return _unzstd(data, most)
-    except (zstandard.ZstdError, MemoryError) as error:
-        raise DamagedData(str(error)) from error
 
 
 def declared_size(head: bytes) -> int:
@@ -67,10 +71,6 @@ def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
     return read
 
 
-def _store(data: bytes, _size: int) -> bytes:
-    return data
-
-
 class _Local(threading.local):
     """A decompressor for each thread: one must not serve two."""
 
@@ -89,15 +89,80 @@ def _unzstd(data: bytes, size: int) -> bytes:
     return _LOCAL.zstd.decompress(data, max_output_size=size)
 
 
-def _unlz4(data: bytes, size: int) -> bytes:
-    plain: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
-    return plain
-
-
-def _unbz2(data: bytes, size: int) -> bytes:
-    return bz2.BZ2Decompressor().decompress(data, max_length=size)
-
-
 _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
-    '': _store, 'none': _store, 'zstd': _unzstd, 'lz4': _unlz4,
-    'bz2': _unbz2}
+    '': lambda data, _: data, 'none': lambda data, _: data, 'zstd': _unzstd,
+    'lz4': lambda data, size: lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size),
+    'bz2': lambda data, size: bz2.BZ2Decompressor().decompress(data, max_length=size)}
+
+
+class Effort:
+    """
+    What one reading of a file may still step through one by one, and expand to.
+
+    Parameters
+    ----------
+    path : Path
+        The file as the user has it, before anything of it is unpacked.
+    at_least : int
+        Steps that any chunk may take, whatever its size.
+    bytes_per_step : int, optional
+        Bytes of a chunk for one more step in it.
+
+    """
+
+    def __init__(self, path: Path, at_least: int, bytes_per_step: int = 1) -> None:
+        size = path.stat().st_size
+        self._at_least = at_least
+        self._bytes_per_step = bytes_per_step
+        self._left = 0
+        # Ten chunks, of any size, may take all the steps that one may; the smallest record,
+        # compressed, takes more than four bytes of the file.
+        self._steps = 10 * at_least + size // 4
+        self._bytes = PLAIN_BYTES + MOST_RATIO * size
+
+    def begin(self, stored: int) -> None:
+        """Begin a chunk that takes so many bytes of the file."""
+        self._steps += max(self._left, 0)
+        most = self._at_least + stored // self._bytes_per_step
+        self._left = min(self._steps, most)
+        self._steps -= self._left
+
+    def step(self) -> None:
+        """Count a record; raises DamagedData where there are more than allowed."""
+        self._left -= 1
+        if self._left < 0:
+            raise DamagedData('more records than its bytes can hold')
+
+    def expand(self, size: int) -> None:
+        """Count bytes that something compressed expands to; raises DamagedData if too many."""
+        if size > self._bytes:
+            raise DamagedData(f'the file expands to more than {MOST_RATIO} times its size')
+        self._bytes -= size
+
+
+def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[MessageBatch]:
+    """Decompress the messages of `batches`, where they are compressed."""
+    # No message begins as zstd does: CDR begins with a zero.
+    for compressed, group in groupby(
+            batches, lambda batch: batch.rows[0, :4].tobytes() == b'\x28\xb5\x2f\xfd'):
+        if not compressed:
+            yield from group
+            continue
+        rows = ((row.tobytes(), stamp) for batch in group
+                for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True))
+        # However large they are, 256 messages are decompressed into one batch.
+        while some := list(islice(rows, 256)):
+            messages, stamps = zip(*some, strict=True)
+            yield from batches_of([_unpacked_message(message, effort) for message in messages],
+                                  np.array(stamps, np.int64))
+
+
+def _unpacked_message(message: bytes, effort: Effort) -> bytes:
+    """Decompress one message; nothing, which is no message, where that is not possible."""
+    # An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more.
+    most = 1 << 16
+    try:
+        effort.expand(declared_size(message) or most)
+        return _unzstd(message, most)
+    except (DamagedData, zstandard.ZstdError, MemoryError):
+        return b''

@@ -18,8 +18,7 @@ from itertools import chain, pairwise
 from struct import Struct
 
 from imu_allan.cdr import MessageBatch, rows_like_first
-from imu_allan.recordings.formats.decompress import DamagedData
-from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.decompress import DamagedData, Effort
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray

@@ -30,10 +30,14 @@ from imu_allan.recordings.formats.chunked_file import (
     LARGEST_CHUNK,
     Part,
 )
-from imu_allan.recordings.formats.decompress import crc32, DamagedData, decompress
-from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.decompress import (
+    crc32,
+    DamagedData,
+    decompress,
+    Effort,
+    unpacked,
+)
 from imu_allan.recordings.formats.gather import gather
-from imu_allan.recordings.formats.message_compression import unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
 from mcap.data_stream import ReadDataStream

@@ -30,8 +30,7 @@ from imu_allan.recordings.formats.chunked_file import (
     LARGEST_CHUNK,
     Part,
 )
-from imu_allan.recordings.formats.decompress import DamagedData, decompress
-from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.decompress import DamagedData, decompress, Effort
 from imu_allan.recordings.formats.gather import collect, equal_records, in_lists
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np

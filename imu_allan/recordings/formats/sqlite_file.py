@@ -24,8 +24,7 @@ import tempfile
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.message_compression import unpacked
+from imu_allan.recordings.formats.decompress import Effort, unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,

@@ -20,7 +20,7 @@ from bags import (
 )
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
-from imu_allan.recordings.formats import effort
+from imu_allan.recordings.formats import decompress
 from imu_allan.recordings.formats.gather import gather, in_lists
 from imu_allan.recordings.open_recording import open_recording
 from measured_command import run
@@ -71,8 +71,8 @@ def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
 
 
 def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch):
-    monkeypatch.setattr(effort, 'PLAIN_BYTES', 1 << 22)
-    monkeypatch.setattr(effort, 'MOST_RATIO', 2)
+    monkeypatch.setattr(decompress, 'PLAIN_BYTES', 1 << 22)
+    monkeypatch.setattr(decompress, 'MOST_RATIO', 2)
     path = write_bag(tmp_path / 'a.bag', MESSAGES)
     plain = ros1_record(bytes(1 << 20), op=b'\2', conn=b'\x63\0\0\0', time=bytes(8))
     packed = bz2.compress(plain)
@@ -200,7 +200,7 @@ def test_the_messages_before_a_damaged_place_are_handed_on():
 
     def batches():
         yield from gather(data, {1})[0]
-        effort.Effort(Path(__file__), 0).expand(1 << 40)
+        decompress.Effort(Path(__file__), 0).expand(1 << 40)
 
     held = []
     with refused('the file expands to more than 1000 times its size', ValueError):
