@@ -15,8 +15,9 @@ from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
 from imu_allan.writers.words import message_of
-from mutations import each, EXTREMES, mutated_text, rounds, TEXTS
+from mutations import each, EXTREMES, mutated_bytes, mutated_text, rounds, TEXTS
 import numpy as np
+from other_types import full_definition, imu, stamped, store_with
 import pytest
 
 LONGEST_S = 10.0
@@ -216,28 +217,50 @@ def definition(choice: Random) -> str:
     return ('\n' + '=' * 80 + '\n').join(types)
 
 
-def judge_definition(choice: Random) -> None:
-    text = definition(choice)
-    if choice.random() < .2:
-        text = mutated_text(text, choice, ODD_NAMES)
-    message = b'\0\1\0\0' + choice.choice(
-        [ROWS[0][4:], ROWS[0][4:] * 2, choice.randbytes(400), bytes(400), b'\xff' * 400])
+def judge_decoding(text: str, message: bytes, options: RecordingOptions) -> None:
+    """Require blocks, or one line."""
     began = time.process_time()
     try:
-        found = imus_in('/imu', 'a/msg/F', 'cdr', Definition(text), RecordingOptions())
-        for messages in found.values():
+        for messages in imus_in('/imu', 'a/msg/F', 'cdr', Definition(text), options).values():
             blocks = messages.decoder()(
                 [MessageBatch(np.frombuffer(message, np.uint8)[None], np.zeros(1, np.int64))],
                 lambda *_: None)
-            assert all(len(part.samples) == len(part) for part in blocks)
+            assert all(part.samples.shape == (len(part), 6) for part in blocks)
     except ImuAllanError as error:
         assert str(error).isprintable()
         assert len(str(error)) < 1000
     assert time.process_time() - began < LONGEST_S
 
 
+def judge_definition(choice: Random) -> None:
+    text = definition(choice)
+    if choice.random() < .2:
+        text = mutated_text(text, choice, ODD_NAMES)
+    judge_decoding(text, b'\0\1\0\0' + choice.choice(
+        [ROWS[0][4:], ROWS[0][4:] * 2, choice.randbytes(400), bytes(400), b'\xff' * 400]),
+        RecordingOptions())
+
+
+STORE = store_with({'a/msg/F': 'std_msgs/Header header\nstring[] names\nsensor_msgs/Imu[2] imus\n'
+                               'float32[<=4] rest\n'})
+DEFINITION = full_definition(STORE, 'a/msg/F')
+MESSAGE = bytes(STORE.serialize_cdr(STORE.types['a/msg/F'](
+    stamped(STORE, 1), ['a', 'bc'], [imu(STORE, 1), imu(STORE, 2)], np.ones(3, np.float32)),
+    'a/msg/F'))
+PATHS = ('imus[0].angular_velocity', 'rest[0:3]', 'header.stamp.sec,rest[0],rest[1]', 'names[0]')
+
+
+def judge_fields(choice: Random) -> None:
+    """Damage the definition of a message, the message, or the path of a field of it."""
+    parts = [DEFINITION.encode(), MESSAGE, choice.choice(PATHS).encode()]
+    damaged = choice.randrange(3)
+    parts[damaged] = mutated_bytes(parts[damaged], choice) or b'?'
+    judge_decoding(parts[0].decode('utf-8', 'replace'), parts[1], RecordingOptions(
+        gyro=parts[2].decode('utf-8', 'replace'), accel='imus[1].linear_acceleration'))
+
+
 JUDGES = {'schemas': judge_schema, 'journals': judge_journal, 'yaml': judge_yaml,
-          'definitions': judge_definition}
+          'definitions': judge_definition, 'fields': judge_fields}
 
 
 @pytest.mark.parametrize('kind', JUDGES)

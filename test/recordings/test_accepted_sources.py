@@ -79,14 +79,19 @@ def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], 
     return Source(path, kinds=kinds, **more)
 
 
-def flat(kind: str, names: str, more: str = '', scales: tuple[float, float] = (1.0, 1.0),
-         last: tuple[Any, ...] = ()) -> Callable[[Path], Source]:
-    """Make messages of a header, an acceleration, a rate and what comes behind."""
-    def make(store: Any, n: int) -> Any:
-        return store.types[kind](header(store, n), vector(store, ACCEL[n] * scales[1]),
-                                 vector(store, GYRO[n] * scales[0]), *last)
+def typed(kind: str, text: str, make: Callable[[Any, int], Iterable[Any]],
+          inner: dict[str, str] | None = None, **more: Any) -> Callable[[Path], Source]:
+    """Make messages of one type out of the values of their fields."""
+    return lambda folder: mcap(
+        folder, (kind, {**(inner or {}), kind: text},
+                 lambda store, n: store.types[kind](*make(store, n))), **more)
 
-    return lambda folder: mcap(folder, (kind, {kind: vectors(names.split(), more)}, make))
+
+def flat(kind: str, names: str, more: str = '', scales: tuple[float, float] = (1.0, 1.0),
+         ) -> Callable[[Path], Source]:
+    """Make messages of a header, an acceleration and a rate."""
+    return typed(kind, vectors(names.split(), more), lambda store, n: (
+        header(store, n), vector(store, ACCEL[n] * scales[1]), vector(store, GYRO[n] * scales[0])))
 
 
 def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]]
@@ -120,55 +125,11 @@ def fifo_of(half: np.ndarray, scale: float) -> Callable[[int], Iterable[Any]]:
     return values
 
 
-def nested(folder: Path) -> Source:
-    kind = 'my_driver/msg/Out'
-    return mcap(folder, (kind, {kind: 'std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'},
-                         lambda store, n: store.types[kind](header(store, n), '$VNYMR',
-                                                            imu(store, n))))
-
-
-def depthai(folder: Path) -> Source:
-    kind = 'depthai_ros_msgs/msg/ImuWithMagneticField'
-    field = 'sensor_msgs/msg/MagneticField'
-    return mcap(folder, (
-        kind, {kind: 'std_msgs/Header header\nsensor_msgs/Imu imu\n'
-                     'sensor_msgs/MagneticField field\n'},
-        lambda store, n: store.types[kind](header(store, n), imu(store, n), store.types[field](
-            header(store, n), vector(store, [0, 0, 0]), np.zeros(9)))))
-
-
-def unitree(folder: Path) -> Source:
-    kind, state = 'unitree_go/msg/LowState', 'unitree_go/msg/IMUState'
-    return mcap(folder, (
-        kind, {state: UNITREE_IMU, kind: 'uint8[2] head\nIMUState imu_state\nuint32 tick\n'},
-        lambda store, n: store.types[kind](np.zeros(2, np.uint8), store.types[state](
-            np.zeros(4, F32), GYRO[n].astype(F32), ACCEL[n].astype(F32), np.zeros(3, F32), 30),
-            n)))
-
-
-def leo(folder: Path) -> Source:
-    kind = 'leo_msgs/msg/Imu'
-    text = 'builtin_interfaces/Time stamp\nfloat32 temperature\n' + ''.join(
-        f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz')
-    return mcap(folder, (kind, {kind: text}, lambda store, n: store.types[kind](
-        header(store, n).stamp, 20.0, *GYRO[n], *ACCEL[n])))
-
-
-def common_group(folder: Path) -> Source:
-    kind = 'vectornav_msgs/msg/CommonGroup'
-    text = ('std_msgs/Header header\nuint64 timestartup\ngeometry_msgs/Vector3 imu_rate\n'
-            'geometry_msgs/Vector3 imu_accel\n')
-    return mcap(folder, (kind, {kind: text}, lambda store, n: store.types[kind](
-        header(store, n), 77 + STEP_US * 1000 * n, vector(store, GYRO[n]),
-        vector(store, ACCEL[n]))))
-
-
-def named_fields(folder: Path) -> Source:
-    kind = 'my_driver/msg/Frame'
-    return mcap(
-        folder, (kind, {kind: 'float64 t\nfloat64[6] raw\n'}, lambda store, n: store.types[kind](
-            TIMES_US[n] * 1e-6, np.concatenate([ACCEL[n] / 9.80665, np.degrees(GYRO[n])]))),
-        options={'gyro': 'raw[3:6] deg/s', 'accel': 'raw[0:3] g', 'stamp': 't s'})
+MAGNETIC, UNITREE = 'sensor_msgs/msg/MagneticField', 'unitree_go/msg/IMUState'
+named_fields = typed(
+    'my_driver/msg/Frame', 'float64 t\nfloat64[6] raw\n', lambda _, n: (
+        TIMES_US[n] * 1e-6, np.concatenate([ACCEL[n] / 9.80665, np.degrees(GYRO[n])])),
+    options={'gyro': 'raw[3:6] deg/s', 'accel': 'raw[0:3] g', 'stamp': 't s'})
 
 
 def halves(folder: Path) -> Source:
@@ -217,8 +178,29 @@ def table(head: str, row: Callable[[int], Iterable[Any]], **options: Any
 
 SOURCES: dict[str, Callable[[Path], Source]] = {
     'bare': lambda folder: mcap(folder, ('sensor_msgs/msg/Imu', {}, imu)),
-    'ROS 1': ros1, 'nested': nested, 'depthai': depthai, 'unitree': unitree, 'leo': leo,
-    'halves': halves, 'named fields': named_fields, 'vectornav common': common_group,
+    'ROS 1': ros1, 'halves': halves, 'named fields': named_fields,
+    'nested': typed('my_driver/msg/Out', 'std_msgs/Header header\nstring raw\n'
+                    'sensor_msgs/Imu imu\n',
+                    lambda store, n: (header(store, n), '$VNYMR', imu(store, n))),
+    'depthai': typed(
+        'depthai_ros_msgs/msg/ImuWithMagneticField', 'std_msgs/Header header\n'
+        'sensor_msgs/Imu imu\nsensor_msgs/MagneticField field\n', lambda store, n: (
+            header(store, n), imu(store, n), store.types[MAGNETIC](
+                header(store, n), vector(store, [0, 0, 0]), np.zeros(9)))),
+    'unitree': typed(
+        'unitree_go/msg/LowState', 'uint8[2] head\nIMUState imu_state\nuint32 tick\n',
+        lambda store, n: (np.zeros(2, np.uint8), store.types[UNITREE](
+            np.zeros(4, F32), GYRO[n].astype(F32), ACCEL[n].astype(F32), np.zeros(3, F32), 30),
+            n), {UNITREE: UNITREE_IMU}),
+    'leo': typed(
+        'leo_msgs/msg/Imu', 'builtin_interfaces/Time stamp\nfloat32 temperature\n' + ''.join(
+            f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz'),
+        lambda store, n: (header(store, n).stamp, 20.0, *GYRO[n], *ACCEL[n])),
+    'vectornav common': typed(
+        'vectornav_msgs/msg/CommonGroup', 'std_msgs/Header header\nuint64 timestartup\n'
+        'geometry_msgs/Vector3 imu_rate\ngeometry_msgs/Vector3 imu_accel\n', lambda store, n: (
+            header(store, n), 77 + STEP_US * 1000 * n, vector(store, GYRO[n]),
+            vector(store, ACCEL[n]))),
     'flat': flat('my_driver/msg/Any', 'linear_acceleration angular_velocity'),
     'vectornav': flat('vectornav_msgs/msg/ImuGroup', 'uncompaccel uncompgyro'),
     'sbg': flat('sbg_driver/msg/SbgImuData', 'accel gyro'),
@@ -306,22 +288,8 @@ def check(source, words, result, tmp_path):
         for axis, each in result['axes'].items()}
 
 
-def without_accelerometer(folder: Path) -> Source:
-    kind = 'px4_msgs/msg/SensorCombined'
-    return mcap(folder, (kind, {kind: 'uint64 timestamp\nfloat32[3] gyro_rad\n'},
-                         lambda store, n: store.types[kind](TIMES_US[n], GYRO[n].astype(F32))))
-
-
-def nothing_of_an_imu(folder: Path) -> Source:
-    kind = 'my_driver/msg/Other'
-    return mcap(folder, (kind, {kind: 'std_msgs/Header header\nfloat64 speed\n'},
-                         lambda store, n: store.types[kind](header(store, n), 1.0)))
-
-
-def two_sensors(folder: Path) -> Source:
-    kind = 'my_driver/msg/Two'
-    return mcap(folder, (kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n'},
-                         lambda store, n: store.types[kind](imu(store, n), imu(store, n))))
+two_sensors = typed('my_driver/msg/Two', 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n',
+                    lambda store, n: (imu(store, n), imu(store, n)))
 
 
 def no_such_field(folder: Path) -> Source:
@@ -333,17 +301,21 @@ NO_IMU = 'no topic of type sensor_msgs/msg/Imu; it holds /sensor0 '
 
 
 @pytest.mark.parametrize(('make', 'reason', 'said'), [
-    (without_accelerometer, 'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the '
-     'definition that comes with it; name the fields with --gyro and --accel',
+    (typed('px4_msgs/msg/SensorCombined', 'uint64 timestamp\nfloat32[3] gyro_rad\n',
+           lambda _, n: (TIMES_US[n], GYRO[n].astype(F32))),
+     'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that '
+     'comes with it; name the fields with --gyro and --accel',
      NO_IMU + '(px4_msgs/msg/SensorCombined); {reason}'),
-    (nothing_of_an_imu, 'type my_driver/msg/Other holds no samples of an IMU that are known; name '
+    (typed('my_driver/msg/Other', 'std_msgs/Header header\nfloat64 speed\n',
+           lambda store, n: (header(store, n), 1.0)),
+     'type my_driver/msg/Other holds no samples of an IMU that are known; name '
      'the fields that hold them with --gyro and --accel', NO_IMU + '(my_driver/msg/Other)'),
     (two_sensors, 'type my_driver/msg/Two holds 2 IMUs (left, right); name the fields of one with '
      '--gyro and --accel', '2 Imu topics; choose one with --topic: /sensor0.left (1,000 '
      'messages), /sensor0.right (1,000 messages)'),
     (no_such_field, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw',
      NO_IMU + '(my_driver/msg/Frame); {reason}')],
-    ids=lambda value: getattr(value, '__name__', ''))
+    ids=['no accelerometer', 'nothing', 'two sensors', 'no such field'])
 def test_what_one_refuses_all_refuse_with_the_same_reason(make, reason, said, tmp_path, capsys):
     source = make(tmp_path)
     words = [word for key, value in source.options.items() for word in (f'--{key}', value)]
