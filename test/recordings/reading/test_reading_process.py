@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading in a process of its own: the same messages, and no process left behind."""
 
+from dataclasses import replace
+from itertools import groupby
 import os
 from pathlib import Path
 import shutil
@@ -78,16 +80,13 @@ def test_the_messages_are_those_that_this_process_reads(tmp_path, storage, compr
 
 
 def test_every_change_of_frame_id_begins_a_block(tmp_path):
-    parts = [ImuBlock(MESSAGES.header_ns[a:b], MESSAGES.receive_ns[a:b], MESSAGES.samples[a:b],
-                      MESSAGES.absent[a:b], name)
+    parts = [replace(MESSAGES.part(slice(a, b)), frame_id=name)
              for a, b, name in [(0, 10, 'one'), (10, 20_000, 'two'), (20_000, 20_001, 'one')]]
     bag = write_recording(tmp_path / 'bag', parts)
     with open_recording(bag) as recording:
         after = list(read_blocks(recording, choose_topic(recording)))
-    frames = [block.frame_id for block in after]
-    changes = [name for name, before in zip(frames, [None, *frames[:-1]], strict=True)
-               if name != before]
-    assert changes == ['one', 'two', 'one']
+    assert [name for name, _ in groupby(block.frame_id for block in after)] == [
+        'one', 'two', 'one']
     for name in ('one', 'two'):
         assert_same(joined([part for part in parts if part.frame_id == name]),
                     joined([block for block in after if block.frame_id == name]))
@@ -172,33 +171,21 @@ def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, 
     wait_until(lambda: state_and_parent(reader)[0] == 'Z' and not list(temporary.iterdir()))
 
 
-def test_where_no_process_can_be_started_a_thread_reads(tmp_path, monkeypatch):
+@pytest.mark.parametrize('why', ['no process can be started', 'no Python', 'small'])
+def test_a_thread_reads_where_a_process_cannot_or_need_not(tmp_path, monkeypatch, why):
     bag = write_recording(tmp_path / 'bag', [MESSAGES])
 
     def refuse(*_args, **_options):
         raise OSError(11, 'Resource temporarily unavailable')
 
-    monkeypatch.setattr(subprocess, 'Popen', refuse)
+    monkeypatch.setattr(*{
+        'no process can be started': (subprocess, 'Popen', refuse),
+        'no Python': (sys, 'executable', '/bin/true'),
+        'small': (reading_process, 'WORTHWHILE_BYTES', 1 << 26)}[why])
+    before = children()
     with open_recording(bag) as recording:
         blocks = read_blocks(recording, choose_topic(recording))
         first = next(blocks)
         assert any(thread.name.startswith('imu_allan') for thread in threading.enumerate())
-        assert_same(MESSAGES, joined([first, *blocks]))
-
-
-def test_where_the_executable_is_no_python_a_thread_reads(tmp_path, monkeypatch):
-    bag = write_recording(tmp_path / 'bag', [MESSAGES])
-    monkeypatch.setattr(sys, 'executable', '/bin/true')
-    with open_recording(bag) as recording:
-        assert_same(MESSAGES, joined(read_blocks(recording, choose_topic(recording))))
-
-
-def test_small_recordings_are_read_by_a_thread(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 1 << 26)
-    bag = write_recording(tmp_path / 'bag', [MESSAGES])
-    before = children()
-    with open_recording(bag) as recording:
-        blocks = read_blocks(recording, choose_topic(recording))
-        next(blocks)
         assert children() == before
-        list(blocks)
+        assert_same(MESSAGES, joined([first, *blocks]))
