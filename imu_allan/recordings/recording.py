@@ -137,13 +137,11 @@ class Recording(ABC):
             self.reasons[topic] = str(error)
         if not found:
             self.other_topics[topic] = type_name
-        self.topics += [ImuTopic(name, count, messages, topic)
-                        for name, messages in found.items()]
         for name, messages in found.items():
-            self.list_own_thermometer(ImuTopic(name, count, messages, topic))
+            self.topics.append(ImuTopic(name, count, messages, topic))
+            self.list_own_thermometer(self.topics[-1])
         # A robot has a few topics that may hold the temperature.
-        if (normal_name(type_name) in TEMPERATURE_TYPES
-                and len(self.thermometers) < 64):
+        if normal_name(type_name) in TEMPERATURE_TYPES and len(self.thermometers) < 64:
             with suppress(ImuAllanError):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))

@@ -7,7 +7,7 @@ A record is a serialized message whose numbers have the paths of its fields for 
 the log of an autopilot.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -105,7 +105,10 @@ def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]
     """Return the numbers of the frames that messages name; new names are entered in `seen`."""
     if place is None:
         return np.zeros(len(rows), np.int64)
-    return np.array([seen.setdefault(text, len(seen)) for text in _texts(rows, place)])
+    items, size = rows[:, place.at:place.at + place.count].tobytes(), place.count
+    # Without characters, the text ends after no byte of any row.
+    return np.array([seen.setdefault(_text(items[row * size:(row + 1) * size]), len(seen))
+                     for row in range(len(rows))])
 
 
 def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
@@ -158,14 +161,6 @@ def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
     whole = number.astype(np.int64) * stamp.unit_ns if exact else np.rint(
         np.where(sound, rough, 0)).astype(np.int64)
     return np.where(sound, whole, -1)
-
-
-def _texts(rows: NDArray[np.uint8], place: Place) -> Iterator[str]:
-    """Read a text in every row."""
-    items = rows[:, place.at:place.at + place.count].tobytes()
-    # Without characters, the text ends after no byte of any row.
-    for row in range(len(rows)):
-        yield _text(items[row * place.count:(row + 1) * place.count])
 
 
 @lru_cache(maxsize=256)

@@ -6,7 +6,7 @@ Which fields are an IMU's, in one module because both ways to them, search and n
 Of a message: the samples, their units and their clock.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 import re
 
@@ -189,9 +189,8 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
         raise ImuAllanError(f'its type holds more than {_MOST_VISITED} messages, too many to '
                             'search for an IMU; name the fields with --gyro and --accel')
     fields = {field.name: field for field in types.get(type_name, ())}
-    own = tuple(_stamps(types, fields.values(), path))
-    stamps = own + stamps
-    frame_id = _frame_id(types, fields.values(), path) or frame_id
+    own, own_frame_id = own_clock(types, type_name, path)
+    stamps, frame_id = own + stamps, own_frame_id or frame_id
     heat = next((f'{path}{name}'
                  for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
                  if name in fields and _is_number(fields[name])), heat)
@@ -239,34 +238,21 @@ def _is_covariance(field: Field | None) -> bool:
     return field is not None and field.kind == 'f8' and field.count == 9
 
 
-def _stamps(types: Types, fields: Iterable[Field], path: str) -> Iterator[Stamp]:
-    for field in fields:
-        if field.is_message and field.count is None:
-            if _is_time(types, field.kind):
-                yield Stamp(f'{path}{field.name}')
-            elif _is_header(types, field.kind):
-                yield Stamp(f'{path}{field.name}.stamp')
-
-
-def _frame_id(types: Types, fields: Iterable[Field], path: str) -> str | None:
-    return next((f'{path}{field.name}.frame_id' for field in fields
-                 if field.is_message and field.count is None and _is_header(types, field.kind)),
-                None)
-
-
-def _is_header(types: Types, kind: str) -> bool:
-    # In ROS 1 a sequence number stands first.
-    return tuple(field.name for field in types.get(kind, ()))[-2:] == ('stamp', 'frame_id')
-
-
-def _is_time(types: Types, kind: str) -> bool:
-    return tuple(field.name for field in types.get(kind, ())) == _TIME
-
-
-def own_clock(types: Types, type_name: str) -> tuple[tuple[Stamp, ...], str | None]:
+def own_clock(types: Types, type_name: str, path: str = '',
+              ) -> tuple[tuple[Stamp, ...], str | None]:
     """Find stamps and frame_id among the fields of the message itself."""
-    fields = types.get(type_name, ())
-    return tuple(_stamps(types, fields, '')), _frame_id(types, fields, '')
+    stamps: list[Stamp] = []
+    frame_id = None
+    for field in types.get(type_name, ()):
+        if field.is_message and field.count is None:
+            parts = tuple(part.name for part in types.get(field.kind, ()))
+            if parts == _TIME:
+                stamps.append(Stamp(f'{path}{field.name}'))
+            # In ROS 1 a sequence number stands first in a header.
+            elif parts[-2:] == ('stamp', 'frame_id'):
+                stamps.append(Stamp(f'{path}{field.name}.stamp'))
+                frame_id = frame_id or f'{path}{field.name}.frame_id'
+    return tuple(stamps), frame_id
 
 
 def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:

@@ -46,7 +46,6 @@ SLOTS = 4
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
     ('samples', np.float64, (6, SLOT_MESSAGES)), ('absent', np.bool_, (2, SLOT_MESSAGES))])
-_FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
 
 
 class ReadingProcess:
@@ -113,9 +112,11 @@ class ReadingProcess:
                 failure, remarks = pickle.load(reported)
         except (EOFError, pickle.UnpicklingError):
             if ready:
+                code = self._process.wait()
+                how = f'signal {-code}' if code < 0 else f'exit status {code}'
                 raise ImuAllanError(
                     f'{printable(self._recording.path)}: the process that reads it was ended '
-                    f'from outside ({_status(self._process.wait())}), perhaps for want of memory'
+                    f'from outside ({how}), perhaps for want of memory'
                 ) from None
         finally:
             self._end()
@@ -227,7 +228,7 @@ class _Slots:
 
     def _slot(self, slot: int, messages: int) -> dict[str, NDArray[Any]]:
         """View the first messages of a slot, the samples axis by axis in memory."""
-        return {name: self._slots[slot][name].T[:messages] for name in _FIELDS}
+        return {name: self._slots[slot][name].T[:messages] for name in _SLOT.names or ()}
 
 
 def _shared_memory() -> int:
@@ -240,7 +241,3 @@ def _shared_memory() -> int:
         os.close(memory)
         raise
     return memory
-
-
-def _status(code: int) -> str:
-    return f'signal {-code}' if code < 0 else f'exit status {code}'
