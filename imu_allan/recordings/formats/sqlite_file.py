@@ -44,6 +44,7 @@ _MOST_NUMBERS = 500
 """Numbers that one topic may have; rosbag2 gives it one."""
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 
+
 class SqliteRecording(FileRecording):
     """A .db3 file; raises ImuAllanError where that is no rosbag2 database."""
 
