@@ -13,9 +13,8 @@ from typing import Any
 
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import shorten
-from imu_allan.recordings.messages.forms import OnMalformed, together
+from imu_allan.recordings.messages.forms import OnMalformed, Place, together
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
-from imu_allan.recordings.messages.layout import Place
 import numpy as np
 from numpy.typing import NDArray
 

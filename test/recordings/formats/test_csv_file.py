@@ -348,11 +348,15 @@ def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
         'sample rate with --rate')
 
 
-@pytest.mark.parametrize('step', [10, 1, 5_000_000])
-def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, step):
-    rows = [f'{5 * step + row * step},{row}' for row in range(200)]
+@pytest.mark.parametrize(('first', 'step', 'hz', 'unit'), [
+    (50, 10, '0.1', 's'), (5, 1, '1', 's'), (25_000_000, 5_000_000, '2e-07', 's'),
+    # Counters since boot are no time of this century.
+    (108_000_000_000, 10_000, '0.1', 'ms'), (1_000_000_000_000, 10**7, '0.0001', 'ms'),
+    (1_700_000_000, 1, '1', 's')])
+def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step, hz, unit):
+    rows = [f'{first + row * step},{row}' for row in range(200)]
     text = '\n'.join(['timestamp,gx', *rows, ''])
-    assert refusal(path, text) == of_no_imu(str(step), f'{1 / step:.3g}')
+    assert refusal(path, text) == of_no_imu(str(step), hz, unit)
     for options, nanoseconds in (({'rate_hz': 50.0}, 20_000_000),
                                  ({'columns': (('time', 'timestamp us'),)}, step * 1000)):
         block, _ = read(path, options=RecordingOptions(**options))
@@ -382,16 +386,6 @@ def test_a_temperature_once_a_second_needs_no_unit_of_time(path):
         [(block, _)] = recording.decoded(thermometer.name)
     assert block.header_ns.tolist() == [second * 10**9 for second in range(5)]
     assert block.samples[:, 0].tolist() == [20, 21, 22, 23, 24]
-
-
-@pytest.mark.parametrize(('first', 'step', 'would_be'), [
-    (108_000_000_000, 10_000, ('0.1', 'ms')), (1_000_000_000_000, 10**7, ('0.0001', 'ms')),
-    (1_700_000_000, 1, ('1', 's'))])
-def test_counters_since_boot_are_not_taken_for_a_time_of_this_century(
-        path, first, step, would_be):
-    rows = [f'{first + row * step},{row}' for row in range(200)]
-    assert refusal(path, '\n'.join(['timestamp,gx', *rows, ''])) == of_no_imu(
-        str(step), *would_be)
 
 
 def _rows(times):
