@@ -154,19 +154,17 @@ class CsvRecording(FileRecording):
                 header = line.decode('utf-8-sig', 'replace')
                 if not is_remark(header, options):
                     break
-            behind, after = file.tell(), file.read(_LOOKED_AT)
+            behind, after = file.tell(), file.read(_LOOKED_AT) + file.readline(_LONGEST_HEADER)
         delimiter, names = cells_of(header)
         text = after.decode('utf-8', 'replace')
-        self._decimal_comma = delimiter != ',' and _DECIMAL_COMMA.search(header + text) is not None
-        self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(header + text) is not None
+        self._decimal_comma = delimiter != ',' and _DECIMAL_COMMA.search(text) is not None
+        self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         rows = self._rows(text, delimiter)
-
-        def is_usable(clock: Clock) -> bool:
-            return _moves(rows, clock)
-
-        columns = echoed_imu(header) or read_header(header, options, is_usable)
+        columns = echoed_imu(header) or read_header(
+            header, options, lambda clock: _moves(rows, clock))
         below = text.partition('\n')[0]
-        with_units = with_units_below(header, below, columns, options, is_usable)
+        with_units = with_units_below(
+            header, below, columns, options, lambda clock: _moves(rows[1:], clock))
         if with_units is not None:
             columns = with_units
             del rows[:1]
@@ -251,9 +249,9 @@ def _parse(lines: list[str], columns: Columns,
     some &= timely
     stamps = np.zeros(len(times), np.int64)
     stamps[timely] = np.rint(times[timely] * (unit_s * 1e9))
-    if clock.unit == 'ns' and timely.any():
+    if unit_s == 1e-9 and timely.any():
         # A double has not enough digits for the nanoseconds of today.
-        with suppress(ValueError, OverflowError):
+        with suppress(ValueError, OverflowError, DeprecationWarning):
             stamps[timely] = np.loadtxt(
                 [lines[place] for place in places[timely]], np.int64, delimiter=columns.delimiter,
                 usecols=[clock.column], ndmin=1, comments=None, quotechar='"')

@@ -178,6 +178,8 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('__time,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
      '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
      '/imu/linear_acceleration/z\n7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
+    ('__time,/imu/header/stamp,gx,gy,gz,ax,ay,az\ns,s,rad/s,rad/s,rad/s,m/s2,m/s2,m/s2\n'
+     '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
     ('/imu/data/header/stamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n1.5,1,2,3,4,5,6\n',
      [1_500_000_000]),
     ('/imu/raw/header/stamp,/imu/data/angular_velocity/x,/imu/data/angular_velocity/y,'
@@ -187,7 +189,7 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
     ('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n0.00,1,2,3,4,5,6\n'
      '0.01,1.0,2e0,+3.0,4,5.,6\n', [0, 10_000_000]),
-    ('timestamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
+    ('timestamp [nsec],gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
      f'"{STAMP}","1","2","3","4","5","6"\n"{STAMP + 5_000_001}","1","2","3","4","5","6"\n',
      [STAMP, STAMP + 5_000_001]),
     ('time;gx;gy;gz;ax;ay;az\n0;1;2;3;4;5;6\n0,01;1,0;2;3;4;5;6\n', [0, 10_000_000]),
@@ -225,11 +227,11 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
-        'with stamps of zero', 'stamp of any name', 'stamp of another topic', 'short', 'own',
-        'quotes', 'commas behind whole numbers', 'omega',
-        'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
-        'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
-        'units in names', 'sensorlog', 'androsensor', 'units alone'])
+        'with stamps of zero', 'and units', 'stamp of any name', 'stamp of another topic', 'short',
+        'own', 'quotes', 'commas behind whole numbers', 'omega', 'dotted', 'logger', 'uzh',
+        'insane', 'phyphox', 'decimal commas', 'comments', 'axis first', 'counted from one',
+        'counted from zero', 'bagpy', 'seconds in two', 'units in names', 'sensorlog',
+        'androsensor', 'units alone'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
