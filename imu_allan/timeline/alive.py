@@ -19,13 +19,9 @@ without the sensor (frozen). A coarse output repeats itself by nature and is lef
 from dataclasses import dataclass, field
 
 from imu_allan.state import Record
-from imu_allan.timeline.clock import runs
+from imu_allan.timeline.clock import Bools, Floats, runs
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 FROZEN_RUN = 24
 """Repeats in a row that make a sensor frozen: beyond any polling, within the look-ahead."""

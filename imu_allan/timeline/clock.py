@@ -14,7 +14,10 @@ from imu_allan.finding import Flaw
 import numpy as np
 from numpy.typing import NDArray
 
-Stamps = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Stamps = Ints
 
 SECOND = 1_000_000_000  # in the nanoseconds of all stamps
 LOOK_AHEAD = 64
@@ -24,7 +27,7 @@ _JUMP_MESSAGES = 16
 """So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
 
 
-def flaw_of(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Flaw | None:
+def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
     """
     Say what keeps `stamps` from serving as the clock, if anything does.
 
@@ -71,10 +74,10 @@ class Order:
 
     """
 
-    keep: NDArray[np.bool_]
-    duplicate: NDArray[np.bool_]
-    out_of_order: NDArray[np.bool_]
-    jumps: NDArray[np.bool_]
+    keep: Bools
+    duplicate: Bools
+    out_of_order: Bools
+    jumps: Bools
 
 
 def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
@@ -145,7 +148,7 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
     return None
 
 
-def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.int64] | None:
+def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints | None:
     """
     Count the messages before each one that share its stamp; None where no neighbours do.
 
@@ -156,7 +159,7 @@ def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.in
     return runs(tied, ties)[0] if tied.any() else None
 
 
-def runs(same: NDArray[np.bool_], before: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
     """
     Count how often up to each element, and in the whole run as far as it is seen, `same` holds.
 
@@ -192,9 +195,9 @@ def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
     return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
 
 
-def lost_before(numbers: NDArray[np.int64], before: int) -> NDArray[np.int64]:
+def lost_before(numbers: Ints, before: int) -> Ints:
     """Count the numbers left out before each message; one that starts anew has lost nothing."""
-    lost: NDArray[np.int64] = np.maximum(np.diff(numbers, prepend=before) - 1, 0)
+    lost: Ints = np.maximum(np.diff(numbers, prepend=before) - 1, 0)
     return lost
 
 

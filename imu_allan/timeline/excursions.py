@@ -5,10 +5,8 @@
 from dataclasses import dataclass, field
 
 from imu_allan.state import Record
+from imu_allan.timeline.clock import Floats
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 BLOCK = 8
 """Windows of half a second whose means are averaged: a slow turn lasts longer."""

@@ -6,11 +6,9 @@ from collections.abc import Iterator
 from math import pi
 from typing import Literal
 
+from imu_allan.timeline.clock import Bools, Floats
 import numpy as np
 from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LARGEST = 1e9
 """In SI units: no IMU measures more, so it is not a number but bytes gone wrong."""

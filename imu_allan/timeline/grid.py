@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import pi, sqrt
 
 from imu_allan.block import EvenBlock, NEIGHBOURS
-from imu_allan.timeline.clock import SECOND
+from imu_allan.timeline.clock import Floats, Ints, SECOND
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
@@ -23,10 +23,6 @@ from imu_allan.timeline.pace import (
     PHASE_GROUP,
 )
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 EVEN_JITTER = 0.25
 """Stamps that all come within so many intervals of the expected distance need no further look."""

@@ -14,8 +14,11 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
+    Bools,
     flaw_of,
+    Floats,
     in_order,
+    Ints,
     lost_before,
     order_stamps,
     overlaps,
@@ -35,11 +38,6 @@ from imu_allan.timeline.pace import (
     spread_about,
 )
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 """Different messages with one stamp: more than a slip of the driver now and then."""

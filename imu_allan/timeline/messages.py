@@ -6,13 +6,9 @@ from dataclasses import dataclass, field
 
 from imu_allan.block import ImuBlock
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Stamps
+from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
 import numpy as np
 from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 NONE_VOID: Bools = np.empty(0, dtype=bool)
 

@@ -15,11 +15,8 @@ from imu_allan.block import EvenBlock
 from imu_allan.state import Record
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
-from imu_allan.timeline.windows import FARTHEST_LAG, Segment, Windows
+from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 START_WINDOWS = 128
 """Windows held back at the start, of which the quieter ones make the first baseline."""
@@ -28,8 +25,6 @@ LISTED_SPANS = 1000
 
 _MARGIN = 2
 """Windows cut on each side of one in motion: a second, to settle. A judgment."""
-_CONTEXT = _MARGIN + FARTHEST_LAG + 1
-"""Windows before the ones to be judged that these are held against."""
 _LATELY_S = 5.0
 """The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
 
@@ -85,8 +80,8 @@ class MotionSummary(Record):
     ----------
     cut, kept : Spans
         Of motion, with its margins, and of rest.
-    seen, struck : int
-        Rows decided on, and those of them in windows that moved, without the margins.
+    struck : int
+        Rows in windows that moved, without the margins.
     moving : bool
         The newest span ended less than five seconds before the newest row.
     louder : float, compared : int
@@ -99,12 +94,16 @@ class MotionSummary(Record):
 
     cut: Spans = field(default_factory=Spans)
     kept: Spans = field(default_factory=Spans)
-    seen: int = 0
     struck: int = 0
     moving: bool = False
     louder: float = 0.0
     compared: int = 0
     changes: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def seen(self) -> int:
+        """Rows decided on."""
+        return self.cut.rows + self.kept.rows
 
     @property
     def contrast(self) -> float:
@@ -116,7 +115,7 @@ class MotionSummary(Record):
         total_s = self.cut.total_s + self.kept.total_s
         cut = Spans(((0.0, total_s),), 1, self.seen, total_s, total_s, end, self.cut.end_s,
                     total_s)
-        return MotionSummary(cut, seen=self.seen, struck=self.seen, moving=self.moving,
+        return MotionSummary(cut, struck=self.seen, moving=self.moving,
                              louder=windows * log(QUIETER), compared=windows)
 
 
@@ -131,6 +130,8 @@ class MotionDetector(Record):
         Sample interval; a window is half a second, 25 rows at least.
     axes : tuple of bool
         Those it judges by.
+    held : list of Segment
+        Rows not yet decided on.
 
     """
 
@@ -140,7 +141,7 @@ class MotionDetector(Record):
     _level: RestLevel = field(default_factory=RestLevel)
     summary: MotionSummary = field(default_factory=MotionSummary)
     _excursions: Excursions = field(default_factory=Excursions)
-    _held: list[Segment] = field(default_factory=list)
+    held: list[Segment] = field(default_factory=list)
     _run_pending: bool = False
     _void: bool = False
 
@@ -152,11 +153,6 @@ class MotionDetector(Record):
     def excursions(self) -> list[list[float]]:
         """Return slow turns that were not cut out, as `Excursions.found`."""
         return self._excursions.found
-
-    @property
-    def holds_back(self) -> bool:
-        """Whether there are rows not yet decided on."""
-        return bool(self._held)
 
     def forget_means(self) -> None:
         """Hold the means that come against none before: the sensor may have others now."""
@@ -172,18 +168,15 @@ class MotionDetector(Record):
 
     def push(self, block: EvenBlock) -> list[EvenBlock]:
         """Take even rows, give those decided to be at rest."""
-        last = self._held[-1] if self._held else None
-        if last is not None and (
-                block.new_run or last.closed or block.first_index
+        last = self.held[-1] if self.held else None
+        if last is None or block.new_run or last.closed or (
+                block.first_index
                 != last.first_index + last.given * self._windows.size + last.held):
-            last.closed = True
-            last = None
-        if last is None:
+            if last is not None:
+                last.closed = True
             last = Segment(block.first_index, block.start_s, block.new_run)
-            self._held.append(last)
-        else:
-            grown = block.first_index - last.first_index
-            last.start_s = block.start_s - grown * self.interval_s
+            self.held.append(last)
+        last.start_s = block.start_s - (block.first_index - last.first_index) * self.interval_s
         last.rows.append(block.samples)
         last.held += len(block)
         if len(block.interpolated):
@@ -194,26 +187,26 @@ class MotionDetector(Record):
 
     def flush(self) -> list[EvenBlock]:
         """Decide on all that is held back."""
-        if self._held:
-            self._held[-1].closed = True
+        if self.held:
+            self.held[-1].closed = True
         return self._decide(final=True)
 
     def _decide(self, final: bool) -> list[EvenBlock]:
         if self._level.baseline is None:
-            windows = sum(segment.held // self._windows.size for segment in self._held)
-            rows = sum(segment.held for segment in self._held)
+            windows = sum(segment.held // self._windows.size for segment in self.held)
+            rows = sum(segment.held for segment in self.held)
             if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._windows.size
                     and not final):
                 return []
-            for segment in self._held:
-                self._windows.measure(segment)
-            self._level.begin(self._held, self._windows)
-        blocks: list[EvenBlock] = []
-        for segment in self._held:
+        for segment in self.held:
             self._windows.measure(segment)
+        if self._level.baseline is None:
+            self._level.begin(self.held, self._windows)
+        blocks: list[EvenBlock] = []
+        for segment in self.held:
             self._judge(segment)
             blocks += self._give(segment)
-        self._held = [segment for segment in self._held if not segment.closed]
+        self.held = [segment for segment in self.held if not segment.closed]
         return blocks
 
     def _judge(self, segment: Segment) -> None:
@@ -276,12 +269,9 @@ class MotionDetector(Record):
         if count <= 0:
             return []
         context = segment.given - segment.base
-        if segment.moving.any():
-            near = np.convolve(segment.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
-            cut = near[context:context + count] > 0.5
-            edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
-        else:
-            cut, edges = np.zeros(1, dtype=bool), [0, count]
+        near = np.convolve(segment.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
+        cut = near[context:context + count] > 0.5
+        edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
         rows = segment.joined()
         length = min(count * size, segment.held)
         first = segment.first_index + segment.given * size
@@ -294,11 +284,9 @@ class MotionDetector(Record):
                 self.summary.cut.add(*place)
                 self._run_pending |= segment.new_run
             else:
-                interpolated = segment.interpolated
-                if len(interpolated):
-                    low, high = np.searchsorted(interpolated, (first + begin, first + end))
-                    interpolated = interpolated[low:high] - (first + begin)
-                blocks.append(EvenBlock(rows[begin:end], first + begin, interpolated,
+                low, high = np.searchsorted(segment.interpolated, (first + begin, first + end))
+                blocks.append(EvenBlock(rows[begin:end], first + begin,
+                                        segment.interpolated[low:high] - (first + begin),
                                         segment.new_run or self._run_pending, self._void,
                                         start_s))
                 self._run_pending = self._void = False
@@ -306,19 +294,17 @@ class MotionDetector(Record):
             segment.new_run = False
         struck = int(np.count_nonzero(segment.moving[context:context + count])) * size
         newest = self._windows.time(segment, segment.given) + length * self.interval_s
-        self.summary.seen += length
         self.summary.struck += min(struck, length)
         self.summary.moving = newest - self.summary.cut.end_s < _LATELY_S
         segment.rows = [rows[length:]]
         segment.held -= length
         segment.given = upto
-        drop = max(upto - _CONTEXT - segment.base, 0)
-        if drop:
-            segment.base += drop
-            segment.means = segment.means[drop:]
-            segment.loudness = segment.loudness[drop:]
-            segment.moving = segment.moving[drop:]
-        if len(segment.interpolated):
-            given = np.searchsorted(segment.interpolated, first + length)
-            segment.interpolated = segment.interpolated[given:]
+        # Those kept are held against the next ones.
+        drop = max(upto - _MARGIN - self._windows.farthest - 1 - segment.base, 0)
+        segment.base += drop
+        segment.means = segment.means[drop:]
+        segment.loudness = segment.loudness[drop:]
+        segment.moving = segment.moving[drop:]
+        given = np.searchsorted(segment.interpolated, first + length)
+        segment.interpolated = segment.interpolated[given:]
         return blocks

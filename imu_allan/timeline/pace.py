@@ -16,13 +16,8 @@ loss time passes on it too; where there is none, losses that come too regularly 
 from dataclasses import dataclass, replace
 from math import exp, log, pi, sqrt
 
-from imu_allan.timeline.clock import Stamps
+from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 PHASE_GROUP = 64
 """Messages whose phases are averaged: long against a burst, short against drift."""

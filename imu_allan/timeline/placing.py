@@ -17,7 +17,10 @@ from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
+    Bools,
+    Floats,
     in_order,
+    Ints,
     lost_before,
     order_stamps,
     place_in_burst,
@@ -35,11 +38,6 @@ from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.pace import measure_pace, Pace
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: such a leap is a fault of the stamps whatever the other says."""

@@ -14,13 +14,9 @@ from functools import cached_property
 from math import log, sqrt
 
 from imu_allan.state import Record
+from imu_allan.timeline.clock import Bools, Floats, Ints
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _FEWEST_WINDOWS = 8
 """Below, the spread of loudness is not measured: `_FEW_SPREAD` is used."""

@@ -157,7 +157,7 @@ class TimelineStage(Record):
     def summary(self) -> TimelineSummary:
         """Summarize every message so far, those still held back included."""
         stage = self
-        if self._pending or (self._memory.motion is not None and self._memory.motion.holds_back):
+        if self._pending or (self._memory.motion is not None and self._memory.motion.held):
             stage = self.copy()
             try:
                 stage.flush()

@@ -11,20 +11,12 @@ from dataclasses import dataclass, field
 from math import sqrt
 
 from imu_allan.state import Record
+from imu_allan.timeline.clock import Bools, Floats, Ints
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 PART_S = 0.02
 """Loudness is measured within such parts of a window, fast noise, and between them, slow noise."""
 
-_LAGS = (1, 4)
-"""Windows apart that are held against each other: a jerk, and a slow turn of two seconds."""
-FARTHEST_LAG = max(_LAGS)
-"""Windows before those to be judged that these are held against."""
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
@@ -66,12 +58,6 @@ class Segment(Record):
             self.rows = [np.concatenate(self.rows)]
         return self.rows[0]
 
-    def describe(self, rows: Floats, part: int) -> None:
-        """Add windows of `rows`."""
-        means, loudness = describe(rows, part)
-        self.means = np.concatenate([self.means, means])
-        self.loudness = np.concatenate([self.loudness, loudness])
-
     def wander(self) -> Floats:
         """Second difference of window means, NaN for the first and the last window."""
         second = np.full(self.means.shape, np.nan)
@@ -106,9 +92,9 @@ class Windows(Record):
         # A shorter window than half a second knows its noise worse, a longer one cuts more for a
         # knock.
         self.size = 25 * self.part
-        # Windows of a slow sensor are longer: beyond 6 s drift is no motion. A judgment.
-        self.lags = tuple(lag for lag in _LAGS
-                          if lag * self.size * self.interval_s < 6.0)
+        # A jerk, and a slow turn of two seconds. Windows of a slow sensor are longer: beyond 6 s
+        # drift is no motion. A judgment.
+        self.lags = tuple(lag for lag in (1, 4) if lag * self.size * self.interval_s < 6.0)
         self.farthest = max(self.lags, default=0)
 
     def time(self, segment: Segment, window: int) -> float:
@@ -117,18 +103,15 @@ class Windows(Record):
 
     def measure(self, segment: Segment) -> None:
         """Work out mean and loudness of the windows that are complete by now."""
-        size = self.size
-        known = segment.base + len(segment.means)
-        done = (known - segment.given) * size
-        complete = (segment.held - done) // size
-        if complete < 0:
-            return
-        if complete:
-            rows = segment.joined()[done:done + complete * size].reshape(complete, size, 6)
-            segment.describe(rows, self.part)
-        left = segment.held - done - complete * size
-        if segment.closed and left:
-            segment.describe(segment.joined()[None, -size:], self.part)
+        rows, size = segment.joined(), self.size
+        done = (segment.base + len(segment.means) - segment.given) * size
+        complete = done + (segment.held - done) // size * size
+        last = [rows[None, -size:]] if segment.closed and complete < segment.held else []
+        for windows in (rows[done:complete].reshape(-1, size, 6), *last):
+            if len(windows):
+                means, loudness = describe(windows, self.part)
+                segment.means = np.concatenate([segment.means, means])
+                segment.loudness = np.concatenate([segment.loudness, loudness])
 
     def implausible(self, segment: Segment, first: int) -> Bools:
         """Find windows from number `first` of the arrays on whose mean moved implausibly far."""

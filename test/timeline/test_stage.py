@@ -467,8 +467,8 @@ def test_short_streams_give_all_their_samples(count):
     lambda state: state.update(tail=state['tail'][:, :5]),
     lambda state: state.pop('presence'),
     lambda state: state.update(motion=np.array('[]')),
-    lambda state: state.pop('motion/_held/0/means'),
-    lambda state: state.update({'motion/_held/0/rows/0': state['motion/_held/0/rows/0'][:-1]}),
+    lambda state: state.pop('motion/held/0/means'),
+    lambda state: state.update({'motion/held/0/rows/0': state['motion/held/0/rows/0'][:-1]}),
 ])
 def test_a_damaged_state_is_refused(damage):
     stage = TimelineStage()
