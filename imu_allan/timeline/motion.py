@@ -138,7 +138,7 @@ class MotionDetector(Record):
     interval_s: float
     axes: tuple[bool, ...] = (True,) * 6
     _windows: Windows = field(init=False)
-    _level: RestLevel = field(default_factory=RestLevel)
+    _level: RestLevel | None = None
     summary: MotionSummary = field(default_factory=MotionSummary)
     _excursions: Excursions = field(default_factory=Excursions)
     held: list[Segment] = field(default_factory=list)
@@ -192,7 +192,7 @@ class MotionDetector(Record):
         return self._decide(final=True)
 
     def _decide(self, final: bool) -> list[EvenBlock]:
-        if self._level.baseline is None:
+        if self._level is None:
             windows = sum(segment.held // self._windows.size for segment in self.held)
             rows = sum(segment.held for segment in self.held)
             if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._windows.size
@@ -200,18 +200,17 @@ class MotionDetector(Record):
                 return []
         for segment in self.held:
             self._windows.measure(segment)
-        if self._level.baseline is None:
-            self._level.begin(self.held, self._windows)
+        level = self._level = self._level or RestLevel.of(self.held, self._windows)
         blocks: list[EvenBlock] = []
         for segment in self.held:
-            self._judge(segment)
+            self._judge(segment, level)
             blocks += self._give(segment)
         self.held = [segment for segment in self.held if not segment.closed]
         return blocks
 
-    def _judge(self, segment: Segment) -> None:
+    def _judge(self, segment: Segment, level: RestLevel) -> None:
         """Decide on the windows whose neighbours are known."""
-        windows, level = self._windows, self._level
+        windows = self._windows
         first = len(segment.moving)
         last = len(segment.means) - (0 if segment.closed else 1)
         if last <= first:
@@ -230,7 +229,7 @@ class MotionDetector(Record):
             moving = beyond | level.unlike(loudness, wander, shorter)
         segment.moving = np.concatenate([segment.moving, moving])
         if not short and (begins := level.deeper_rest(segment, first, last)) is not None:
-            self._begin_at_rest(segment, begins, last)
+            self._begin_at_rest(segment, level, begins, last)
             return
         rest = segment.means[first:last]
         if moving.any():
@@ -247,15 +246,15 @@ class MotionDetector(Record):
                 # A sensor whose noise changes more often has no level at all.
                 self.summary.changes = (*self.summary.changes[:9], (time_s, ratio))
 
-    def _begin_at_rest(self, segment: Segment, first: int, last: int) -> None:
+    def _begin_at_rest(self, segment: Segment, level: RestLevel, first: int, last: int) -> None:
         """Take windows from number `first` of the arrays on for rest, all before for motion."""
-        self._level.begin_at(segment, first, last)
+        level.begin_at(segment, first, last)
         self._void = True
         self._excursions = Excursions()
         segment.moving[:first] = True
         segment.moving[first:] = (
             self._windows.implausible(segment, first)[:last - first]
-            | self._level.unlike(segment.loudness[first:last], segment.wander()[first:last], 1.0))
+            | level.unlike(segment.loudness[first:last], segment.wander()[first:last], 1.0))
         self.summary = self.summary.all_cut(
             segment.first_index + segment.given * self._windows.size,
             max(self.summary.seen // self._windows.size, 1))

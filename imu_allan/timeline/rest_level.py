@@ -19,9 +19,7 @@ from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
 _FEWEST_WINDOWS = 8
-"""Below, the spread of loudness is not measured: `_FEW_SPREAD` is used."""
-_FEW_SPREAD = 0.1
-"""Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
+"""Below, the spread of loudness is not measured."""
 _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
 _QUIET_PERCENT = 12.5
@@ -32,8 +30,6 @@ QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
 _FINE = 0.7
 """Noise over a step from which on the step hides nothing: below, an output may rest for long."""
-_FEWEST_INNER = 4
-"""Windows with neighbours on both sides, from which the wander of their means is measured."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +86,10 @@ class RestLevel(Record):
 
     Attributes
     ----------
-    baseline : Baseline or None
-        None before the first windows were looked at.
+    baseline : Baseline
     first : ndarray, shape (12,), or None
         Loudness when the noise was last reported.
-    past, news : ndarray, shape (windows, 18), and list of such
+    past, news : ndarray, shape (windows, 18)
         Loudness and wander of the windows at rest of the baseline, and of those since.
     lately : ndarray, shape (windows, 19)
         The same of all windows since motion began, with the verdict.
@@ -103,22 +98,21 @@ class RestLevel(Record):
 
     """
 
-    baseline: Baseline | None = None
+    baseline: Baseline
     first: Floats | None = None
     past: Floats = field(default_factory=lambda: np.empty((0, 18)))
-    news: list[Floats] = field(default_factory=list)
+    news: Floats = field(default_factory=lambda: np.empty((0, 18)))
     lately: Floats = field(default_factory=lambda: np.empty((0, 19)))
     quieter: int = 0
 
     def check(self) -> None:
         """Refuse tables of another width."""
-        if any(rows.ndim != 2 or rows.shape[1] != 18 for rows in self.news) or (
-                self.first is not None and self.first.shape != (12,)) or (
-                self.baseline is not None and [part.shape for part in vars(self.baseline).values()]
-                != [(12,), (12,), (6,), (6,)]):
+        if (self.first is not None and self.first.shape != (12,)) or [
+                part.shape for part in vars(self.baseline).values()] != [(12,), (12,), (6,), (6,)]:
             raise ValueError('the level of rest is not that of six axes')
 
-    def begin(self, held: list[Segment], windows: Windows) -> None:
+    @classmethod
+    def of(cls, held: list[Segment], windows: Windows) -> 'RestLevel':
         """Find the first baseline in the windows held back."""
         full = [segment for segment in held if segment.held >= windows.size]
         if not full:
@@ -128,8 +122,7 @@ class RestLevel(Record):
             usual = np.median([segment.held for segment in full]) if full else 0
             full = [segment for segment in full if segment.held >= usual]
         if not full:
-            self.baseline = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
-            return
+            return cls(Baseline(*np.split(np.full(36, np.inf), [12, 24, 30])))
         loudness = np.concatenate([segment.loudness for segment in full])
         wander = np.concatenate([segment.wander() for segment in full])
         resolution = np.min([resolution_of(segment.joined()[:8 * 1024]) for segment in full[:4]],
@@ -140,27 +133,25 @@ class RestLevel(Record):
         loudness, wander = loudness[still], wander[still]
         # The quietest eighth of fewer is less than four windows, whose spread says nothing.
         if len(loudness) >= 32:
-            self.baseline, rest = settle(loudness, wander, resolution)
+            baseline, rest = settle(loudness, wander, resolution)
         else:
             # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
             # of the quieter half, as surely as their samples measure it.
             quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
             centre = np.median(loudness[quieter], axis=0)
-            few = Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)
-            self.baseline = few
+            # The cube root of a variance from 25 samples spreads by a third of sqrt(2 / 25).
+            baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
             if len(loudness) < _FEWEST_WINDOWS:
-                return
-            rest = np.all(loudness <= few.loudest(), axis=1)
+                return cls(baseline)
+            rest = np.all(loudness <= baseline.loudest(), axis=1)
             if np.count_nonzero(rest) >= _FEWEST_WINDOWS:
                 found = baseline_of(loudness[rest], wander[rest], resolution)
-                self.baseline = replace(few, wander=found.wander)
-        self.first = self.baseline.loudness
-        self.past = np.hstack([loudness, wander])[rest]
-        self.past = self.past[~np.isnan(self.past).any(axis=1)]
+                baseline = replace(baseline, wander=found.wander)
+        past = np.hstack([loudness, wander])[rest]
+        return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
 
     def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         """Find windows too loud for rest; `shorter`: a window over the rows at hand."""
-        assert self.baseline is not None
         loudest, widest = self.baseline.limits
         if shorter > 1:
             loudest = self.baseline.loudest(shorter)
@@ -175,7 +166,6 @@ class RestLevel(Record):
         A change by one step of a coarse output is no motion, and some outputs rest for minutes
         before they show how small their step is.
         """
-        assert self.baseline is not None
         rows = segment.joined()
         known = self.baseline.resolution
         smaller = known
@@ -189,13 +179,11 @@ class RestLevel(Record):
 
     def awake(self, loudness: Floats) -> Bools:
         """Find windows in which an axis changes that was constant until then."""
-        assert self.baseline is not None
         changes = (loudness[:, :6] > 0) & np.isinf(self.baseline.resolution)
         return np.asarray(changes.any(axis=1))
 
     def contrast(self, loudness: Floats) -> Floats:
         """Give the logarithm by which each window is louder, none where no axis shows it."""
-        assert self.baseline is not None
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
         if not known.any():
@@ -209,7 +197,6 @@ class RestLevel(Record):
 
         A recording may begin while its vehicle drives: then the first baseline is that of driving.
         """
-        assert self.baseline is not None
         if not (segment.loudness[first:last] < self.baseline.far_quieter).any():
             self.quieter = 0
             return None
@@ -228,7 +215,6 @@ class RestLevel(Record):
 
     def begin_at(self, segment: Segment, first: int, last: int) -> None:
         """Begin anew with the windows from number `first` of the arrays on."""
-        assert self.baseline is not None
         found = baseline_of(segment.loudness[first:last], segment.wander()[first:last],
                             self.baseline.resolution)
         # A few windows measure a spread to a factor of two.
@@ -236,7 +222,7 @@ class RestLevel(Record):
                                 wander=2 * found.wander)
         self.first = found.loudness
         self.quieter = 0
-        self.past, self.news, self.lately = np.empty((0, 18)), [], self.lately[:0]
+        self.past, self.news, self.lately = self.past[:0], self.news[:0], self.lately[:0]
 
     def learn(self, windows: Floats, moving: Bools, beyond: Bools) -> list[float]:
         """
@@ -244,17 +230,13 @@ class RestLevel(Record):
 
         Returns ratios of new to old noise where it has become much louder or quieter.
         """
-        assert self.baseline is not None
         changes: list[float] = []
         inner = ~np.isnan(windows[:, 12])
-        rest = windows[inner & ~moving]
-        if len(rest):
-            self.news.append(rest)
+        self.news = np.concatenate([self.news, windows[inner & ~moving]])
         # Two minutes are half of the next baseline, which follows temperature, not a slow turn.
-        if sum(map(len, self.news)) >= 256:
+        if len(self.news) >= 256:
             # Of less than four minutes at rest the threshold scatters.
-            self.past = np.concatenate([self.past, *self.news])[-512:]
-            self.news = []
+            self.past, self.news = np.concatenate([self.past, self.news])[-512:], self.news[:0]
             changes += self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
                                                self.baseline.resolution))
         if len(self.lately) or moving.any():
@@ -269,7 +251,6 @@ class RestLevel(Record):
 
     def _accept_change(self) -> list[float]:
         """Take a new steady level for the sensor's own, if it is not much louder."""
-        assert self.baseline is not None
         verdict = self.lately[:, 18]
         share = float(np.mean(verdict))
         # Of a new level one window in twenty at least was called motion.
@@ -284,8 +265,7 @@ class RestLevel(Record):
         if (share < 0.25 and not still.all()) or (
                 np.mean(still) <= 0.9 or np.any(baseline.loudness >= little)):
             return []
-        self.past = self.lately[still, :18]
-        self.news = []
+        self.past, self.news = self.lately[still, :18], self.news[:0]
         return self._adopt(baseline)
 
     def _adopt(self, baseline: Baseline) -> list[float]:
@@ -341,8 +321,9 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
     spread = 1.4826 * median(np.abs(loudness - centre), axis=0)
     inner = wander[~np.isnan(wander).all(axis=1)]
     wide = np.full(6, np.inf)
-    if len(inner) >= _FEWEST_INNER:
-        known = np.count_nonzero(~np.isnan(inner), axis=0) >= _FEWEST_INNER
+    # Of fewer windows with neighbours on both sides the wander is not known.
+    known = np.count_nonzero(~np.isnan(inner), axis=0) >= 4
+    if known.any():
         wide[known] = 1.4826 * median(np.abs(inner[:, known]), axis=0)
     return Baseline(centre, spread, wide, resolution)
 
