@@ -28,8 +28,6 @@ FROZEN_RUN = 24
 
 SPARSE = 16
 """Every so many samples go into the mean acceleration, which needs no more."""
-LASTING = 32
-"""Messages in a row: more than a slip of the driver, and within the look-ahead."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +249,8 @@ class Presence(Record):
         before = self.run[axis] if self.bad[axis] == bad[0] else 0
         state, states = not self.there[axis], []
         for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-            if length + (before if start == 0 else 0) >= LASTING:
+            # More than a slip of the driver, and within the look-ahead.
+            if length + (before if start == 0 else 0) >= 32:
                 state = bool(bad[start])
             states.append(state)
         gone: Bools = np.repeat(states, lengths)

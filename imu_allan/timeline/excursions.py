@@ -10,9 +10,6 @@ import numpy as np
 
 BLOCK = 8
 """Windows of half a second whose means are averaged: a slow turn lasts longer."""
-LISTED = 10
-"""Turns that are reported: more, and the recording is one of motion."""
-
 _LEAST = [0.004] * 3 + [0.04] * 3
 """rad/s and m/s^2: no sensor's bias goes so far and comes back within two minutes. A judgment."""
 
@@ -94,7 +91,8 @@ class Excursions(Record):
             if (not len(before) or far[-2, axis]
                     or min(abs(edge) for edge in edges) < 0.7 * abs(peak)):
                 continue
-            if len(self.found) < LISTED:
+            # With more the recording is one of motion.
+            if len(self.found) < 10:
                 begins = float(table[first, 0])
                 self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
             self.blocks = self.blocks[-1:]

@@ -22,12 +22,6 @@ from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 import numpy as np
 
-_MOSTLY = 0.5
-"""Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
-_LEAST_CONTRAST = 0.999 * log(3.0) * 2 / 3
-"""A third of the noise: what shakes as much where it does not turn is no rest, but a straight."""
-_NAMED_RESTS = 5
-"""As many as fit on two lines of a terminal."""
 _LITTLE_HIDDEN = 0.005
 """Losses up to here move the noise density by less than a tenth of a usual interval."""
 
@@ -103,9 +97,10 @@ def _uneven_error(counts: Counts) -> float:
 
 def mostly_motion(motion: MotionSummary) -> bool:
     """Return whether a recording moves, without a stop to rest that is worth the name."""
-    # A stop at a traffic light is longer; a car between two bends is quiet for less.
+    # A stop at a traffic light is longer; a car between two bends is quiet for less. What shakes
+    # by a third as much where it does not turn is no rest, but a straight.
     return _moves(motion) and (motion.kept.longest_s < 5.0
-                               or motion.contrast < _LEAST_CONTRAST)
+                               or motion.contrast < 0.999 * log(3.0) * 2 / 3)
 
 
 def _moves(motion: MotionSummary) -> bool:
@@ -113,8 +108,8 @@ def _moves(motion: MotionSummary) -> bool:
     # Less is a knock with its margins, whatever its share of a short recording.
     return motion.seen > 0 and (motion.cut.rows == motion.seen or (
         motion.cut.total_s > 10.0
-        and motion.cut.rows > _MOSTLY * motion.seen
-        and motion.struck > 0.5 * _MOSTLY * motion.seen))
+        and motion.cut.rows > 0.5 * motion.seen
+        and motion.struck > 0.25 * motion.seen))
 
 
 def _facts(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
@@ -243,11 +238,13 @@ def _motion_facts(motion: MotionSummary) -> Facts:
     if mostly_motion(motion):
         facts['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
     elif _moves(motion):
+        # As many as fit on two lines of a terminal.
+        named = motion.kept.listed[:5]
         facts['rest_within_motion'] = {
             'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,
             'rests': len(motion.kept.listed),
-            'starts_s': [start for start, _ in motion.kept.listed[:_NAMED_RESTS]],
-            'durations_s': [lasts for _, lasts in motion.kept.listed[:_NAMED_RESTS]]}
+            'starts_s': [start for start, _ in named],
+            'durations_s': [lasts for _, lasts in named]}
     elif motion.cut.count:
         facts['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
     if motion.cut.count > len(motion.cut.listed):

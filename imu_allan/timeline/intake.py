@@ -39,10 +39,6 @@ from imu_allan.timeline.pace import (
 )
 import numpy as np
 
-_FEWEST_TIES, _TIED_SHARE = 2, 1e-3
-"""Different messages with one stamp: more than a slip of the driver now and then."""
-_CLOSE, _HARDLY = 0.05, 0.01
-"""Spread and share of empty places up to which the other clock need not be asked."""
 _OTHER_GRID = 0.01
 """Share by which two grids differ that are no speeds of two clocks. A judgment."""
 _FARTHEST_NS = 2**61
@@ -243,13 +239,10 @@ class Intake(Record):
             decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
         decision.clock = choice
         if choice == 'header' and not decision.counted_only:
-            decision.ticks = self._different_messages_share(window)
+            # Different messages with one stamp: more than a slip of the driver now and then.
+            tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
+            decision.ticks = int(np.count_nonzero(tied)) > max(2, 1e-3 * len(tied))
             decision.overlaps = overlaps(window.header_ns)
-
-    def _different_messages_share(self, window: Window) -> bool:
-        """Return whether messages with different values have the same header stamp."""
-        tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~_repeats(window.samples)
-        return int(np.count_nonzero(tied)) > max(_FEWEST_TIES, _TIED_SHARE * len(tied))
 
     def _measure(self, window: Window, repeats: Repeats) -> tuple[Pace | None, int]:
         """
@@ -403,8 +396,8 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
 def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
     """Return whether stamps lie close to a grid of which hardly a place is empty."""
     places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
-    return (not pace.counting and pace.spread < _CLOSE
-            and abs(len(stamps) - places) < _HARDLY * places)
+    return (not pace.counting and pace.spread < 0.05
+            and abs(len(stamps) - places) < 0.01 * places)
 
 
 def _repeats(samples: Floats) -> Bools:

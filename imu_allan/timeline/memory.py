@@ -21,8 +21,6 @@ Clock = Literal['header', 'receive']
 
 LISTED_GAPS = 1000
 """Gaps that are listed one by one; more are only counted."""
-_LONGEST_NS = 100.0 * SECOND
-"""Intervals beyond these bounds are no IMU's."""
 
 
 @dataclass
@@ -230,8 +228,8 @@ class Decision(Record):
             If no IMU has such a pace.
 
         """
-        # From a microsecond on.
-        if not 1e3 < pace.interval_ns < _LONGEST_NS:
+        # From a microsecond to a hundred seconds.
+        if not 1e3 < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
             raise ImuAllanError(
                 f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '

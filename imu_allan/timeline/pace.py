@@ -26,21 +26,6 @@ COUNTING_SPREAD = 0.27
 FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 """The mean resultant length that goes with it."""
 
-_SLOWEST, _FASTEST = 0.9, 2.9
-"""Rates, over that of the messages, among which the sensor's is sought."""
-_GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
-"""Segments of 64 messages that decide, and the share of the best fit that is as good."""
-_EARLY, _CROWDED = 0.9, 0.06
-"""Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
-are lost from pairs in .08, and no message on a grid does."""
-_EXACT = 0.05
-"""In intervals: a driver's header stamps lie closer, batches and ticks do not."""
-_NEAR = 0.15
-"""The same for receive stamps, of which some are a little late. A judgment."""
-_LONGEST_BATCH_NS = 5e8
-"""A FIFO is read more often: it overflows after some tenths of a second."""
-_TICKS_NS = (100_000, 1_000_000, 10_000_000)
-"""Clocks of drivers count in these: tenths of a millisecond, milliseconds, and Linux's jiffies."""
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
 _STRAIGHT = 0.75
@@ -53,16 +38,8 @@ _LEAP = 16
 """Missing samples: with 8, jumps that losses add up to are unambiguous; 32 does as well."""
 _HIDDEN_LAGS = np.array([32, 64, 96, 128])
 """Messages: longer than a batch, and short enough for many of them in a window."""
-_ERRORS, _ERRORS_OF_LINE = 2.0, 5.0
-"""Standard deviations of a variance of so few segments as fit into a window. A line fitted to the
-stamps takes some of their wander with it: of 60 windows each of 2048 and 4096 messages with 2, 10
-and 40 % lost its bound held for all but 0 to 5 %."""
 _MOST_HIDDEN = 0.9
 """Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
-_LEAST_SPEED = 0.5
-"""Of two clocks that stamp the same messages. A judgment."""
-_PART = 128
-"""Messages of which a rate is measured: long beside a batch, short beside a recording."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +121,9 @@ def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
     groups = time[:len(time) // size * size].reshape(-1, size)
     # In the shortest all wait for a late one, the longest have an outage in them.
     order = np.argsort(np.ptp(groups, axis=1))
-    groups = groups[order[len(order) // 5:][:_GROUPS_OF_SPECTRUM]]
-    rates = np.arange(_SLOWEST, _FASTEST, 0.25 / size) / overall
+    groups = groups[order[len(order) // 5:][:16]]
+    # The sensor's rate is sought from a little below that of the messages on.
+    rates = np.arange(0.9, 2.9, 0.25 / size) / overall
     circle = np.exp(2j * pi * rates[:, None, None] * (groups - groups[:, :1]))
     power = np.abs(circle.mean(axis=2)).mean(axis=1)
     peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
@@ -153,13 +131,14 @@ def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
         return None
     # A grid of half the interval fits exact stamps as well.
     return _on_grid(time, steps, 1 / float(
-        rates[peaks[power[peaks] > _AS_WELL * power[peaks].max()][0]]))
+        rates[peaks[power[peaks] > 0.9 * power[peaks].max()][0]]))
 
 
 def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
     """Give the pace on a grid of about this interval, None where stamps are not on one."""
     whole = np.rint(steps / interval)
-    near = (np.abs(steps / interval - whole) < _NEAR) & (whole > 0) & (whole < PHASE_GROUP)
+    # Of receive stamps some are a little late: a judgment.
+    near = (np.abs(steps / interval - whole) < 0.15) & (whole > 0) & (whole < PHASE_GROUP)
     if near.any():
         interval = float(steps[near].sum() / whole[near].sum())
     pace = _refine(time, interval)
@@ -197,7 +176,9 @@ def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
 
     Of a sensor with such stamps, whatever is dropped in turn, two would follow each other.
     """
-    tick = next((tick for tick in _TICKS_NS if abs(interval / tick - 1) < 1e-3), None)
+    # Clocks of drivers count in tenths of a millisecond, milliseconds, and Linux's jiffies.
+    tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
+                 if abs(interval / tick - 1) < 1e-3), None)
     if tick is None or np.any(stamps % tick):
         return False
     fewest, most = np.percentile(np.rint(steps / interval), (1, 99))
@@ -221,7 +202,7 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     leaps = lasts / interval - size
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
     # Beginnings have no sawtooth, so that shorter distances decide, and more surely.
-    hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, _ERRORS)
+    hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, 2.0)
     # Less than one in 200 changes nothing that counts.
     if hidden > 0.005:
         # Something is lost. Of equal batches the sizes are binomial then, and say it more surely.
@@ -249,7 +230,7 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:
         return grid if truly > 0.5 else line
-    if worst > _STRAIGHT or grid.spread > _EXACT:
+    if worst > _STRAIGHT or grid.spread > 0.05:
         # Ticks are exact, and nothing is late on top of them.
         return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
@@ -265,11 +246,9 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
 def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
     """How many intervals pass by the other clock where the grid misses one; None if unknown."""
     passed = np.diff(other).astype(np.float64)
-    if not _LEAST_SPEED < float(passed.sum()) / float(own.sum()) < 1 / _LEAST_SPEED:
-        # A clock that stands still, or jumps, is none either.
-        return None
-    if np.max(np.abs(passed - own)) < 0.02 * interval:
-        # One clock written down twice is no witness.
+    if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
+            or np.max(np.abs(passed - own)) < 0.02 * interval):
+        # A clock that stands still, or jumps, is no witness, nor is one written down twice.
         return None
     # Where no single one is missed, two at a time may be: the commonest numbers decide.
     counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
@@ -301,12 +280,13 @@ def _even_with_outages(steps: Floats) -> float | None:
         return None
     lasting = float(np.median(pauses))
     # Of a few messages between two outages there may be fewer steps.
-    # Losses of single messages leave shorter pauses.
-    few = lasting > max(_LONGEST_BATCH_NS, 4.0 * usual)
+    # Losses of single messages leave shorter pauses. A FIFO overflows after some tenths of a
+    # second.
+    longest_batch_ns = 5e8
+    few = lasting > max(longest_batch_ns, 4.0 * usual)
     # Even segments take up a tenth of the time at least, bursts a few percent.
     if np.mean(near) > (0.5 if few else 0.75) and (
-            on > 0.1 or len(steps) > PHASE_GROUP * len(pauses)
-            or lasting > _LONGEST_BATCH_NS):
+            on > 0.1 or len(steps) > PHASE_GROUP * len(pauses) or lasting > longest_batch_ns):
         return usual
     return None
 
@@ -319,10 +299,11 @@ def _overfull(time: Floats, interval: float) -> bool:
     """
     groups = len(time) // _GROUP
     phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
-    falls = np.diff(phase.min(axis=1)) < -_EARLY
+    falls = np.diff(phase.min(axis=1)) < -0.9
     # Where they all wait there is no place to find.
     goes_on = phase[:, -1] - phase[:, 0] > -_GROUP / 2
-    return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > _CROWDED)
+    # Where 60 % are lost from pairs .08 of them do, on a grid none.
+    return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > 0.06)
 
 
 def _refine(time: Floats, interval: float) -> Pace:
@@ -376,8 +357,9 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
     worst = float(np.percentile(np.abs(residual), 95))
     # Small jumps may be what random losses add up to.
     leaps = np.diff(counted - place, prepend=0.0)
-    hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS,
-                     _ERRORS_OF_LINE)
+    # The line takes some of the wander with it: of 60 windows each of 2048 and 4096 messages with
+    # 2, 10 and 40 % lost the bound held for all but 0 to 5 %.
+    hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS, 5.0)
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
@@ -386,7 +368,8 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
     Share of the samples that may be lost unseen.
 
     Random losses let the phase wander as a random walk whose variance grows by that share with
-    every message; jitter, ticks and batches do not.
+    every message; jitter, ticks and batches do not. `errors` are standard deviations of a variance
+    of so few segments as fit into a window.
     """
     if len(residual) < 3 * lags[-1]:
         return 0.0
@@ -444,14 +427,11 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
 
 def _lasting_rise(level: Floats) -> Floats:
     """By how much the next levels all lie above those before, by place."""
+    windows, beyond = np.lib.stride_tricks.sliding_window_view, np.full(_GROUPS, np.inf)
+    lowest = windows(np.concatenate([level, beyond]), _GROUPS).min(axis=1)
+    highest = windows(np.concatenate([-beyond, level]), _GROUPS).max(axis=1)
     rise = np.full(len(level), -np.inf)
-    padded_low = np.concatenate([level, np.full(_GROUPS, np.inf)])
-    padded_high = np.concatenate([np.full(_GROUPS, -np.inf), level])
-    windows = np.lib.stride_tricks.sliding_window_view
-    lowest = windows(padded_low, _GROUPS).min(axis=1)[:len(level)]
-    highest = windows(padded_high, _GROUPS).max(axis=1)[:len(level)]
-    inner = slice(2, len(level) - 2)
-    rise[inner] = lowest[inner] - highest[inner]
+    rise[2:-2] = (lowest - highest)[2:-3]
     return rise
 
 
@@ -462,12 +442,13 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     Parts of 128 messages are compared by the median distance of messages 16 apart, which neither
     a lost message nor a tick moves by 12 %.
     """
-    parts = len(stamps) // _PART
-    whole = slice(0, len(stamps))
+    # Long beside a batch, short beside a recording.
+    part = 128
+    parts, whole = len(stamps) // part, slice(0, len(stamps))
     if parts < 4:
         return whole
     time = (stamps - stamps[0]).astype(np.float64)
-    table = time[:parts * _PART].reshape(parts, _PART)
+    table = time[:parts * part].reshape(parts, part)
     pace = np.maximum(np.median(table[:, 16:] - table[:, :-16], axis=1) / 16, 1.0)
     # The median of three: a part with an outage in it is no change of rate.
     smooth = np.median([np.append(pace[:1], pace[:-1]), pace, np.append(pace[1:], pace[-1:])],
@@ -484,8 +465,8 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
         # Many changes are the unevenness of the stamps themselves.
         return whole
     at = int(np.argmax(lengths))
-    last = len(stamps) if at + 2 == len(edges) else edges[at + 1] * _PART
-    return slice(edges[at] * _PART, last)
+    last = len(stamps) if at + 2 == len(edges) else edges[at + 1] * part
+    return slice(edges[at] * part, last)
 
 
 def median_interval(time: Floats, apart: int) -> float:

@@ -49,10 +49,6 @@ _UNEVEN_PART = 256
 """Messages from which a rate that changes is measured: `_LATELY` of them pass without a gap."""
 _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
-_SURE_PLACES = 64
-"""Steps over which places are counted rightly at any rate near the true one, and show it."""
-_BESIDE_GAP = 3
-"""Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
 
 class Placing(Record):
@@ -428,10 +424,11 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
     """Give nanoseconds and places that the rate leaves out: gaps, and what is beside them."""
-    gaps = _gaps(passed, steps, tolerated if pace.counting else _SURE_PLACES, pace)
+    # Over 64 steps places are counted rightly at any rate near the true one, and show it.
+    gaps = _gaps(passed, steps, tolerated if pace.counting else 64, pace)
     if not pace.counting and np.count_nonzero(gaps) * SPARSE < len(gaps):
-        # With jitter one place of a gap may be taken for one beside it.
-        beside = np.flatnonzero(gaps)[:, None] + np.arange(-_BESIDE_GAP, _BESIDE_GAP + 1)
+        # With jitter one place of a gap may be taken for one beside it, up to three steps away.
+        beside = np.flatnonzero(gaps)[:, None] + np.arange(-3, 4)
         gaps[np.clip(beside, 0, len(gaps) - 1)] = True
     # Where stamps are uneven, the pause before a batch is no part of the gap.
     time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
