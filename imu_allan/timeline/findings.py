@@ -19,7 +19,6 @@ from imu_allan.timeline.alive import Content, Presence
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.memory import Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
-from imu_allan.timeline.options import TimelineOptions
 import numpy as np
 
 _LITTLE_HIDDEN = 0.005
@@ -31,39 +30,14 @@ Facts = dict[str, dict[str, Any]]
 
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
-    """
-    Collect what the user should know about.
-
-    Parameters
-    ----------
-    memory : Memory
-        What the timeline remembers.
-
-    Returns
-    -------
-    tuple of Finding
-        Of the recording as a whole, each code once.
-
-    """
-    motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    values = (_late_axes(memory.counts, memory.content, memory.presence)
-              + [finding(code, **found) for code, found in _facts(
-                  memory.counts, memory.decision, memory.content, memory.options,
-                  motion).items()])
-    return (*_presence_findings(memory.counts, memory.decision, memory.presence), *values,
+    """Collect what the user should know about, of the recording as a whole each code once."""
+    return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
+            *(finding(code, **found) for code, found in _facts(memory).items()),
             *_slow_turns(memory.excursions))
 
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
-    """
-    Bound what faults of the stamps, as the findings have them, may have done to noise densities.
-
-    Returns
-    -------
-    float, float
-        Largest shares by which they may be too low, and too high; none of it is chance.
-
-    """
+    """Bound by what shares, beside chance, faults of the stamps may make N too low or too high."""
     either = ((_uneven_error(counts) + _short_error(counts, decision)) / 2
               + _interpolation_error(counts))
     return either, either + _hidden_error(decision)
@@ -112,10 +86,12 @@ def _moves(motion: MotionSummary) -> bool:
         and motion.struck > 0.25 * motion.seen))
 
 
-def _facts(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
-           motion: MotionSummary) -> Facts:
+def _facts(memory: Memory) -> Facts:
     """Give the figures of what was seen of the recording as a whole, by code."""
-    facts = decision.remarks | _content_facts(counts, content) | _clock_facts(counts, decision)
+    counts, decision = memory.counts, memory.decision
+    motion = MotionSummary() if memory.motion is None else memory.motion.summary
+    facts = (decision.remarks | _content_facts(counts, memory.content)
+             | _clock_facts(counts, decision))
     if counts.clock_jumps:
         facts['clock_jumps'] = {'clock': decision.clock, 'count': counts.clock_jumps}
     if decision.pace.counting:
@@ -151,7 +127,7 @@ def _facts(counts: Counts, decision: Decision, content: Content, options: Timeli
         # Usual offsets are less, units of g or removed gravity far more. A judgment.
         if abs(size - STANDARD_GRAVITY) > 0.5:
             facts['gravity'] = {'mean': size}
-    return facts | (_motion_facts(motion) if options.motion == 'exclude'
+    return facts | (_motion_facts(motion) if memory.options.motion == 'exclude'
                     else _kept_motion(motion))
 
 
@@ -166,20 +142,18 @@ def _rate_facts(counts: Counts) -> Facts:
                             'mean_hz': rate, 'tau_error_share': off}}
 
 
-def _presence_findings(counts: Counts, decision: Decision, presence: Presence) -> list[Finding]:
-    there = decision.present or [True] * 6
-    never = [name for name, gone, was in zip(AXES, decision.not_finite, there, strict=True)
-             if gone and not was]
-    return [finding('axis_not_finite', (name,)) for name in never] + [
-        finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
-        for name, gone, was in zip(AXES, presence.gone, there, strict=True) if gone and was]
-
-
-def _late_axes(counts: Counts, content: Content, presence: Presence) -> list[Finding]:
-    # Where the whole sensor was dead, that is reported as one.
-    return [finding('axis_late_start', (name,), late=messages, messages=counts.messages)
-            for name, messages in zip(AXES, presence.late, strict=True)
-            if messages > content.head]
+def _axes_findings(counts: Counts, decision: Decision, content: Content, presence: Presence
+                   ) -> list[Finding]:
+    axes = [*zip(AXES, decision.present or [True] * 6, decision.not_finite, presence.gone,
+                 presence.late, strict=True)]
+    all_ = counts.messages
+    # Where the whole sensor was dead first, that is reported as one.
+    return [*(finding('axis_not_finite', (name,)) for name, was, never, _, _ in axes
+              if never and not was),
+            *(finding('axis_absent_in_part', (name,), absent=gone, messages=all_)
+              for name, was, _, gone, _ in axes if gone and was),
+            *(finding('axis_late_start', (name,), late=late, messages=all_)
+              for name, _, _, _, late in axes if late > content.head)]
 
 
 def _content_facts(counts: Counts, content: Content) -> Facts:

@@ -129,13 +129,14 @@ class Intake(Record):
         counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
         void = repeats.spikes | unusable
         twice &= ~(void | repeats.frozen)
+        again = int(np.count_nonzero(twice[:c]))
         counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
-        counts.duplicates += int(np.count_nonzero(twice[:c]))
+        counts.duplicates += again
         samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
         numbers = None
         if window.numbers is not None:
             numbers = window.numbers - decision.repeated - np.cumsum(twice)
-            decision.repeated += int(np.count_nonzero(twice[:c]))
+            decision.repeated += again
         if repeats.woke:
             counts.forget()
             self._memory.motion = None
@@ -172,11 +173,10 @@ class Intake(Record):
         self._choose_clock(window)
         self._counts.header.first_ns = int(window.header_ns[0])
         self._counts.receive.first_ns = int(window.receive_ns[0])
-        stated = None if options.rate_hz is None else Pace(SECOND / options.rate_hz)
         pace, rising = (None, 0) if decision.counted_only else self._measure(window, repeats)
         if pace is None:
-            if stated is not None:
-                decision.set_pace(stated)
+            if options.rate_hz is not None:
+                decision.set_pace(Pace(SECOND / options.rate_hz))
             return
         decision.take_pace(pace)
         if (options.rate_hz is not None and rising >= _FEWEST_FOR_RATE
@@ -190,26 +190,21 @@ class Intake(Record):
                     '(analyze --clock), or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher."""
+        """Look for a second publisher, but where numbers say that there is one."""
         decision = self.decision
+        if decision.numbered:
+            return
         rows = ~(repeats.held | repeats.frozen)
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
-        if decision.numbered:
-            # By their numbers they are one publisher's.
-            return
-        seen = alternates(samples)
-        turns = [] if seen == 'noise' or self._is_alone(clocks[0]) else [
-            takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
-        if seen == 'noise' or 'apart' in turns:
-            decision.remarks['several_publishers'] = {}
-        elif seen or any(turns):
-            decision.remarks['alternating'] = {}
-
-    def _is_alone(self, stamps: Stamps) -> bool:
-        """Return whether stamps are so even that those of two sensors would be one's in turn."""
-        return self.decision.first_interval_ns is not None and _is_nearly_full(
-            self.decision.pace, stamps)
+        seen: list[str] = [alternates(samples)]
+        # Where stamps are so even those of two sensors would be one's in turn.
+        if 'noise' not in seen and (decision.first_interval_ns is None
+                                    or not _is_nearly_full(decision.pace, clocks[0])):
+            seen += [takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
+        if any(seen):
+            decision.remarks['several_publishers' if {'noise', 'apart'} & {*seen}
+                             else 'alternating'] = {}
 
     def _choose_clock(self, window: Window) -> None:
         decision, options = self.decision, self._options
@@ -260,10 +255,13 @@ class Intake(Record):
         twice = self._twice(window, self.stamps(window)[0])
         rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
-        numbers = self._numbers(window, repeats)
-        decision.numbered = numbers is not None
-        if numbers is not None:
-            numbers = (numbers - np.cumsum(twice))[rows]
+        numbers = window.numbers
+        # Those of the samples rise, but where a driver begins to number anew, once.
+        decision.numbered = numbers is not None and not (
+            len(numbers) < _FEWEST_FOR_RATE or repeats.held.any() or self._counts.other_frames
+            or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1)
+        numbers = ((numbers - np.cumsum(twice))[rows] if numbers is not None and decision.numbered
+                   else None)
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
@@ -272,8 +270,9 @@ class Intake(Record):
                 or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
                 or pace.hidden > 0.3):
             return pace, count
-        flaw = flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)
-        second, seen = (None, 0) if flaw else _pace_of(other, own, numbers, bursts=True)
+        if flaw_of(window.receive_ns, _repeats(window.samples), bursts=True):
+            return pace, count
+        second, seen = _pace_of(other, own, numbers, bursts=True)
         if second is not None and pace.counting and second.counting:
             # What either clock may hide is hidden.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
@@ -299,16 +298,6 @@ class Intake(Record):
         decision.remarks['receive_clock'] = {'flaw': None}
         return second, seen
 
-    def _numbers(self, window: Window, repeats: Repeats) -> Ints | None:
-        """Publication numbers, where they are those of the samples: rising, of one sensor."""
-        numbers = window.numbers
-        # A driver may begin to number anew, once.
-        if (numbers is None or len(numbers) < _FEWEST_FOR_RATE or repeats.held.any()
-                or self._counts.other_frames
-                or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1):
-            return None
-        return numbers
-
     def _replace_header_clock(self, window: Window) -> None:
         """Go on by receive stamps, in a new run, where header stamps have become unusable."""
         repeats, cursor = _repeats(window.samples), self._memory.cursor
@@ -326,19 +315,18 @@ class Intake(Record):
         """Messages that came twice, by a clock on which different messages share stamps."""
         counts = self._counts
         same = np.zeros(len(stamps), dtype=bool)
-        tied = np.empty(len(stamps), dtype=bool)
-        tied[0] = stamps[0] == (counts.receive if self.decision.clock == 'receive'
-                                else counts.header).last_ns
-        np.equal(stamps[1:], stamps[:-1], out=tied[1:])
-        if not self.decision.unties or not tied.any():
+        if not self.decision.unties:
             return same
-        same[1:] = (tied[1:] & (window.header_ns[1:] == window.header_ns[:-1])
-                    & _repeats(window.samples))
-        if tied[0] and len(self._memory.tail):
+        tied = stamps[1:] == stamps[:-1]
+        if tied.any():
+            same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
+                        & _repeats(window.samples))
+        last = counts.receive if self.decision.clock == 'receive' else counts.header
+        if (len(self._memory.tail) and stamps[0] == last.last_ns
+                and int(window.header_ns[0]) == counts.header.last_ns):
             newest = self._memory.tail[-1]
             there = ~np.isnan(newest)
-            same[0] = (int(window.header_ns[0]) == counts.header.last_ns
-                       and bool(np.array_equal(window.samples[0, there], newest[there])))
+            same[0] = np.array_equal(window.samples[0, there], newest[there])
         return same
 
     def _unusable(self, window: Window) -> tuple[Bools, Bools]:
@@ -375,13 +363,11 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
         stamps, other = stamps[order.keep], other[order.keep]
         if place is not None:
             place = (place - np.cumsum(order.duplicate))[order.keep]
-        if order.jumps.any():
-            starts = np.append(np.flatnonzero(order.jumps[order.keep]), len(stamps))
-            starts = np.insert(starts, 0, 0)
-            longest = int(np.argmax(np.diff(starts)))
-            run = slice(starts[longest], starts[longest + 1])
-            stamps, other = stamps[run], other[run]
-            place = None if place is None else place[run]
+        edges = [0, *np.flatnonzero(order.jumps[order.keep]).tolist(), len(stamps)]
+        longest = int(np.argmax(np.diff(edges)))
+        run = slice(edges[longest], edges[longest + 1])
+        stamps, other = stamps[run], other[run]
+        place = None if place is None else place[run]
     if place is not None:
         # Known losses are no change of rate.
         pace, numbered = measure_pace(stamps, other), pace_by_numbers(stamps, place)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import Any, Literal
 
-from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Content, Presence
 from imu_allan.timeline.clock import SECOND, Stamps
+from imu_allan.timeline.messages import Pending
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import Pace
@@ -295,7 +295,7 @@ class Cursor(Record):
 @dataclass
 class Memory(Record):
     """
-    All that a timeline remembers but messages that wait.
+    All that a timeline remembers.
 
     Attributes
     ----------
@@ -303,8 +303,8 @@ class Memory(Record):
         The last samples placed in this run.
     motion : MotionDetector or None
         None before the first sample.
-    blocks : list of ImuBlock
-        Messages that wait, where they are saved.
+    pending : Pending
+        Messages that wait.
 
     """
 
@@ -316,19 +316,10 @@ class Memory(Record):
     cursor: Cursor = field(default_factory=Cursor)
     tail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
     motion: MotionDetector | None = None
-    blocks: list[ImuBlock] = field(default_factory=list)
+    pending: Pending = field(default_factory=Pending)
 
     @property
     def excursions(self) -> list[list[float]]:
         """Slow turns that were not cut out, where motion is not to be kept."""
         return ([] if self.motion is None or self.options.motion == 'keep'
                 else self.motion.excursions)
-
-    def check(self) -> None:
-        """Refuse messages whose parts are not as many."""
-        for block in self.blocks:
-            n = len(block)
-            if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
-                    block.absent.shape) != ((n,), (n,), (n, 6), (n, 2)) or (
-                    block.numbers is not None and block.numbers.shape != (n,)):
-                raise ValueError('messages are missing')

@@ -24,39 +24,46 @@ class Window(ImuBlock):
 class Pending(Record):
     """Messages that wait, in the order they came, until enough are there to be worked off."""
 
-    _blocks: list[ImuBlock] = field(default_factory=list)
+    blocks: list[ImuBlock] = field(default_factory=list)
     # Counted once: asking each block for its length again costs more than its messages.
-    _messages: int = 0
+    messages: int = 0
 
-    def __len__(self) -> int:
-        """Messages that wait."""
-        return self._messages
+    def check(self) -> None:
+        """Refuse messages whose parts are not as many."""
+        for block in self.blocks:
+            n = len(block)
+            if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
+                    block.absent.shape) != ((n,), (n,), (n, 6), (n, 2)) or (
+                    block.numbers is not None and block.numbers.shape != (n,)):
+                raise ValueError('messages are missing')
+        if self.messages != sum(map(len, self.blocks)):
+            raise ValueError('messages are missing')
 
     def append(self, block: ImuBlock) -> None:
         """Let the messages of a block wait behind the others."""
-        self._blocks.append(block)
-        self._messages += len(block)
+        self.blocks.append(block)
+        self.messages += len(block)
 
-    def joined(self) -> list[ImuBlock]:
-        """Give all messages in one block, if there are any; axis after axis numpy is faster."""
-        if len(self._blocks) > 1:
-            blocks = self._blocks
+    def join(self) -> None:
+        """Put all messages in one block, if there are any; axis after axis numpy is faster."""
+        if len(self.blocks) > 1:
+            blocks = self.blocks
             numbers = [block.numbers for block in blocks if block.numbers is not None]
-            self._blocks = [ImuBlock(
+            self.blocks = [ImuBlock(
                 np.concatenate([block.header_ns for block in blocks]),
                 np.concatenate([block.receive_ns for block in blocks]),
                 np.concatenate([block.samples for block in blocks],
-                               out=np.empty((6, len(self))).T),
+                               out=np.empty((6, self.messages)).T),
                 np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
                 np.concatenate(numbers) if len(numbers) == len(blocks) else None)]
-        return self._blocks
 
     def take(self, n: int, consumed: int) -> Window:
         """Give the first `n` messages and let go of `consumed` of them."""
-        [block] = self.joined()
+        self.join()
+        [block] = self.blocks
         first = block.part(slice(n))
-        self._messages -= consumed
-        self._blocks = [block.part(slice(consumed, None))] if self._messages else []
+        self.messages -= consumed
+        self.blocks = [block.part(slice(consumed, None))] if self.messages else []
         return Window(first.header_ns, first.receive_ns, np.asfortranarray(first.samples),
                       first.absent, first.frame_id, first.numbers, consumed)
 

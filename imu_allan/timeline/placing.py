@@ -11,7 +11,7 @@ interpolated, long ones listed.
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from math import isnan, sqrt
+from math import sqrt
 
 from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.state import Record
@@ -45,8 +45,6 @@ _LATELY = 128
 """Messages from which lateness and jitter are measured: some seconds at common rates."""
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
-_UNEVEN_PART = 256
-"""Messages from which a rate that changes is measured: `_LATELY` of them pass without a gap."""
 _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
 
@@ -283,18 +281,17 @@ class Placing(Record):
     def _note_uneven(self, messages: Messages, steps: Ints) -> None:
         """Note the rate of messages that differs too little, or too briefly, to cut it out."""
         counts, c = self._counts, messages.consumed
-        whole = self._uneven_rate(messages.stamps[:c], steps[:c])
+        stamps, steps = messages.stamps[:c], steps[:c]
+        whole = self._uneven_rate(stamps, steps)
         if whole is None:
             return
-        # What differs for some seconds is little of the whole.
-        starts = range(0, c, _UNEVEN_PART // 2)
-        parts = [self._uneven_rate(messages.stamps[first:first + _UNEVEN_PART][:c - first],
-                                   steps[first:first + _UNEVEN_PART][:c - first])
-                 for first in starts]
-        for rate in (SECOND / self._decision.pace.interval_ns, whole, *parts):
-            if rate is not None:
-                counts.lowest_rate_hz = min(counts.lowest_rate_hz or rate, rate)
-                counts.highest_rate_hz = max(counts.highest_rate_hz, rate)
+        # What differs for some seconds is little of the whole. `_LATELY` of 256 pass without a
+        # gap.
+        parts = [self._uneven_rate(stamps[first:first + 256], steps[first:first + 256])
+                 for first in range(0, c, 128)]
+        rates = [SECOND / self._decision.pace.interval_ns, whole, *filter(None, parts)]
+        counts.lowest_rate_hz = min(counts.lowest_rate_hz or whole, *rates)
+        counts.highest_rate_hz = max(counts.highest_rate_hz, *rates)
 
     def _uneven_rate(self, stamps: Stamps, steps: Ints) -> float | None:
         """Give the rate of messages, None where it is that so far, or they are too few."""
@@ -381,13 +378,11 @@ class Placing(Record):
             np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
             some = messages.samples[:c:SPARSE, 3:]
-            total = some.sum(axis=0).tolist()
-            if isnan(sum(total)):
+            gone = np.flatnonzero(np.isnan(some).any(axis=1))
+            if len(gone):
                 # For a while an axis is not there, and may have been dead before.
-                gone = np.flatnonzero(np.isnan(some).any(axis=1))
                 some = some[int(gone[-1]) + 1:]
-                total = some.sum(axis=0).tolist()
-            counts.gravity = [a + b for a, b in zip(counts.gravity, total, strict=True)]
+            counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
             counts.gravity_samples += len(some)
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps

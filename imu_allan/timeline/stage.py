@@ -20,7 +20,7 @@ from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import Messages, NONE_VOID, Pending, Window
+from imu_allan.timeline.messages import Messages, NONE_VOID, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
@@ -51,11 +51,10 @@ class TimelineStage(Record):
     """
 
     def __init__(self, options: TimelineOptions = _DEFAULTS) -> None:
-        self._pending = Pending()
         self._use(Memory(options))
 
     def _use(self, memory: Memory) -> None:
-        self._memory = memory
+        self._memory, self._pending = memory, memory.pending
         self._intake, self._placing = Intake(memory), Placing(memory)
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
@@ -80,7 +79,7 @@ class TimelineStage(Record):
             decision.frame_id = block.frame_id
         self._pending.append(block)
         blocks: list[EvenBlock] = []
-        while len(self._pending) >= WINDOW:
+        while self._pending.messages >= WINDOW:
             blocks += self._work_off(self._pending.take(WINDOW, WINDOW - LOOK_AHEAD))
         return blocks
 
@@ -94,7 +93,7 @@ class TimelineStage(Record):
             As `push`.
 
         """
-        n = len(self._pending)
+        n = self._pending.messages
         blocks = self._work_off(self._pending.take(n, n)) if n else []
         if self._memory.motion is not None:
             rest = self._memory.motion.flush()
@@ -129,8 +128,8 @@ class TimelineStage(Record):
 
     def to_state(self) -> State:
         """Everything needed to go on later, as a flat dict of arrays."""
-        memory = self._memory
-        return state_of(replace(memory, blocks=self._pending.joined()))
+        self._pending.join()
+        return state_of(self._memory)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
@@ -148,22 +147,19 @@ class TimelineStage(Record):
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ImuAllanError(f'saved timeline is damaged: {error}') from error
         stage = cls()
-        for block in memory.blocks:
-            stage._pending.append(block)
-        memory.blocks = []
         stage._use(memory)
         return stage
 
     def summary(self) -> TimelineSummary:
         """Summarize every message so far, those still held back included."""
         stage = self
-        if self._pending or (self._memory.motion is not None and self._memory.motion.held):
+        if self._pending.blocks or (self._memory.motion is not None and self._memory.motion.held):
             stage = self.copy()
             try:
                 stage.flush()
             except ImuAllanError:
                 stage = self
-        return summarize(stage._memory, len(stage._pending))
+        return summarize(stage._memory)
 
     @property
     def epoch_ns(self) -> int | None:

@@ -104,23 +104,8 @@ class TimelineSummary:
     density_error: tuple[float, float] = (0.0, 0.0)
 
 
-def summarize(memory: Memory, held_back: int) -> TimelineSummary:
-    """
-    Summarize what was seen.
-
-    Parameters
-    ----------
-    memory : Memory
-        What the timeline remembers.
-    held_back : int
-        Messages that came but are not decided on.
-
-    Returns
-    -------
-    TimelineSummary
-        Of all that is decided on.
-
-    """
+def summarize(memory: Memory) -> TimelineSummary:
+    """Summarize what was seen by what the timeline remembers."""
     counts, decision, cursor = memory.counts, memory.decision, memory.cursor
     options, excursions = memory.options, memory.excursions
     remarks = remarks_of(memory)
@@ -153,7 +138,7 @@ def summarize(memory: Memory, held_back: int) -> TimelineSummary:
         start_time=start,
         remarks=remarks,
         present=tuple(decision.present or [True] * 6),
-        messages=counts.messages + held_back,
+        messages=counts.messages + memory.pending.messages,
         interpolated=counts.interpolated,
         gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,
         longest_gap_s=counts.longest_gap_ns / SECOND,

@@ -111,7 +111,7 @@ def test_damaged_states_are_gone_on_with_or_refused(count, seed):
 
 
 @pytest.mark.parametrize(('key', 'value'), [
-    ('lane0/timeline/blocks/0/receive_ns', np.nan),
+    ('lane0/timeline/pending/blocks/0/receive_ns', np.nan),
     ('lane0/memory/groups/0/estimator/pyramid/counts', np.int64(-2**63)),
     ('lane0/memory/groups/0/estimator/pyramid/sums', 1e308)])
 def test_numbers_that_no_record_has_are_refused(key, value):

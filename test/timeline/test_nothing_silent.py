@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that made a number wrong without a word: each is right now, or reported."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from time import process_time
 
 from imu_allan.errors import ImuAllanError
@@ -67,6 +67,51 @@ def lose(messages: Messages, lost: float | str, rng: np.random.Generator | None 
     return keep(messages, rng.random(n) >= lost)
 
 
+def all_but(messages: Messages, gone: slice) -> Messages:
+    there = np.ones(len(messages.place), bool)
+    there[gone] = False
+    return keep(messages, there)
+
+
+def in_ticks(messages: Messages, tick: float, since: float = 0.123456789) -> Messages:
+    """Round header stamps down to a tick."""
+    return replace(messages, header=np.floor((messages.header + since) / tick) * tick)
+
+
+def one_clock(messages: Messages) -> Messages:
+    return replace(messages, receive=messages.header.copy())
+
+
+def standing(messages: Messages) -> Messages:
+    return replace(messages, receive=np.full(len(messages.place), messages.receive[-1]))
+
+
+def dated_back(messages: Messages, size: int, interval: float, rate_hz: float = 100.0
+               ) -> Messages:
+    """Stamp batches back from when they are read, by an interval that is not the true one."""
+    place = messages.place
+    return replace(messages, header=((place // size + 1) * size
+                                     - (size - 1 - place % size) * interval) / rate_hz)
+
+
+def late(messages: Messages, by_s: float, rng: np.random.Generator, apart_s: float = 1e-9
+         ) -> Messages:
+    """Let header stamps be late at random, in order."""
+    header = messages.header + rng.exponential(by_s, len(messages.place))
+    return replace(messages, header=np.maximum.accumulate(header) + apart_s * messages.place)
+
+
+def outages(messages: Messages, rng: np.random.Generator, on_s: float, off_s: float,
+            irregular: bool) -> Messages:
+    """Lose everything for a while, again and again."""
+    there, at = np.zeros(len(messages.place), bool), 0.0
+    while at < messages.header[-1]:
+        lasts = on_s * (rng.uniform(0.5, 1.5) if irregular else 1)
+        there |= (messages.header >= at) & (messages.header < at + lasts)
+        at += lasts + off_s * (rng.uniform(0.5, 1.5) if irregular else 1)
+    return keep(messages, there)
+
+
 def in_batches(messages: Messages, size: int, rate_hz: float, apart_s: float = 2e-5) -> Messages:
     """Stamp messages when a batch of them is read."""
     stamps = (messages.place // size + 1) * size / rate_hz + messages.place % size * apart_s
@@ -111,47 +156,90 @@ def false_terms(result: Result) -> int:
                for axis in result.axes.values())
 
 
-@pytest.mark.parametrize(('on_s', 'off_s'), [
-    (5, 5), slow(8, 7), slow(4, 12), slow(1, 3), (0.5, 15)])
-@pytest.mark.parametrize('irregular', [False, True])
-def test_outages_longer_than_what_lies_between_leave_rate_and_noise_as_they_are(
-        on_s, off_s, irregular):
-    messages, truth, rng = gyro(duration_s=400)
-    there, at = np.zeros(len(messages.place), bool), 0.0
-    while at < 400:
-        lasts = on_s * (rng.uniform(0.5, 1.5) if irregular else 1)
-        there |= (messages.header >= at) & (messages.header < at + lasts)
-        at += lasts + off_s * (rng.uniform(0.5, 1.5) if irregular else 1)
-    result = characterized(keep(messages, there))
-    assert_right(result, truth, 0.1)
-    assert codes(result).isdisjoint({'uneven_stamps', 'rate_changed'})
+SINCE = START_NS % 10**6 * 1e-9
+STAMPS: list[tuple[str, float, float, float, Callable[..., Messages]]] = [
+    *((f'{on_s} of {on_s + off_s} s, {irregular=}', 100.0, 400, 0,
+       partial(outages, on_s=on_s, off_s=off_s, irregular=irregular))
+      for on_s, off_s in ((5, 5), (8, 7), (4, 12), (1, 3), (0.5, 15))
+      for irregular in (False, True)),
+    *((f'{count} messages, every other 5 s', 100.0, 150, 0, lambda m, _, count=count: keep(
+        m, np.floor(m.header / 5) % 2 == 0).pick(np.arange(count)))
+      for count in range(600, 7500, 1777)),
+    *((f'{on} between outages of 21', 5.0, 1200, 0, lambda m, _, on=on: keep(
+        standing(m), m.place % (on + 21) < on)) for on in (3, 4, 7)),
+    *((f'batches of {size}, outages', 100.0, 150, 6, lambda m, _, size=size: keep(
+        in_batches(m, size, 100.0), m.header % 6 < 5)) for size in (4, 10, 20)),
+    *((f'headers in batches of {size}, outages', 100.0, 150, 0, lambda m, _, size=size: keep(
+        replace(in_batches(m, size, 100.0), receive=m.receive), m.header % 6 < 5))
+      for size in (4, 10, 20)),
+    *((f'a tick of {tick} s at {rate_hz} Hz, {lost} lost, {other=}', rate_hz, 60, 4,
+       lambda m, rng, tick=tick, lost=lost, other=other: lose(
+           (in_ticks if other else lambda *a: one_clock(in_ticks(*a)))(
+               m, tick, 0.123456789 if lost else 0), lost, rng))
+      for rate_hz, tick, lost in (
+          (952.0, 1e-3, 1e-3), (208.0, 4e-3, 1e-3), (80.0, 1e-2, 1e-3), (104.0, 1e-2, 0.0),
+          (1040.0, 1e-3, 0.0)) for other in (True, False)),
+    *((f'whole milliseconds at {rate_hz} Hz, {other=}', rate_hz, 60, 0, lambda m, _, other=other: (
+        replace if other else lambda m, header: one_clock(replace(m, header=header)))(
+            m, header=in_ticks(m, 1e-3, SINCE).header - SINCE))
+      for rate_hz in (400.0, 416.0) for other in (True, False)),
+    # A grid of the tick has its empty places, too: the receive stamps do not lie on it.
+    ('a tick of 10 ms, one of 12 lost', 62.5, 60, 0,
+     lambda m, _: keep(in_ticks(m, 1e-2, 0), m.place % 12 > 0)),
+    ('a tick of 5 ms, one of 18 lost', 119.0, 60, 0,
+     lambda m, _: keep(in_ticks(m, 5e-3, 0), m.place % 18 > 0)),
+    *((f'{pattern} of a tick', 208.0, 60, 2,
+       lambda m, _, pattern=pattern: lose(in_ticks(m, 4e-3), pattern))
+      for pattern in ('0111', '1100')),
+    ('a tick of half the interval', 23.8, 60, 0,
+     lambda m, _: keep(in_ticks(m, 0.02), m.place % 5 != 0)),
+    *((pattern, 100.0, 150, 2, lambda m, _, pattern=pattern: lose(m, pattern))
+      for pattern in ('1111111110', '1101', '101')),
+    *((f'{pattern} by one clock', 5.0, 1200, 2,
+       lambda m, _, pattern=pattern: lose(one_clock(m), pattern))
+      for pattern in ('1100', '11100', '111100')),
+    ('batches that hide what is dropped in turn', 100.0, 50, 2,
+     lambda m, _: keep(dated_back(m, 8, 1.08), m.place % 4 != 0)),
+    *((f'batches dated back by {interval}', 100.0, 150, 0,
+       lambda m, _, interval=interval: dated_back(m, 16, interval))
+      for interval in (0.92, 0.96, 1.04, 1.08)),
+    *((f'batches dated back at {rate_hz} Hz, one clock', rate_hz, 60, 0,
+       lambda m, _, rate_hz=rate_hz: one_clock(dated_back(m, 16, 1.08, rate_hz)))
+      for rate_hz in (100.0, 1000.0)),
+    *((f'{alone} alone in batches, {at_end=}', 100.0, 26, 0,
+       lambda m, _, gone=gone: all_but(dated_back(m, 8, 0.96), gone))
+      for alone in (1, 4) for at_end, gone in (
+          (True, slice(-alone - 9, -alone)), (False, slice(alone, alone + 9)))),
+    ('5 % lost, receive stamps stand still', 200.0, 60, 0,
+     lambda m, rng: lose(standing(m), 0.05, rng)),
+    ('long gaps, receive stamps stand still', 200.0, 60, 0,
+     lambda m, _: keep(standing(m), m.place % 60 >= 9)),
+    *((f'{lost} lost of late receive stamps', 800.0, 20, 50, lambda m, rng, lost=lost: lose(
+        replace(m, header=0.0 * m.header), lost, rng)) for lost in (0.45, 0.55, 0.6)),
+    ('jitter beside gaps of 46', 800.0, 10.5, 0, lambda m, rng: keep(
+        late(m, 0.2 / 800, rng, 1e-8), m.place % 178 >= 46)),
+    ('jitter beside gaps of 10', 100.0, 80, 0, lambda m, rng: keep(
+        late(m, 0.2 / 100, rng, 1e-8), m.place % 35 >= 10)),
+    ('a sample alone at the start', 208.0, 20, 0, lambda m, rng: all_but(
+        one_clock(late(m, 0.05 / 208, rng)), slice(1, 10))),
+    # The last one may as well be late.
+    ('a sample alone at the end', 208.0, 20, 9, lambda m, rng: all_but(
+        one_clock(late(m, 0.05 / 208, rng)), slice(-10, -1))),
+]
 
 
-@pytest.mark.parametrize('on', [3, 4, 7])
-def test_a_few_messages_between_long_outages_tell_the_rate(on):
-    messages, truth, _ = rest(5.0, 1200)
-    messages.receive[:] = messages.receive[-1]
-    summary, _ = run(keep(messages, messages.place % (on + 21) < on).block())
-    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-
-
-def test_a_result_stays_while_outages_come_and_go():
-    messages, truth, _ = gyro()
-    there = np.floor(messages.header / 5) % 2 == 0
-    kept = keep(messages, there)
-    for count in range(600, len(kept.place), 1777):
-        result = characterized(kept.pick(np.arange(count)))
-        assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-        assert len(result.axes) == 3
-
-
-@pytest.mark.parametrize('size', [slow(4), slow(10), 20])
-def test_batches_with_an_outage_now_and_then_keep_their_rate(size):
-    messages, truth, _ = gyro()
-    batches = in_batches(messages, size, truth.rate_hz)
-    for receive in (messages.receive, batches.receive):
-        kept = keep(replace(batches, receive=receive), messages.header % 6 < 5)
-        assert_right(characterized(kept), truth)
+@pytest.mark.parametrize(('rate_hz', 'duration_s', 'off', 'spoil'), [
+    pytest.param(*case, id=name) for name, *case in STAMPS])
+def test_rate_and_losses_are_right_whatever_the_stamps(rate_hz, duration_s, off, spoil):
+    messages, truth, rng = rest(rate_hz, duration_s)
+    kept = spoil(messages, rng)
+    summary, _ = run(kept.block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(
+        truth.rate_hz, rel=2e-3 if off else 5e-4)
+    assert off or not bounds(summary.remarks)[0]
+    assert summary.timeline.missing == pytest.approx(missed(kept), abs=off)
+    assert summary.timeline.samples == len(kept.place)
+    assert 'rate_changed' not in codes(summary)
 
 
 @pytest.mark.parametrize(('share', 'where'), combined(
@@ -194,50 +282,6 @@ def test_a_coarse_output_with_losses_is_not_at_the_end_of_its_range(step, lost):
     messages.samples = np.rint(messages.samples / (step * SIGMA)) * step * SIGMA
     kept = keep(messages, rng.random(len(messages.place)) >= lost)
     assert codes(characterized(kept)).isdisjoint({'saturated', 'deadband', 'stood_still'})
-
-
-@pytest.mark.parametrize(('rate_hz', 'tick', 'lost'), [
-    (952.0, 1e-3, 1e-3), slow(208.0, 4e-3, 1e-3), (80.0, 1e-2, 1e-3), (104.0, 1e-2, 0.0),
-    slow(1040.0, 1e-3, 0.0)])
-@pytest.mark.parametrize('other_clock', [True, False])
-def test_a_tick_about_as_long_as_the_interval_is_not_taken_for_it(
-        rate_hz, tick, lost, other_clock):
-    messages, truth, rng = gyro(rate_hz, 60)
-    messages.header = np.floor((messages.header + (0.123456789 if lost else 0)) / tick) * tick
-    if not other_clock:
-        messages.receive = messages.header.copy()
-    result = characterized(lose(messages, lost, rng))
-    assert_right(result, truth, 0.04)
-    assert lost or result.timeline.duplicates == 0
-
-
-@pytest.mark.parametrize(('rate_hz', 'tick', 'one_of'), [(62.5, 1e-2, 12), (119.0, 5e-3, 18)])
-def test_a_tick_shorter_than_the_interval_is_none_where_messages_get_lost(rate_hz, tick, one_of):
-    # A grid of the tick has its empty places, too: the receive stamps do not lie on it.
-    messages, truth, _ = gyro(rate_hz, 60)
-    messages.header = np.floor(messages.header / tick) * tick
-    result = characterized(keep(messages, messages.place % one_of > 0))
-    assert_right(result, truth, 0.06)
-
-
-@pytest.mark.parametrize('pattern', [slow('1111111110'), slow('1101'), '101'])
-def test_messages_dropped_in_turn_are_missed(pattern):
-    messages, truth, _ = gyro()
-    kept = lose(messages, pattern)
-    result = characterized(kept)
-    assert_right(result, truth)
-    assert 'many_missing' in codes(result)
-    assert result.timeline.missing == pytest.approx(missed(kept), abs=2)
-
-
-@pytest.mark.parametrize('pattern', ['1100', '11100', '111100'])
-def test_messages_dropped_in_turn_are_missed_by_one_clock_alone(pattern):
-    messages, truth, _ = rest(5.0, 1200)
-    messages.receive = messages.header.copy()
-    result, _ = run(lose(messages, pattern).block())
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert codes(result) >= {'many_missing'}
-    assert 'uneven_stamps' not in codes(result)
 
 
 @pytest.mark.parametrize(('pattern', 'heavy'), combined(
@@ -330,18 +374,6 @@ def test_random_losses_within_batches_bound_the_error_and_batches_alone_are_no_l
     assert lost < hidden < 2 * lost if lost else hidden == 0
 
 
-@pytest.mark.parametrize('lost', ['random', 'long gaps'])
-def test_receive_stamps_that_stand_still_are_no_witness_against_losses(lost):
-    messages, truth, rng = gyro(200.0, 60)
-    messages.receive = np.full(len(messages.place), messages.receive[-1])
-    there = (rng.random(len(messages.place)) > 0.05 if lost == 'random'
-             else messages.place % 60 >= 9)
-    kept = keep(messages, there)
-    result = characterized(kept)
-    assert_right(result, truth)
-    assert result.timeline.missing == missed(kept)
-
-
 @pytest.mark.parametrize('batch', [1.0, 10 / 119])
 def test_headers_in_whole_seconds_or_batches_are_no_witness_against_losses(batch):
     messages, _, _ = rest(119.0, 60)
@@ -379,17 +411,6 @@ def test_axes_that_are_absent_for_most_of_the_first_messages_make_no_topic_unusa
     result = characterized(messages)
     assert_right(result, truth, 0.05, axes=3)
     assert result.timeline.samples == len(messages.place) - 3900
-
-
-@pytest.mark.parametrize('off', [-0.08, slow(-0.04), slow(0.04), 0.08])
-def test_batches_dated_back_by_a_wrong_interval_have_the_rate_of_their_reading(off):
-    messages, truth, _ = gyro()
-    size = 16
-    messages.header = ((messages.place // size + 1) * size
-                       - (size - 1 - messages.place % size) * (1 + off)) / truth.rate_hz
-    result = characterized(messages)
-    assert_right(result, truth)
-    assert result.timeline.samples > 0.999 * len(messages.place)
 
 
 @pytest.mark.parametrize('offset', [0.3, 0.5])
@@ -714,38 +735,6 @@ def test_a_short_record_in_batches_has_the_rate_of_whole_batches(count):
     assert bounds(result.remarks)[2] == pytest.approx(10 / count, abs=5e-4)
 
 
-@pytest.mark.parametrize('pattern', ['0111', '1100'])
-def test_an_exact_grid_on_which_the_other_clock_does_not_lie_is_a_tick(pattern):
-    messages, truth, _ = rest(208.0, 60)
-    messages.header = np.floor((messages.header + 0.123456789) / 4e-3) * 4e-3
-    kept = lose(messages, pattern)
-    result, _ = run(kept.block())
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert result.timeline.missing == pytest.approx(missed(kept), abs=2)
-    assert 'receive_clock' in codes(result)
-
-
-def test_a_tick_of_less_than_half_the_interval_gives_way_to_the_other_clock():
-    messages, truth, _ = rest(23.8, 60)
-    messages.header = np.floor((messages.header + 0.123456789) / 0.02) * 0.02
-    kept = keep(messages, messages.place % 5 != 0)
-    result, _ = run(kept.block())
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert result.timeline.missing == missed(kept)
-    assert 'receive_clock' in codes(result)
-
-
-def test_batches_that_hide_what_is_dropped_in_turn_give_way_to_the_other_clock():
-    messages, truth, _ = rest(duration_s=50)
-    size = 8
-    messages.header = ((messages.place // size + 1) * size
-                       - (size - 1 - messages.place % size) * 1.08) / truth.rate_hz
-    there = messages.place % 4 != 0
-    result, _ = run(keep(messages, there).block())
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
-
-
 def test_messages_with_unusable_values_keep_their_places_where_messages_are_counted():
     messages, truth, rng = gyro()
     spoilt = rng.random(len(messages.place)) < 0.1
@@ -796,44 +785,6 @@ def test_gaps_about_as_long_as_the_tolerance_leave_the_rate_as_exact_as_late_sta
     lost = 5 + (rng.random(len(messages.place)) < 0.7)[messages.place // 16]
     summary, _ = run(keep(messages, messages.place % 16 >= lost).block())
     assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=5e-4)
-
-
-@pytest.mark.parametrize('at_end', [True, False])
-def test_a_sample_alone_at_an_end_leaves_the_rate_of_the_others(at_end):
-    messages, truth, rng = rest(208.0, 20)
-    messages.header = np.maximum.accumulate(
-        messages.header + rng.exponential(0.05 / truth.rate_hz, len(messages.place)))
-    messages.receive = messages.header + 1e-4
-    there = np.ones(len(messages.place), bool)
-    there[slice(-10, -1) if at_end else slice(1, 10)] = False
-    summary, _ = run(keep(messages, there).block())
-    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-4)
-    # The last one may as well be late.
-    assert summary.timeline.missing in ((0, 9) if at_end else (9,))
-
-
-@pytest.mark.parametrize(('rate_hz', 'duration_s', 'period', 'lost'), [
-    (800.0, 10.5, 178, 46), (100.0, 80.0, 35, 10)])
-def test_jitter_beside_long_gaps_leaves_the_rate_as_it_is(rate_hz, duration_s, period, lost):
-    messages, truth, rng = gyro(rate_hz, duration_s)
-    late = rng.exponential(0.2 / truth.rate_hz, len(messages.place))
-    messages.header = np.maximum.accumulate(messages.header + late) + 1e-6 * messages.place
-    truth.rate_hz /= 1 + 1e-6 * truth.rate_hz
-    result = characterized(keep(messages, messages.place % period >= lost))
-    assert_right(result, truth, 0.06)
-
-
-@pytest.mark.parametrize('alone', [1, 4])
-@pytest.mark.parametrize('at_end', [True, False])
-def test_a_few_samples_alone_at_an_end_are_behind_a_gap_whatever_the_stamps(alone, at_end):
-    messages, truth, _ = rest(duration_s=26)
-    messages.header = ((messages.place // 8 + 1) * 8
-                       - (7 - messages.place % 8) * 0.96) / truth.rate_hz
-    there = np.ones(len(messages.place), bool)
-    there[slice(-alone - 9, -alone) if at_end else slice(alone, alone + 9)] = False
-    result, _ = run(keep(messages, there).block())
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert result.timeline.missing == 9
 
 
 @pytest.mark.parametrize('seed', [5_000_071, 5_000_595, 5_002_621])
@@ -931,17 +882,6 @@ def test_what_is_dropped_in_turn_between_late_receive_stamps_is_missed_or_bounde
     assert truth.rate_hz * (1 - hidden) < 1.002 * rate < 1.004 * truth.rate_hz
 
 
-@pytest.mark.parametrize('lost', [slow(0.45), slow(0.55), 0.6])
-def test_late_receive_stamps_of_which_most_are_lost_show_their_grid(lost):
-    for seed in range(3):
-        messages, truth, rng = rest(800.0, 20, seed)
-        messages.header[:] = 0.0
-        kept = lose(messages, lost, rng)
-        summary, _ = run(kept.block())
-        assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-        assert summary.timeline.missing == pytest.approx(missed(kept), rel=5e-3)
-
-
 @pytest.mark.parametrize('lost', [0.6, slow(0.55)])
 def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(lost):
     for seed in range(2):
@@ -951,18 +891,6 @@ def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(lost):
         result = characterized(lose(batches, lost, rng))
         value = result.axes['gyro_x'].coefficients['noise_density'].value
         assert 0.97 < value / truth.density < 1.02 + bounds(result.warnings)[1]
-
-
-@pytest.mark.parametrize('rate_hz', [100.0, slow(1000.0)])
-def test_batches_that_reach_back_into_those_before_keep_their_rate(rate_hz):
-    # Dated back by an interval that is 8 % too long.
-    messages, truth, _ = gyro(rate_hz, 60)
-    messages.header = ((messages.place // 16 + 1) * 16
-                       - (15 - messages.place % 16) * 1.08) / truth.rate_hz
-    messages.receive = messages.header + 1e-3
-    result = characterized(messages)
-    assert_right(result, truth)
-    assert result.timeline.out_of_order == 0
 
 
 @pytest.mark.parametrize(('size', 'lost'), combined(
@@ -1041,20 +969,6 @@ def test_publication_numbers_change_nothing_where_stamps_tell_as_much():
     messages, _, rng = rest()
     kept = keep(messages, rng.random(len(messages.place)) > 0.03)
     assert characterized(kept, numbered=True).to_dict() == characterized(kept).to_dict()
-
-
-@pytest.mark.parametrize('rate_hz', [400.0, 416.0])
-@pytest.mark.parametrize('other_clock', [True, False])
-def test_stamps_in_whole_ticks_bound_nothing_where_nothing_is_lost(rate_hz, other_clock):
-    messages, truth, _ = rest(rate_hz, 60)
-    fraction = START_NS % 10**6 * 1e-9
-    messages.header = np.floor((messages.header + fraction) / 1e-3) * 1e-3 - fraction
-    if not other_clock:
-        messages.receive = messages.header.copy()
-    summary, _ = run(messages.block())
-    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
-    assert not summary.timeline.missing
-    assert bounds(summary.remarks)[0] == 0
 
 
 @pytest.mark.parametrize('axis', [0, 2, 4])
