@@ -16,24 +16,13 @@ _BLOCK = 64
 """Samples of a transform: drift stays out of its upper half, where neighbours are compared."""
 _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
-_SURE, _LOUDER = 5.0, 0.05
-"""Standard errors of what alternates in all blocks, and the share of a magnitude: means .16 of a
-standard deviation apart are found among 4,096 messages."""
 _ALTERNATING_AXES = 3
 """Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
-_QUARTER = slice(_BLOCK // 4 - 1, _BLOCK // 4 + 2)
-"""Frequencies of a block about a quarter of the rate."""
-_NEARLY_ALL, _ROUNDING = 0.9, 1e-3
-"""Of the samples of an interpolated axis, and how far off they are in those that are its own."""
 _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, and a vibration goes on."""
-_FEWEST_IN_TURN, _MOST_IN_TURN = 512, 2048
-"""Messages that show whose turn it is: in time it takes no more."""
-_PERIODS = np.linspace(-0.014, 0.014, 5)
-"""Shares by which a sensor's interval may be off: jitter of a fifth of it leaves as much."""
 _SPIKE_SIGMAS = 10.0
 """Of the noise of a sample: far beyond chance, and what the remark says. A judgment."""
-_ISOLATED, _MOST_WILD = 3, 2
+_ISOLATED = 3
 """Two wild samples within so many of each other may be errors, three are the motion of a knock."""
 
 
@@ -58,7 +47,10 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
         return ''
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
     enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
-    own = ~_interpolated(known)
+    # Interpolated axes are left out: nearly every second sample is the mean of its neighbours.
+    bends = np.abs(np.diff(known, 2, axis=0))
+    one, other = (np.quantile(bends[start::2], 0.9, axis=0) for start in (0, 1))
+    own = np.minimum(one, other) >= 1e-3 * np.maximum(one, other)
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
     # An axis without noise has rounding errors to compare.
@@ -68,7 +60,7 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     magnitude = np.abs(centred)
     found, _ = _line_at_half(magnitude, own)
     swing = np.abs(np.mean(magnitude[:, ::2] - magnitude[:, 1::2], axis=(0, 1)))
-    found &= swing > _LOUDER * magnitude.mean(axis=(0, 1))
+    found &= swing > 0.05 * magnitude.mean(axis=(0, 1))
     if np.count_nonzero(found) >= enough:
         return 'noise'
     return 'means' if means else ''
@@ -85,11 +77,12 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     # in every few blocks changes whose turn it is, not at all for a spectrum that rises.
     line = ((np.mean(turns[1:] * turns[:-1], axis=0) > 0.5 * scatter)
             & (power[-1] > _ALTERNATING * level))
-    # Where no gap changes whose turn it is, all blocks together show a weak one.
-    line |= len(turns) * turns.mean(axis=0) ** 2 > _SURE ** 2 * np.maximum(
-        turns.var(axis=0), level)
+    # Where no gap changes whose turn it is, all blocks together show a weak one by five standard
+    # errors: of 4,096 messages means .16 of a standard deviation apart.
+    line |= len(turns) * turns.mean(axis=0) ** 2 > 25.0 * np.maximum(turns.var(axis=0), level)
     # The magnitude of a vibration at a quarter of the rate alternates.
-    return line & own, own & (power[_QUARTER].max(axis=0) <= _ALTERNATING * level)
+    quarter = power[_BLOCK // 4 - 1:_BLOCK // 4 + 2].max(axis=0)
+    return line & own, own & (quarter <= _ALTERNATING * level)
 
 
 def takes_turns(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
@@ -111,8 +104,9 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
         As it was measured.
 
     """
-    time = (stamps[:_MOST_IN_TURN] - stamps[0]).astype(np.float64)
-    if len(time) < _FEWEST_IN_TURN:
+    # To see whose turn it is takes no more.
+    time = (stamps[:2048] - stamps[0]).astype(np.float64)
+    if len(time) < 512:
         return ''
     samples = samples[:len(time)]
     known = np.clip(samples[:, np.isfinite(samples).all(axis=0)], -LARGEST, LARGEST)
@@ -161,8 +155,9 @@ def _side_in_time(time: Floats, known: Floats, grid: list[float], least: float
         side -= side.mean()
         products = np.concatenate([side[lag:] * side[:-lag] for lag in _LASTING_LAGS])
         for period in periods:
+            # Jitter of a fifth of the interval leaves it off by as much.
             if period > 0 and any(_in_turn(time, period * (1 + off), products, least)
-                                  for off in _PERIODS.tolist()):
+                                  for off in np.linspace(-0.014, 0.014, 5).tolist()):
                 return side, period
     return None
 
@@ -192,13 +187,6 @@ def _apart(known: Floats) -> Iterator[Floats]:
         product = white[beside:].T @ white[:-beside]
         yield white @ np.linalg.eigh(product + product.T)[1][:, 0]
     yield np.sum(white**2, axis=1)
-
-
-def _interpolated(known: Floats) -> Bools:
-    """Find axes of which every second sample is the mean of its neighbours."""
-    bends = np.abs(np.diff(known, 2, axis=0))
-    one, other = (np.quantile(bends[start::2], _NEARLY_ALL, axis=0) for start in (0, 1))
-    return np.asarray(np.minimum(one, other) < _ROUNDING * np.maximum(one, other))
 
 
 def noise_of_steps(steps: Floats) -> Floats:
@@ -267,5 +255,5 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     # The samples beside them are louder in one of 10,000 cases by chance, and nearly always in a
     # knock, which rings.
     loud = np.sum(np.where(others, values - mean[:, None], 0.0)**2, axis=1) > 2.3**2 * count
-    found[at] = (np.sum(inside & found[beside], axis=1) <= _MOST_WILD) & ~loud.any(axis=1)
+    found[at] = (np.sum(inside & found[beside], axis=1) <= 2) & ~loud.any(axis=1)
     return found
