@@ -206,13 +206,11 @@ class Placing(Record):
         for (first, other_rate), last in zip(changes, ends, strict=True):
             end = len(messages.stamps) if last == messages.consumed else last
             part = messages.pick(slice(first, end), last - first)
-            if not part.consumed:
-                continue
-            if other_rate:
+            if part.consumed and other_rate:
                 self._leave_out(part)
-                continue
-            self.cursor.other_rate = False
-            yield from self._put(part, self._steps(part, self._lost(part)))
+            elif part.consumed:
+                self.cursor.other_rate = False
+                yield from self._put(part, self._steps(part, self._lost(part)))
 
     def _leave_out(self, messages: Messages) -> None:
         """Reject messages that come at another rate."""

@@ -60,8 +60,6 @@ class TimelineSummary:
         Stamps equal to, or before, the stamp of the message before, on either clock.
     clock_jumps : int
         Jumps of the clock, and changes from one clock to the other.
-    at_other_rate : int
-        Messages rejected because they came at another rate than the first ones.
     motions, excluded_s : int, float
         Number and total duration of the spans of motion cut out, listed or not.
     moving : bool
@@ -95,7 +93,6 @@ class TimelineSummary:
     receive_repeats: int = 0
     receive_backward: int = 0
     clock_jumps: int = 0
-    at_other_rate: int = 0
     motions: int = 0
     excluded_s: float = 0.0
     moving: bool = False
@@ -147,7 +144,7 @@ def summarize(memory: Memory) -> TimelineSummary:
         jitter_s=jitter,
         header_repeats=counts.header.repeats, header_backward=counts.header.backward,
         receive_repeats=counts.receive.repeats, receive_backward=counts.receive.backward,
-        clock_jumps=counts.clock_jumps, at_other_rate=counts.at_other_rate,
+        clock_jumps=counts.clock_jumps,
         motions=motion.cut.count, excluded_s=motion.cut.total_s, moving=motion.moving,
         mostly_motion=mostly_motion(motion),
         turned=tuple(name for axis, name in enumerate(AXES)
