@@ -72,7 +72,7 @@ def _uneven_error(counts: Counts) -> float:
 def mostly_motion(motion: MotionSummary) -> bool:
     """Return whether a recording moves, without a stop to rest that is worth the name."""
     # A stop at a traffic light is longer; a car between two bends is quiet for less. What shakes
-    # by a third as much where it does not turn is no rest, but a straight.
+    # more than a third as much where it does not turn is no rest, but a straight.
     return _moves(motion) and (motion.kept.longest_s < 5.0
                                or motion.contrast < 0.999 * log(3.0) * 2 / 3)
 

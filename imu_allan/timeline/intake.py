@@ -190,7 +190,7 @@ class Intake(Record):
                     '(analyze --clock), or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher, but where numbers say that there is one."""
+        """Look for a second publisher, unless numbers show that there is none."""
         decision = self.decision
         if decision.numbered:
             return
@@ -198,7 +198,7 @@ class Intake(Record):
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
         seen: list[str] = [alternates(samples)]
-        # Where stamps are so even those of two sensors would be one's in turn.
+        # Stamps as even as one sensor's are those of one, or of two in turn.
         if 'noise' not in seen and (decision.first_interval_ns is None
                                     or not _is_nearly_full(decision.pace, clocks[0])):
             seen += [takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
