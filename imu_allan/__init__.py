@@ -28,26 +28,15 @@ if TYPE_CHECKING:
     from imu_allan.writers.plot import plot
     from imu_allan.writers.result_file import load_result
 
-_WHERE = {
-    'analyze': 'imu_allan.analysis',
-    'assess': 'imu_allan.tuning.tune',
-    'AxisResult': 'imu_allan.result',
-    'characterize': 'imu_allan.characterization.axis',
-    'Characterization': 'imu_allan.characterization',
-    'DriftForecast': 'imu_allan.tuning.forecast',
-    'Estimator': 'imu_allan.noise.record.estimator',
-    'FilterTuning': 'imu_allan.tuning.tune',
-    'ImuAllanError': 'imu_allan.errors',
-    'load_result': 'imu_allan.writers.result_file',
-    'plot': 'imu_allan.writers.plot',
-    'predicted_drift': 'imu_allan.tuning.forecast',
-    'Result': 'imu_allan.result',
-    'simulate': 'imu_allan.noise.simulate',
-    'state_space': 'imu_allan.tuning.state_space',
-    'StateSpace': 'imu_allan.tuning.state_space',
-    'TimelineOptions': 'imu_allan.timeline',
-    'tune': 'imu_allan.tuning.tune',
-}
+_WHERE = {name: f'imu_allan.{module}' for module, names in {
+    'analysis': 'analyze', 'characterization': 'Characterization',
+    'characterization.axis': 'characterize', 'errors': 'ImuAllanError',
+    'noise.record.estimator': 'Estimator', 'noise.simulate': 'simulate',
+    'result': 'AxisResult Result', 'timeline': 'TimelineOptions',
+    'tuning.forecast': 'DriftForecast predicted_drift',
+    'tuning.state_space': 'state_space StateSpace', 'tuning.tune': 'assess FilterTuning tune',
+    'writers.plot': 'plot', 'writers.result_file': 'load_result',
+}.items() for name in names.split()}
 
 __all__ = [
     'AxisResult', 'Characterization', 'DriftForecast', 'Estimator', 'FilterTuning',
