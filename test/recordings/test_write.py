@@ -23,7 +23,7 @@ import yaml
 KINDS = [('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')]
 every_kind = pytest.mark.parametrize(('storage', 'compression'), KINDS)
 MESSAGES = replace(
-    block(7000), absent=np.arange(14000).reshape(7000, 2) % 3 == 0)
+    block(17_000), absent=np.arange(34_000).reshape(17_000, 2) % 3 == 0)
 
 
 def parts(messages: ImuBlock, size: int) -> Iterator[ImuBlock]:
@@ -32,7 +32,7 @@ def parts(messages: ImuBlock, size: int) -> Iterator[ImuBlock]:
 
 
 @every_kind
-@pytest.mark.parametrize('size', [1, 1000, 7000])
+@pytest.mark.parametrize('size', [1, 1000, 17_000])
 def test_every_bit_comes_back_from_every_container(tmp_path, storage, compression, size):
     messages = joined(list(parts(MESSAGES, size))[:1000])
     bag = write_recording(tmp_path / 'bag', parts(messages, size), topic='/a', storage=storage,
@@ -68,11 +68,11 @@ def test_the_mcap_library_finds_every_checksum_and_index_right(tmp_path, compres
     [path] = bag.glob('*.mcap')
     with path.open('rb') as file:
         records = StreamReader(file, validate_crcs=True).records
-        assert sum(isinstance(record, Message) for record in records) == 7000
+        assert sum(isinstance(record, Message) for record in records) == 17_000
         file.seek(0)
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
-        assert summary.statistics.message_count == 7000
+        assert summary.statistics.message_count == 17_000
         assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 1
         stamps = [message.log_time for _, _, message in reader.iter_messages('/imu/data_raw')]
     assert stamps == sorted(MESSAGES.receive_ns.tolist())
