@@ -98,35 +98,26 @@ def test_a_link_planted_in_a_shared_folder_is_not_followed(
     assert (precious / 'result.json' if where == 'out' else precious).read_text() == 'mine'
 
 
-def test_ones_own_link_is_followed_in_a_shared_folder_too(tmp_path):
+def test_the_way_through_ones_own_links_and_dots_is_that_of_the_system(tmp_path):
+    (tmp_path / 'deep' / 'er').mkdir(parents=True)
     shared = shared_folder(tmp_path / 'shared')
-    (shared / 'link').symlink_to(tmp_path / 'real')
-    write_atomically(shared / 'link', b'content')
-    assert (tmp_path / 'real').read_bytes() == b'content'
-
-
-def test_links_that_lead_in_a_circle_are_reported(tmp_path):
-    (tmp_path / 'a').symlink_to('b')
-    (tmp_path / 'b').symlink_to('a')
+    for link, target in ((shared / 'link', tmp_path / 'real'), (tmp_path / 'a', 'b'),
+                         (tmp_path / 'b', 'a'), (tmp_path / 'link', tmp_path / 'deep' / 'er')):
+        link.symlink_to(target)
+    for path, written in ((shared / 'link', tmp_path / 'real'),
+                          (tmp_path / 'link' / '..' / 'file', tmp_path / 'deep' / 'file')):
+        write_atomically(path, b'content')
+        assert written.read_bytes() == b'content'
     with refused(unwritable(tmp_path / 'a', 'Too many levels of symbolic links')):
         write_atomically(tmp_path / 'a', b'content')
 
 
-def test_the_way_through_links_and_dots_is_that_of_the_system(tmp_path):
-    (tmp_path / 'deep' / 'er').mkdir(parents=True)
-    (tmp_path / 'link').symlink_to(tmp_path / 'deep' / 'er')
-    write_atomically(tmp_path / 'link' / '..' / 'file', b'content')
-    assert (tmp_path / 'deep' / 'file').read_bytes() == b'content'
-
-
-def test_writing_never_changes_the_umask_of_the_process(tmp_path, monkeypatch):
+def test_a_private_file_is_read_by_nobody_else_and_the_umask_stays(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'umask', lambda _: pytest.fail('the umask belongs to all threads'))
-    write_atomically(tmp_path / 'file', b'content')
-    assert (tmp_path / 'file').read_bytes() == b'content'
-
-
-def test_a_private_file_is_read_by_nobody_else(tmp_path):
     (tmp_path / 'file').write_bytes(b'')
     (tmp_path / 'file').chmod(0o644)
+    write_atomically(tmp_path / 'file', b'content')
+    assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o644
     write_atomically(tmp_path / 'file', b'content', private=True)
+    assert (tmp_path / 'file').read_bytes() == b'content'
     assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o600
