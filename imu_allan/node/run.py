@@ -3,7 +3,7 @@
 """One run: what belongs to it, is left behind when another begins, and goes on after a crash."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 import secrets
 from typing import Any, Literal, NamedTuple
@@ -26,9 +26,6 @@ from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.words import with_words
 from numpy.typing import NDArray
 
-BACKTEST_GROWTH = 1.15
-"""A backtest is made again when the record is longer by so much: what it says has hardly changed
-before, and each of its filters runs over half of the record."""
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 Half = Literal['gyro', 'accel']
@@ -72,21 +69,18 @@ class Snapshot:
         return self.as_one(self.fitted()[0])
 
 
+@dataclass(eq=False)
 class Lane:
     """What a run takes in of one topic, and what the node remembers about its samples."""
 
-    def __init__(self, characterization: Characterization, half: Half | None = None,
-                 unit: AccelerationUnit | None = None, known: Known | None = None,
-                 seen: Seen | None = None) -> None:
-        self.characterization = characterization
-        self.half: Half | None = half
-        self.unit = unit
-        self.known = Known() if known is None else known
-        self.seen = Seen() if seen is None else seen
-        self.fed = 0
-        self.stamp_ns = 0
-        # Why the latest messages are of no use.
-        self.error = ''
+    characterization: Characterization
+    half: Half | None = None
+    unit: AccelerationUnit | None = None
+    known: Known = field(default_factory=Known)
+    seen: Seen = field(default_factory=Seen)
+    fed: int = 0
+    stamp_ns: int = 0
+    error: str = ''  # why the latest messages are of no use
 
     @property
     def span_s(self) -> float:
@@ -164,8 +158,12 @@ class Run:
 
     @property
     def backtests(self) -> Backtests | None:
-        """Backtests that are still good; None where the record has become so much longer."""
-        return self._backtests if self.fed < BACKTEST_GROWTH * self._tested else None
+        """
+        Backtests that are still good; None where the record has become longer by 15 %.
+
+        Before, what they say has hardly changed, and each filter runs over half of the record.
+        """
+        return self._backtests if self.fed < 1.15 * self._tested else None
 
     def snapshot(self) -> Snapshot:
         """Return an independent copy, which can be fitted in another thread."""
@@ -266,25 +264,29 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
                       kept.seen)
                  for number, ((_, half), kept) in enumerate(
                      zip(setup.streams, saved.lanes, strict=True))]
+        _go_on(lanes, setup, saved.boot)
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
         raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
+    return Run(*lanes, looks=saved.looks, mark=saved.mark)
+
+
+def _go_on(lanes: list[Lane], setup: Setup, saved_boot: str) -> None:
+    """Let what comes next be apart from what was saved."""
     boot = boot_id()
     for number, lane in enumerate(lanes):
         try:
-            if boot and boot == saved.boot:
-                # Whoever starts a node again on the same boot has not switched the IMU off.
+            if boot and boot == saved_boot:
+                # Unless its driver has been started anew, the IMU has not been switched off.
                 lane.characterization.break_run()
             else:
                 lane.characterization.power_on()
+                # Every driver is a new one now: it marks no second power-on.
+                lane.known.publishers = []
         except ImuAllanError:
             # All that had come was of no use.
             lanes[number] = new_run(setup).lanes[number]
-        except (ValueError, TypeError, IndexError, ArithmeticError) as error:
-            raise UnusableState('damaged', f'its arrays do not belong together ({error})'
-                                ) from error
-    return Run(*lanes, looks=saved.looks, mark=saved.mark)
 
 
 def new_run(setup: Setup) -> Run:
