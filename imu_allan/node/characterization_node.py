@@ -38,7 +38,7 @@ from imu_allan.node.run import Half, Run, Setup
 from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
 from imu_allan.node.storage import Storage
-from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
+from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.verdict import findings_line, verdict_lines
@@ -110,9 +110,8 @@ class CharacterizationNode(AnyExecutorNode):
                                    values['accel_type']])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
-        self._thermometer_beside: ThermometerBeside | None = ThermometerBeside(self, subscribed[0])
-        thermometer = values['temperature_topic']
-        self._temperature = self._thermometer(thermometer) if thermometer else None
+        self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
+                                        values['temperature_topic'])
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(self, self._receptions, self._publications, self._log)
         run = self._storage.first_run()
@@ -185,24 +184,6 @@ class CharacterizationNode(AnyExecutorNode):
         facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)
         return Reception(subscription, facts, decode, Announcements(self._log, facts.topic))
 
-    def _thermometer(self, topic: str) -> TemperatureTopic:
-        return TemperatureTopic(self, topic, self._facts, len(self._receptions))
-
-    def _look_for_thermometer(self) -> None:
-        """Take the temperature from the only thermometer beside the IMU, once it is there."""
-        if self._temperature is not None or self._thermometer_beside is None:
-            return
-        if found := self._thermometer_beside.look():
-            try:
-                self._temperature = self._thermometer(found)
-            except ImuAllanError as error:
-                # Nobody has asked for it: the run goes on without, and says so once.
-                self._thermometer_beside = None
-                self._log.warning(f'no temperature: {error}', 'no thermometer')
-                return
-            self._log.info(f'temperature from {found}, the only thermometer in the namespace of '
-                           'the IMU')
-
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
         """Refuse together what the node would not start with; one alone may wait for the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
@@ -236,42 +217,38 @@ class CharacterizationNode(AnyExecutorNode):
         """Do what is due; return the time until the next tick."""
         with self._lock:
             now = time.monotonic()
-            count, elapsed_s, self._last_tick = self._work(now), now - self._last_tick, now
+            count = self._catch_up(now)
+            self._worker.hand_out()
+            if self._results.due(now):
+                self._results.publish_or_fit(now, self._run, max(
+                    reception.last_message for reception in self._receptions))
+            if self._storage.checkpoint_due(now, self._run):
+                self._storage.checkpoint(self._run)
+            if self._reports.due(now):
+                self._thermometer.look_beside()
+                self._reports.report(now, self._run, self._results.latest,
+                                     self._storage.checkpoint_age_s(now))
+                self._results.draw_if_watched(self._run)
+            elapsed_s, self._last_tick = now - self._last_tick, now
         return pace_s(count, elapsed_s)
 
-    def _work(self, now: float) -> int:
-        count = self._take(now)
-        self._feed(now)
-        self._worker.hand_out()
-        if self._results.due(now):
-            self._results.publish_or_fit(now, self._run, max(
-                reception.last_message for reception in self._receptions))
-        if self._storage.checkpoint_due(now, self._run):
-            self._storage.checkpoint(self._run)
-        if self._reports.due(now):
-            self._look_for_thermometer()
-            self._reports.report(now, self._run, self._results.latest,
-                                 self._storage.checkpoint_age_s(now))
-            self._results.draw_if_watched(self._run)
-        return count
-
-    def _catch_up(self) -> None:
-        """Take in what has come until now."""
-        now = time.monotonic()
-        self._take(now)
-        self._feed(now)
-
-    def _take(self, now: float) -> int:
-        return max([reception.take(now) for reception in self._receptions])
-
-    def _feed(self, now: float) -> None:
-        if self._temperature is not None:
-            self._temperature.take()
-            for number, lane in enumerate(self._run.lanes):
-                self._temperature.feed(number, lane.characterization)
+    def _catch_up(self, now: float) -> int:
+        """Take in what has come until now; return how much it was on a topic at most."""
+        most = self._take(now)
+        for number, lane in enumerate(self._run.lanes):
+            self._thermometer.feed(number, lane.characterization)
         for number, reception in enumerate(self._receptions):
             for publisher, blocks in reception.blocks(now):
                 self._runs.take(number, publisher, blocks)
+        return most
+
+    def _take(self, now: float) -> int:
+        if not self.context.ok():
+            # Once ROS is gone nothing more comes.
+            return 0
+        most = max([reception.take(now) for reception in self._receptions])
+        self._thermometer.take()
+        return most
 
     # -- one run after the other ----------------------------------------------------------------
 
@@ -295,13 +272,12 @@ class CharacterizationNode(AnyExecutorNode):
 
     async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
-            self._catch_up()
+            self._catch_up(time.monotonic())
             future = self._storage.save(self._run)
-        await self._settled(future)
-        error = future.exception()
-        response.success = error is None
-        response.message = (printable(error) if error is not None else
-                            '\n'.join(str(path) for path in future.result()))
+        failure = await self._failure(future)
+        response.success = failure is None
+        response.message = ('\n'.join(map(str, future.result())) if failure is None else
+                            failure)
         return response
 
     async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -315,17 +291,19 @@ class CharacterizationNode(AnyExecutorNode):
             self._results.fit(self._run)
             future = self._storage.checkpoint(self._run) if self._storage.keeps_state else None
         response.success, response.message = True, 'a new run has begun'
-        if future is not None:
-            await self._settled(future)
-            error = future.exception()
-            if error is not None:
-                response.success = False
-                response.message += f', but {printable(error)}'
+        failure = None if future is None else await self._failure(future)
+        if failure is not None:
+            response.success = False
+            response.message += f', but {failure}'
         self._log.info(response.message, 'reset')
         return response
 
-    async def _settled(self, future: 'Future[Any]') -> None:
-        """Let the executor go on until the worker is done, and it is the caller's turn."""
+    async def _failure(self, future: 'Future[Any]') -> str | None:
+        """
+        Let the executor go on until the worker is done, and it is the caller's turn.
+
+        Return what went wrong.
+        """
         executor = self.executor
         if isinstance(executor, Executor):
             future.add_done_callback(lambda _: executor.wake())
@@ -339,10 +317,12 @@ class CharacterizationNode(AnyExecutorNode):
         finally:
             # Whoever waits when the node ends comes here once there is no timer any more.
             self._callers.waiting -= 1
+        error = future.exception()
+        return None if error is None else printable(error)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._lock:
-            self._catch_up()
+            self._catch_up(time.monotonic())
             changes = request.data != self._facts.paused
             for reception in self._receptions:
                 reception.facts.paused = request.data
@@ -364,13 +344,15 @@ class CharacterizationNode(AnyExecutorNode):
     def _finish(self) -> bool:
         # One after the other: what fails costs the others nothing.
         done = [self._attempt(step) for step in (
-            self._take_rest,
+            lambda: self._catch_up(time.monotonic()),
+            self._runs.finish,
             lambda: self._storage.save_state_at_end(self._run),
             # Drawings come last: there may be no time for them.
             lambda: (self._runs.unproven is None
                      or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
             lambda: self._storage.save_files_at_end(self._run),
-            self._end_worker)]
+            # Nobody listens any more; but what became of files is reported.
+            lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
         if (result := self._results.latest) is not None:
             for line in filter(None, (*verdict_lines(result), findings_line(result))):
                 self._log.info(line)
@@ -379,27 +361,14 @@ class CharacterizationNode(AnyExecutorNode):
         self._storage.close()
         return all(done)
 
-    def _attempt(self, step: Callable[[], bool]) -> bool:
+    def _attempt(self, step: Callable[[], object]) -> bool:
         try:
-            return step()
+            return step() is not False
         except ImuAllanError as error:
             self._log.error(str(error), f'at the end: {type(error).__name__}')
         except Exception as error:
             self._log.bug(error, 'the node saves the rest and ends')
         return False
-
-    def _take_rest(self) -> bool:
-        now = time.monotonic()
-        if self.context.ok():
-            self._take(now)
-        self._feed(now)
-        self._runs.finish()
-        return True
-
-    def _end_worker(self) -> bool:
-        # Nobody listens any more; but what became of files is reported.
-        self._worker.finish({'save', 'checkpoint', 'aside'})
-        return True
 
 
 def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:

@@ -5,16 +5,16 @@
 import time
 
 from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.log import Log
 from imu_allan.recordings.thermometers import beside, in_celsius
 import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
-QUEUE = 1000
-"""Readings: seconds of the fastest thermometer, while the node fits."""
 _MOST_WAITING = 100_000
 """Readings that wait until it is known which stamps the samples have: hours of most sensors."""
 _MATCHING_S = 5.0
@@ -24,38 +24,53 @@ _SILENCE_S = 30.0
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
-class ThermometerBeside:
-    """The thermometer that nobody named: the one in the namespace of the IMU."""
+class Thermometer:
+    """Takes readings, of the topic that is named or found beside the IMU, and hands them on."""
 
-    def __init__(self, node: Node, topic: str) -> None:
+    def __init__(self, node: Node, log: Log, facts: Facts, lanes: int, named: str) -> None:
         self._node = node
-        self._topic = topic
-        self._seen: list[str] = []
-
-    def look(self) -> str | None:
-        """Return its topic once two looks have seen it alone: a driver's come one by one."""
-        before, self._seen = self._seen, sorted(
-            name for name, types in self._node.get_topic_names_and_types()
-            if 'sensor_msgs/msg/Temperature' in types and beside(self._topic, name)
-            and self._node.count_publishers(name))
-        return self._seen[0] if len(self._seen) == 1 and before == self._seen else None
-
-
-class TemperatureTopic:
-    """Takes readings and hands them to a run."""
-
-    def __init__(self, node: Node, topic: str, facts: Facts, lanes: int) -> None:
-        self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE,
-                                                 'temperature_topic')
+        self._log = log
         self._facts = facts
         self._waiting = [_NONE] * lanes
-        self._last_publisher = time.monotonic()
         self._last_reading: float | None = None
         self._longest_pause_s = 0.0
-        facts.temperature_topic = self._subscription.topic
+        self._beside: list[str] = []
+        self._finds = not named
+        self._subscription: DrainedSubscription | None = None
+        if named:
+            self._subscribe(named)
+
+    def _subscribe(self, topic: str) -> None:
+        # Readings: seconds of the fastest thermometer, while the node fits.
+        self._subscription = DrainedSubscription(self._node, Temperature, topic, 1000,
+                                                 'temperature_topic')
+        self._last_publisher = time.monotonic()
+        self._facts.temperature_topic = self._subscription.topic
+
+    def look_beside(self) -> None:
+        """Take the only one beside the IMU once two looks have seen it: they come one by one."""
+        if not self._finds:
+            return
+        before, self._beside = self._beside, sorted(
+            name for name, types in self._node.get_topic_names_and_types()
+            if 'sensor_msgs/msg/Temperature' in types and beside(self._facts.topic, name)
+            and self._node.count_publishers(name))
+        if len(self._beside) != 1 or before != self._beside:
+            return
+        self._finds, [found] = False, self._beside
+        try:
+            self._subscribe(found)
+        except ImuAllanError as error:
+            # Nobody has asked for it: the run goes on without.
+            self._log.warning(f'no temperature: {error}', 'no thermometer')
+        else:
+            self._log.info(f'temperature from {found}, the only thermometer in the namespace of '
+                           'the IMU')
 
     def take(self) -> None:
         """Take what has come; what is no Temperature is counted and passed over."""
+        if self._subscription is None:
+            return
         batch = self._subscription.take()
         self._facts.thermometers = self._subscription.publishers
         stamps, readings = [], []
