@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.node.result_messages import as_text, remark_values
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from imu_allan.node.result_messages import key_values, remark_values
 from imu_allan.node.sequential import rest_s
 from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
@@ -26,8 +26,6 @@ _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'f
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
                      'rest_within_motion', 'several_frames', 'spikes'})
 """Codes of findings about what may be over: counts say whether it goes on."""
-_REJECTING = frozenset({'several_frames', 'several_publishers', 'rate_changed'})
-"""Codes of remarks that say by themselves which messages are rejected."""
 
 RECENT_S = 30.0
 """Somebody who looks twice a minute sees what happened; what is longer ago is a total."""
@@ -37,7 +35,6 @@ _LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 Verdict = tuple[bytes, str]
-_LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
 
 
 class Condition(NamedTuple):
@@ -145,13 +142,13 @@ def diagnostics_message(node_name: str, stamp: Time,
     parts += [('estimation', both, _estimation_verdict(facts, result),
                _estimation_values(facts, result)),
               ('storage', both, _storage_verdict(facts), _storage_values(facts))]
-    parts += [(finding.standard, both, (_LEVELS[finding.level], finding.message), {})
+    levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
+    parts += [(finding.standard, both, (levels[finding.level], finding.message), {})
               for finding in facts.findings]
     for name, topic, (level, message), values in parts:
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message, hardware_id=topic,
-            values=[KeyValue(key=key, value=as_text(value)) for key, value in values.items()
-                    if value is not None]))
+            values=key_values(values)))
     return array
 
 
@@ -248,7 +245,9 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         ('missing', 'sample', ' missing'), ('duplicates', 'duplicate', ''),
         ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
-    rejected = facts.recent['rejected']
+    # Some remarks say by themselves which messages are rejected.
+    rejected = 0 if {code for code, _ in remarks} & {
+        'several_frames', 'several_publishers', 'rate_changed'} else facts.recent['rejected']
     return [
         Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
         Condition('probation', facts.on_probation, OK,
@@ -267,8 +266,8 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
             [f'{", ".join(faults)} {_LATELY}', *(message for _, message in remarks)])),
         Condition('jumped', facts.recent['clock_jumps'] > 0, WARN,
                   f'the {summary.clock} clock jumped: no difference is taken across the jump', ''),
-        Condition('rejected', rejected > 0 and not _REJECTING & {code for code, _ in remarks},
-                  WARN, f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
+        Condition('rejected', rejected > 0, WARN,
+                  f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
                   'absent',
                   f'no message is rejected any more; {_were(summary.timeline.rejected)} in all')]
 

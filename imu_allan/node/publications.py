@@ -7,8 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.result_messages import ENDS, SENSORS, TUNED_TERM
-from imu_allan.noise.terms import LASTING_TERMS
+from imu_allan.node.result_messages import SENSORS, VECTORS
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -28,12 +27,11 @@ class Publications:
             return node.create_publisher(kind, f'~/{topic}', _LATCHED,
                                          event_callbacks=_no_events())
 
-        terms = [f'{sensor}/{term}' for sensor in SENSORS for term in LASTING_TERMS]
-        vectors = (*terms, *(f'{sensor}/{TUNED_TERM}' for sensor in SENSORS),
-                   *(f'{term}/interval/{end}' for term in terms for end in ENDS))
+        of_sensor = {**dict.fromkeys(VECTORS, Vector3Stamped),
+                     'allan_deviation': Float64MultiArray}
         kinds = {'result': String, 'coefficients': DiagnosticArray,
-                 **dict.fromkeys(vectors, Vector3Stamped),
-                 **{f'{sensor}/allan_deviation': Float64MultiArray for sensor in SENSORS}}
+                 **{f'{sensor}/{topic}': kind for sensor in SENSORS
+                    for topic, kind in of_sensor.items()}}
         self._of_result = {topic: latched(kind, topic) for topic, kind in kinds.items()}
         self._published: Mapping[str, Any] = {}
         self._volatile = dict.fromkeys(self._of_result, 0)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Result as the messages that ROS tools can read."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 import json
 import math
-from typing import Any, Literal
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -31,10 +31,10 @@ from std_msgs.msg import (
 SENSORS = ('gyro', 'accel')
 TUNED_TERM = 'filter_random_walk'
 """Not measured but chosen, for a filter with a random walk and nothing else."""
-FILTER_TERMS = ('noise_density', 'rate_random_walk')
-"""What every filter asks for: a WARN stands while one is not observable."""
-ENDS: tuple[Literal['low', 'high'], ...] = ('low', 'high')
-"""The 95 % interval of each of these terms is two vectors, which every tool plots as they are."""
+ENDS = ('low', 'high')
+VECTORS = (TUNED_TERM, *(topic for term in LASTING_TERMS for topic in (
+    term, *(f'{term}/interval/{end}' for end in ENDS))))
+"""What is published of a sensor as vectors: a 95 % interval as two, which every tool plots."""
 OCTAVES = 25
 """Columns of the Allan deviation array: PlotJuggler leaves out arrays beyond 100 numbers."""
 
@@ -50,17 +50,22 @@ class Filter:
 def result_messages(result: Result, node_name: str, stamp: Time,
                     filter_of: Filter = Filter()) -> dict[str, Any]:
     """Every message of a result, by its topic below ``~/``; NaN is what is not known."""
-    of_axis: dict[str, Callable[[AxisResult], float | None]] = {
-        TUNED_TERM: partial(_tuned, filter_of)}
-    for term in LASTING_TERMS:
-        of_axis[term] = partial(_value, term)
-        of_axis |= {f'{term}/interval/{end}': partial(_bound, term, end) for end in ENDS}
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
-    return {'result': String(data=document),
-            'coefficients': coefficients_message(result, node_name, stamp),
-            **{f'{sensor}/{topic}': _vector(result, sensor, stamp, number)
-               for sensor in SENSORS for topic, number in of_axis.items()},
-            **{f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}}
+    messages = {'result': String(data=document),
+                'coefficients': coefficients_message(result, node_name, stamp)}
+    header = Header(stamp=stamp, frame_id=result.source.frame_id or '')
+    for sensor in SENSORS:
+        axes = {letter: result.axes[name] for letter in 'xyz'
+                if (name := f'{sensor}_{letter}') in result.axes}
+        numbers = {letter: _numbers(axis, filter_of) for letter, axis in axes.items()}
+        for topic in VECTORS:
+            vector = Vector3(x=math.nan, y=math.nan, z=math.nan)
+            for letter, found in numbers.items():
+                if (number := found[topic]) is not None:
+                    setattr(vector, letter, number)
+            messages[f'{sensor}/{topic}'] = Vector3Stamped(header=header, vector=vector)
+        messages[f'{sensor}/allan_deviation'] = curve_message(axes)
+    return messages
 
 
 def coefficients_message(result: Result, node_name: str, stamp: Time) -> DiagnosticArray:
@@ -69,7 +74,9 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     array.header.stamp = stamp
     array.header.frame_id = result.source.frame_id or ''
     for name, axis in result.axes.items():
-        missing = [key for key in FILTER_TERMS if not axis.coefficients[key].observable]
+        # What every filter asks for.
+        missing = [key for key in ('noise_density', 'rate_random_walk')
+                   if not axis.coefficients[key].observable]
         level, message = DiagnosticStatus.OK, 'noise density and rate random walk are observable'
         if missing:
             level = DiagnosticStatus.WARN
@@ -86,51 +93,31 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     return array
 
 
-def _value(term: str, axis: AxisResult) -> float | None:
-    return axis.coefficients[term].value
+def _numbers(axis: AxisResult, filter_of: Filter) -> dict[str, float | None]:
+    """Give what is published of an axis in the vectors of its sensor, by topic."""
+    numbers: dict[str, float | None] = {TUNED_TERM: None}
+    if axis.coefficients['noise_density'].observable:
+        # Without a drift model, or noise, the axis's own status says why there is none.
+        with suppress(ImuAllanError):
+            numbers[TUNED_TERM] = tune(
+                axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
+    for term in LASTING_TERMS:
+        found = axis.coefficients[term]
+        numbers[term] = found.value
+        # That of a hidden term is from zero to its upper bound.
+        ends = found.ci95 or (None if found.upper95 is None else 0.0, found.upper95)
+        numbers |= {f'{term}/interval/{end}': bound for end, bound in zip(ENDS, ends, strict=True)}
+    return numbers
 
 
-def _tuned(filter_of: Filter, axis: AxisResult) -> float | None:
-    """Random walk that makes a filter consistent."""
-    if not axis.coefficients['noise_density'].observable:
-        return None
-    try:
-        return tune(axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
-    except ImuAllanError:
-        # No drift model, or no noise at all: the axis's own status says why.
-        return None
-
-
-def _bound(term: str, end: Literal['low', 'high'], axis: AxisResult) -> float | None:
-    """One end of a 95 % interval, which of a hidden term is from zero to its upper bound."""
-    coefficient = axis.coefficients[term]
-    if coefficient.ci95 is not None:
-        return coefficient.ci95[ENDS.index(end)]
-    return coefficient.upper95 if end == 'high' or coefficient.upper95 is None else 0.0
-
-
-def _vector(result: Result, sensor: str, stamp: Time,
-            number: Callable[[AxisResult], float | None]) -> Vector3Stamped:
-    """Give a number of each of the three axes of a sensor."""
-    values = {letter: None if axis is None else number(axis) for letter in 'xyz'
-              for axis in [result.axes.get(f'{sensor}_{letter}')]}
-    return Vector3Stamped(
-        header=Header(stamp=stamp, frame_id=result.source.frame_id or ''),
-        vector=Vector3(**{letter: math.nan if value is None else value
-                          for letter, value in values.items()}))
-
-
-def curve_message(result: Result, sensor: str) -> Float64MultiArray:
+def curve_message(axes: Mapping[str, AxisResult]) -> Float64MultiArray:
     """
     Allan deviation of a sensor: rows tau (s), x, y, z, each of 25 octaves, padded with NaN.
 
     A curve of more octaves leaves out its shortest averaging times.
     """
-    curves = []
-    for letter in 'xyz':
-        axis = result.axes.get(f'{sensor}_{letter}')
-        curves.append({} if axis is None else
-                      dict(zip(axis.curve.tau_s, axis.curve.adev, strict=True)))
+    curves = [dict(zip(axes[letter].curve.tau_s, axes[letter].curve.adev, strict=True))
+              if letter in axes else {} for letter in 'xyz']
     taus = sorted({tau for curve in curves for tau in curve})[-OCTAVES:]
     rows = [taus, *([curve.get(tau, math.nan) for tau in taus] for curve in curves)]
     data = [number for row in rows for number in row + [math.nan] * (OCTAVES - len(row))]
@@ -151,31 +138,27 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
                  spread: TurnOnBias | None) -> list[KeyValue]:
     entries: dict[str, object] = {'unit': axis.unit, 'mean': axis.mean,
                                   'band_limit_s': axis.band_limit_s}
-    for key, coefficient in axis.coefficients.items():
-        low, high = coefficient.ci95 or (None, None)
-        entries |= {f'{key}/value': coefficient.value, f'{key}/ci95_low': low,
-                    f'{key}/ci95_high': high, f'{key}/upper95': coefficient.upper95,
-                    f'{key}/observable': coefficient.observable,
-                    f'{key}/observable_in_s': coefficient.observable_in_s,
-                    f'{key}/unit': coefficient.unit}
+    for key, found in axis.coefficients.items():
+        entries |= {**_with_interval(key, found.value, found.ci95, found.unit),
+                    f'{key}/upper95': found.upper95, f'{key}/observable': found.observable,
+                    f'{key}/observable_in_s': found.observable_in_s}
     if spread is not None:
-        entries |= {'turn_on_bias/value': spread.sigma, 'turn_on_bias/ci95_low': spread.ci95[0],
-                    'turn_on_bias/ci95_high': spread.ci95[1], 'turn_on_bias/unit': axis.unit}
-    fit = axis.goodness_of_fit
-    entries |= {'goodness_of_fit/acceptable': fit.acceptable,
-                'goodness_of_fit/p_value': fit.p_value,
-                'goodness_of_fit/worst_relative_misfit': fit.worst_relative_misfit}
-    for i, tone in enumerate(axis.tones):
-        entries |= {f'tones/{i}/frequency_hz': tone.frequency_hz,
-                    f'tones/{i}/amplitude': tone.amplitude}
-    for i, tone in enumerate(axis.weaker_tones):
-        entries |= {f'weaker_tones/{i}/frequency_hz': tone.frequency_hz,
-                    f'weaker_tones/{i}/amplitude': tone.amplitude,
-                    f'weaker_tones/{i}/lines': tone.lines}
-    entries |= _forecast_values(axis)
-    entries |= remark_values(remarks)
-    return [KeyValue(key=key, value=as_text(value)) for key, value in entries.items()
-            if value is not None]
+        entries |= _with_interval('turn_on_bias', spread.sigma, spread.ci95, axis.unit)
+    entries |= {f'goodness_of_fit/{key}': value
+                for key, value in asdict(axis.goodness_of_fit).items()}
+    for kind, tones in ('tones', axis.tones), ('weaker_tones', axis.weaker_tones):
+        for i, tone in enumerate(tones):
+            # One of the others is a sum of lines.
+            entries |= {f'{kind}/{i}/{key}': value for key, value in asdict(tone).items()
+                        if key != 'lines' or kind == 'weaker_tones'}
+    return key_values({**entries, **_forecast_values(axis), **remark_values(remarks)})
+
+
+def _with_interval(name: str, value: float | None, ci95: tuple[float, float] | None, unit: str
+                   ) -> dict[str, object]:
+    low, high = ci95 or (None, None)
+    return {f'{name}/value': value, f'{name}/ci95_low': low, f'{name}/ci95_high': high,
+            f'{name}/unit': unit}
 
 
 def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
@@ -201,15 +184,13 @@ def _forecast_values(axis: AxisResult) -> dict[str, object]:
         parts = [('velocity', 'm/s', found.integral, found.integral_ci95),
                  ('position', 'm', found.position, found.position_ci95)]
     for what, unit, sigmas, bands in parts:
-        for horizon, sigma, (low, high) in zip(found.horizons_s, sigmas, bands, strict=True):
-            key = f'predicted_drift/{horizon:g}s/{what}'
-            entries |= {f'{key}/value': sigma, f'{key}/ci95_low': low, f'{key}/ci95_high': high,
-                        f'{key}/unit': unit}
+        for horizon, sigma, band in zip(found.horizons_s, sigmas, bands, strict=True):
+            entries |= _with_interval(f'predicted_drift/{horizon:g}s/{what}', sigma, band, unit)
     return entries
 
 
-def as_text(value: object) -> str:
-    """Write a value as tools parse it back, numbers to the last digit."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return repr(float(value)) if isinstance(value, float) else str(value)
+def key_values(entries: Mapping[str, object]) -> list[KeyValue]:
+    """Give what is known as tools parse it back, numbers to the last digit."""
+    return [KeyValue(key=key, value=str(value).lower() if isinstance(value, bool) else
+                     repr(float(value)) if isinstance(value, float) else str(value))
+            for key, value in entries.items() if value is not None]
