@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 import math
 from os import PathLike
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.filters import CONSUMERS
 
-Value = str | int | float | bool | Sequence[str]
+Value = str | int | float | tuple[str, ...]
 
 TOPIC = 'imu/data_raw'
 """Of REP-145."""
@@ -137,9 +138,6 @@ SIMULATOR_SETTINGS = (
             'velocity takes a tenth as many rad/s', 0.0, 1e3),
 )
 
-_WIDTH = 80
-"""A terminal that nobody has made wider."""
-
 
 @dataclass(frozen=True)
 class Interface:
@@ -197,8 +195,7 @@ def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
 
 def wants_help(args: Sequence[str]) -> bool:
     """Whether a command line, without the name of the program, asks for help."""
-    own = args[:args.index('--ros-args')] if '--ros-args' in args else args
-    return bool({'-h', '--help'} & set(own))
+    return bool({'-h', '--help'} & set(takewhile(lambda word: word != '--ros-args', args)))
 
 
 def refused(args: Sequence[str]) -> str:
@@ -218,36 +215,29 @@ def refused(args: Sequence[str]) -> str:
 def help_text(interface: Interface) -> str:
     """Describe a node for the terminal."""
     lines = [f'usage: {interface.program} --ros-args [-p NAME:=VALUE] [--params-file FILE] '
-             '[-r FROM:=TO]', '', *_folded(interface.purpose, 0)]
+             '[-r FROM:=TO]', '', *_folded(interface.purpose)]
     for title, rows in (('subscribes to', interface.subscribed),
                         ('publishes', interface.published),
-                        ('services', interface.services)):
+                        ('services', interface.services),
+                        ('parameters', list(map(_described, interface.settings)))):
         if rows:
             lines += ['', f'{title}:']
             for name, kind, meaning in rows:
-                lines += [f'  {name} ({kind})', *_folded(meaning, 6)]
-    lines += ['', 'parameters:']
-    for setting in interface.settings:
-        lines += [f'  {setting.name} ({_default(setting)})', *_folded(_meaning(setting), 6)]
+                lines += [f'  {name} ({kind})', *_folded(meaning, 6 * ' ')]
     return '\n'.join(lines)
 
 
-def _default(setting: Setting) -> str:
-    if setting.default == '':
-        return 'empty'
-    if isinstance(setting.default, str) or not isinstance(setting.default, Sequence):
-        return str(setting.default)
-    return f'[{", ".join(setting.default)}]'
-
-
-def _meaning(setting: Setting) -> str:
-    text = setting.description
-    if setting.lowest is not None and setting.highest is not None:
-        text += f' ({setting.lowest:g} to {setting.highest:g})'
+def _described(setting: Setting) -> tuple[str, str, str]:
+    """Give name, default and meaning of a parameter."""
+    default, meaning = setting.default, setting.description
+    if setting.lowest is not None:
+        meaning += f' ({setting.lowest:g} to {setting.highest:g})'
     if setting.choices:
-        text += f' ({", ".join(setting.choices)})'
-    return text
+        meaning += f' ({", ".join(setting.choices)})'
+    shown = f'[{", ".join(default)}]' if isinstance(default, tuple) else str(default) or 'empty'
+    return setting.name, shown, meaning
 
 
-def _folded(text: str, indent: int) -> list[str]:
-    return [' ' * indent + line for line in wrap(text, _WIDTH - indent)]
+def _folded(text: str, indent: str = '') -> list[str]:
+    # A terminal that nobody has made wider.
+    return wrap(text, 80, initial_indent=indent, subsequent_indent=indent)

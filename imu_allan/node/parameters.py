@@ -91,13 +91,8 @@ def warn_of_unknown(node: Node) -> None:
 
 
 def _kind(default: Value) -> str:
-    if isinstance(default, bool):
-        return 'true or false'
-    if isinstance(default, int):
-        return 'a whole number'
-    if isinstance(default, float):
-        return f'a number with a decimal point, such as {default!r}'
-    return 'a text' if isinstance(default, str) else 'a list of texts'
+    return {int: 'a whole number', str: 'a text', tuple: 'a list of texts',
+            float: f'a number with a decimal point, such as {default!r}'}[type(default)]
 
 
 def _descriptor(setting: Setting) -> ParameterDescriptor:

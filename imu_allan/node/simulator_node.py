@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node in place of an IMU driver: Imu messages with known noise."""
 
+from math import inf
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -29,10 +30,6 @@ _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVICE_PERIOD_S = 0.05
 """A service is answered, and a sleep ends, within this: no human notices."""
-_BURST = 256
-"""Most messages between two looks at services and clock: some milliseconds of publishing."""
-_KNOCK_HZ = 17.0
-"""Several cycles in a window of the motion detector, and below half of any usual rate."""
 _KNOCK_DECAY_S = 0.15
 """Down to a thousandth after a second, two windows of the motion detector."""
 
@@ -47,7 +44,8 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        values = declare(self, SIMULATOR_SETTINGS, self._apply)
+        self._values = values = declare(
+            self, SIMULATOR_SETTINGS, lambda name, value: self._values.update({name: value}))
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))
@@ -55,14 +53,9 @@ class SimulatorNode(Node):
             raise ImuAllanError(f'parameter model: {error}') from error
         self._rate: float = values['rate']
         self._speed: float = values['speed']
-        self._total = round(values['duration'] * self._rate) if values['duration'] else None
-        self._frame_id: str = values['frame_id']
-        self._wanted: int = values['wait_for_subscriptions'] or (self._speed == 0)
-        self._drop_samples: int = values['drop_samples']
-        self._knock_size: float = values['knock_size']
+        self._total = round(values['duration'] * self._rate) if values['duration'] else inf
         self._imu = SimulatedImu(self._model, self._rate, values['seed'])
-        self._stated_start_ns = round(values['start_time'] * 1e9)
-        self._start_ns = self._stated_start_ns or time.time_ns()
+        self._start_ns = 0
         self._next = 0
         self._drop_until = 0
         self._knocks: list[int] = []
@@ -87,7 +80,7 @@ class SimulatorNode(Node):
         try:
             self._wait_for_subscriptions(executor, stop)
             # The first sample is of now, not of when the node was made.
-            self._start_ns = self._stated_start_ns or time.time_ns()
+            self._start_ns = round(self._values['start_time'] * 1e9) or time.time_ns()
             self.get_logger().info(
                 f'publishing {self._model.name or "a simulated IMU"} on '
                 f'{self._publisher.topic_name} at {self._rate:g} Hz'
@@ -103,23 +96,22 @@ class SimulatorNode(Node):
 
     def _wait_for_subscriptions(self, executor: SingleThreadedExecutor,
                                 stop: StopRequest) -> None:
-        reported = time.monotonic()
-        while not stop and self._publisher.get_subscription_count() < self._wanted:
+        wanted = self._values['wait_for_subscriptions'] or (self._speed == 0)
+        while not stop and self._publisher.get_subscription_count() < wanted:
             executor.spin_once(timeout_sec=_SERVICE_PERIOD_S)
-            if time.monotonic() - reported > 5:
-                reported = time.monotonic()
-                self.get_logger().info(f'waiting for {self._wanted} subscriptions to '
-                                       f'{self._publisher.topic_name}')
+            self.get_logger().info(
+                f'waiting for {wanted} subscriptions to {self._publisher.topic_name}',
+                throttle_duration_sec=5.0, skip_first=True)
 
     def _publish_all(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
-        began = time.monotonic()
-        served = began
-        while not stop and (self._total is None or self._next < self._total):
+        began = served = time.monotonic()
+        while not stop and self._next < self._total:
             now = time.monotonic()
             if now - served >= _SERVICE_PERIOD_S:
                 served = now
                 executor.spin_once(timeout_sec=0)
-            count = _BURST
+            # Some milliseconds of publishing between two looks at services and clock.
+            count = min(256, self._total - self._next)
             if self._speed:
                 pace = self._rate * self._speed
                 due = int((now - began) * pace) + 1 - self._next
@@ -128,22 +120,21 @@ class SimulatorNode(Node):
                     time.sleep(max(0.0, min(wait, _SERVICE_PERIOD_S)))
                     continue
                 count = min(count, due)
-            if self._total is not None:
-                count = min(count, self._total - self._next)
-            self._publish(count, stop)
+            self._publish(int(count), stop)
 
     def _publish(self, count: int, stop: StopRequest) -> None:
         index = np.arange(self._next, self._next + count)
         samples = self._imu.draw(count)
         for knock in self._knocks:
-            samples += self._knock_size * _knock_shape((index - knock) / self._rate)
+            samples += self._values['knock_size'] * _knock_shape((index - knock) / self._rate)
         self._knocks = [knock for knock in self._knocks
                         if (self._next - knock) / self._rate < 20 * _KNOCK_DECAY_S]
         stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
         self._next += count
         kept = index >= self._drop_until
         block = ImuBlock(stamps[kept], stamps[kept], samples[kept],
-                         np.tile(self._imu.absent, (int(kept.sum()), 1)), self._frame_id)
+                         np.tile(self._imu.absent, (int(kept.sum()), 1)),
+                         self._values['frame_id'])
         for row in encode_imu_rows(block):
             message = row.tobytes()
             while not stop:
@@ -156,25 +147,19 @@ class SimulatorNode(Node):
                     # The queue of a writer that keeps all is full: it has waited 0.1 s already.
                     continue
 
-    def _drop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._drop_until = max(self._next, self._drop_until) + self._drop_samples
-        response.success = True
-        response.message = f'leaving out {self._drop_samples} samples'
-        return response
+    def _drop(self, *_: object) -> Trigger.Response:
+        count = self._values['drop_samples']
+        self._drop_until = max(self._next, self._drop_until) + count
+        return Trigger.Response(success=True, message=f'leaving out {count} samples')
 
-    def _knock(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _knock(self, *_: object) -> Trigger.Response:
         self._knocks.append(self._next)
-        response.success = True
-        response.message = f'a knock of {self._knock_size:g} m/s^2'
-        return response
-
-    def _apply(self, name: str, value: object) -> None:
-        if name in ('drop_samples', 'knock_size'):
-            setattr(self, f'_{name}', value)
+        return Trigger.Response(success=True,
+                                message=f'a knock of {self._values["knock_size"]:g} m/s^2')
 
     def _truth_message(self) -> DiagnosticArray:
         array = DiagnosticArray()
-        array.header.frame_id = self._frame_id
+        array.header.frame_id = self._values['frame_id']
         array.header.stamp = self.get_clock().now().to_msg()
         for axis, quantity in AXES.items():
             status = DiagnosticStatus(name=f'{self.get_name()}: {axis}', level=b'\0',
@@ -191,6 +176,7 @@ class SimulatorNode(Node):
 def _knock_shape(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ring from time zero on all axes and decay, shape (n, 6), of unit acceleration."""
     after = np.maximum(seconds, 0.0)
+    # 17 Hz: several cycles in a window of the motion detector, below half of any usual rate.
     ringing = np.where(seconds >= 0, np.exp(-after / _KNOCK_DECAY_S)
-                       * np.cos(2 * np.pi * _KNOCK_HZ * after), 0.0)
+                       * np.cos(2 * np.pi * 17.0 * after), 0.0)
     return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))
