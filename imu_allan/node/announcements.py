@@ -31,13 +31,6 @@ REPEAT_S = 30.0
 """A warning about something that flickers comes at most so often."""
 PROGRESS_S = 60.0
 """As often as somebody who waits looks again."""
-EARLY_S = 600.0
-"""In the first ten minutes somebody watches: a line a minute; after that one an hour."""
-LATER_S = 3600.0
-"""A night makes ten lines."""
-_REPORTED_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
-                                 'clock_jumps'})
-"""Codes of remarks that progress lines or transitions of their own report."""
 
 
 class Announcements:
@@ -60,7 +53,9 @@ class Announcements:
         """Forget what was said about the run before."""
         self._began: float | None = None
         self._progress_at = 0.0
-        self._said_codes: set[str] = set()
+        # Progress lines, or transitions of their own, report these.
+        self._said_codes = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
+                            'clock_jumps'}
         for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
             self._reported.pop(name, None)
         self._observable: set[tuple[str, str]] = set()
@@ -100,29 +95,25 @@ class Announcements:
 
     def see_result(self, result: Result) -> None:
         """Report coefficients that become observable, or no longer are, and findings."""
-        fresh: dict[str, list[str]] = {}
-        gone: dict[str, list[str]] = {}
+        changed: dict[tuple[bool, str], list[str]] = {}
         for name, axis in result.axes.items():
-            for key, coefficient in axis.coefficients.items():
-                if coefficient.observable == ((name, key) in self._observable):
+            for key, found in axis.coefficients.items():
+                if found.observable == ((name, key) in self._observable):
                     continue
-                if not coefficient.observable:
-                    self._observable.remove((name, key))
-                    bound = ('' if coefficient.upper95 is None else
-                             f' (below {coefficient.upper95:.2g})')
-                    gone.setdefault(f'{key.replace("_", " ")} ({coefficient.unit})', []).append(
-                        f'{spoken(name)}{bound}')
-                    continue
-                self._observable.add((name, key))
-                if coefficient.value is not None and coefficient.ci95 is not None:
-                    value, low, high = measured(coefficient.value, *coefficient.ci95)
-                    fresh.setdefault(f'{key.replace("_", " ")} ({coefficient.unit})', []).append(
-                        f'{spoken(name)} {value} ({low} .. {high})')
-        for what, axes in fresh.items():
-            self._log.info(f'observable: {what} of {"; ".join(axes)}')
-        for what, axes in gone.items():
-            self._log.warning(f'no longer observable: {what} of {"; ".join(axes)}: the longer '
-                              'record is explained as well without it', f'gone {what}')
+                self._observable ^= {(name, key)}
+                if found.value is not None and found.ci95 is not None:
+                    value, low, high = measured(found.value, *found.ci95)
+                    figures = f' {value} ({low} .. {high})'
+                else:
+                    figures = '' if found.upper95 is None else f' (below {found.upper95:.2g})'
+                changed.setdefault((found.observable, f'{key.replace("_", " ")} ({found.unit})'),
+                                   []).append(f'{spoken(name)}{figures}')
+        for (observable, what), axes in sorted(changed.items(), key=lambda item: not item[0][0]):
+            if observable:
+                self._log.info(f'observable: {what} of {"; ".join(axes)}')
+            else:
+                self._log.warning(f'no longer observable: {what} of {"; ".join(axes)}: the longer '
+                                  'record is explained as well without it', f'gone {what}')
         for remark in result.warnings:
             self._say_once(remark.code, message_of(remark, live=True))
 
@@ -133,24 +124,23 @@ class Announcements:
                 continue
             self._levels[finding.standard] = finding.level
             text = f'{finding.standard}: {finding.message}'
-            if finding.level == 'error':
-                self._log.error(text, f'{finding.standard} error', REPEAT_S)
-            elif finding.level == 'warn':
-                self._log.warning(text, f'{finding.standard} warn', REPEAT_S)
-            else:
+            if finding.level == 'ok':
                 self._log.info(text)
+            else:
+                say = self._log.error if finding.level == 'error' else self._log.warning
+                say(text, f'{finding.standard} {finding.level}', REPEAT_S)
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
         """Report how far the run has come, a line a minute at first, an hour later."""
         if self._began is None or now < self._progress_at or result is None or not result.axes:
             return
-        early = now - self._began < EARLY_S
-        self._progress_at = now + (PROGRESS_S if early else LATER_S)
+        # In the first ten minutes somebody watches; a night makes ten lines.
+        self._progress_at = now + (PROGRESS_S if now - self._began < 600.0 else 3600.0)
         self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
     def _say_once(self, code: str, text: str) -> None:
         # Where the queue overruns, all that is odd about the samples may come of it.
-        if not self._overrun and code not in self._said_codes and code not in _REPORTED_ELSEWHERE:
+        if not self._overrun and code not in self._said_codes:
             self._said_codes.add(code)
             self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
 

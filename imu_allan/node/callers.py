@@ -16,8 +16,6 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 REQUESTS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 """Requests that wait for their turn; of those beyond it the first would be dropped."""
-MOST_WAITING = 100
-"""Callers that wait for the worker: the executor asks each of them whenever it wakes."""
 ANSWER_S = 0.01
 """From one answer to the next: ten, the queue of an ordinary client, take a tenth of a second."""
 
@@ -35,8 +33,8 @@ class Callers(ReentrantCallbackGroup):
         self._turns.cancel()
 
     def can_execute(self, entity: object) -> bool:
-        """Leave further requests in their queue while too many wait."""
-        return self.waiting < MOST_WAITING or entity is self._turns
+        """Leave further requests in their queue while many wait: each is asked at every turn."""
+        return self.waiting < 100 or entity is self._turns
 
     def _rest_if_alone(self) -> None:
         if not self.waiting:

@@ -32,13 +32,8 @@ State = Mapping[str, NDArray[Any]]
 VERSION = 5
 """Of the layout: raised where another program would misread the file."""
 _NAME = b'imu_allan.state/'
-_DIGEST_BYTES = 32
-"""Of SHA-256."""
 _LARGEST_BYTES = 64_000_000
 """A state has some megabytes; what is larger is another file, and not read into memory."""
-_MOST_ASIDE, _MOST_ASIDE_BYTES = 20, 100_000_000
-"""States kept aside: more than anybody looks at, and no more than a memory card can spare."""
-_KINDS = 'biufU'
 
 
 class UnusableState(Exception):
@@ -83,7 +78,7 @@ def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
     if int(version) != VERSION:
         raise UnusableState('newer' if int(version) > VERSION else 'foreign',
                             f'it has version {int(version)}, this imu_allan reads {VERSION}')
-    digest, payload = rest[:_DIGEST_BYTES], rest[_DIGEST_BYTES:]
+    digest, payload = rest[:32], rest[32:]
     if hashlib.sha256(payload).digest() != digest:
         raise UnusableState('damaged', 'its checksum is wrong')
     try:
@@ -93,7 +88,7 @@ def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
                 raise UnusableState('damaged', 'its arrays are larger than the file')
         with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
             found = {name: arrays[name] for name in arrays.files}
-            if any(array.dtype.kind not in _KINDS for array in found.values()):
+            if any(array.dtype.kind not in 'biufU' for array in found.values()):
                 raise UnusableState('damaged', 'it has arrays of a type that no state has')
             return found
     except (ValueError, KeyError, OSError, EOFError, MemoryError, OverflowError,
@@ -151,7 +146,8 @@ class StateFile:
             aside = sorted(times, key=lambda path: times[path], reverse=True)
             for number, path in enumerate(aside):
                 total += path.stat().st_size
-                if number and (number >= _MOST_ASIDE or total > _MOST_ASIDE_BYTES):
+                # More than anybody looks at, and no more than a memory card can spare.
+                if number and (number >= 20 or total > 100_000_000):
                     path.unlink()
                     removed.append(path.name)
         return removed

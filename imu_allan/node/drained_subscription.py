@@ -73,22 +73,10 @@ class DrainedSubscription:
             raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
         # What the parameters say has been written into the profile.
         self._drops = qos.history == HistoryPolicy.KEEP_LAST
-        self._depth = max(qos.depth, 1) if self._drops else depth
-
-    @property
-    def topic(self) -> str:
-        """Full name of the topic, namespace and remapping applied."""
-        return str(self._subscription.topic_name)
-
-    @property
-    def type_name(self) -> str:
-        """Name of the type of its messages."""
-        return '/'.join([*self._msg_type.__module__.split('.')[:2], self._msg_type.__name__])
-
-    @property
-    def depth(self) -> int:
-        """Messages that the queue holds, as it may have been overridden."""
-        return self._depth
+        self.depth = max(qos.depth, 1) if self._drops else depth
+        # Namespace and remapping applied.
+        self.topic = str(self._subscription.topic_name)
+        self.type_name = '/'.join([*msg_type.__module__.split('.')[:2], msg_type.__name__])
 
     @property
     def publishers(self) -> int:
@@ -124,16 +112,11 @@ class DrainedSubscription:
 
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
-        taken = drain(self._subscription, self._msg_type, self._depth)
-        infos = [info for _, info in taken]
-        receive = [info.get('received_timestamp') for info in infos]
-        if not all(receive):
-            # Not every middleware stamps the receipt; the publisher's stamp is the next best.
-            now = time.time_ns()
-            receive = [stamp or info.get('source_timestamp') or now
-                       for stamp, info in zip(receive, infos, strict=True)]
-        numbers = [number for info in infos
-                   if (number := info.get('publication_sequence_number')) is not None]
+        taken, now = drain(self._subscription, self._msg_type, self.depth), time.time_ns()
+        # Not every middleware stamps the receipt; the publisher's stamp is the next best.
+        receive = [info.get('received_timestamp') or info.get('source_timestamp') or now
+                   for _, info in taken]
+        numbers = [info.get('publication_sequence_number') for _, info in taken]
         return Batch([message for message, _ in taken], np.array(receive, dtype=np.int64),
-                     np.array(numbers, np.int64) if len(numbers) == len(infos) else None,
-                     self._drops and len(taken) >= self._depth)
+                     None if None in numbers else np.array(numbers, np.int64),
+                     self._drops and len(taken) >= self.depth)

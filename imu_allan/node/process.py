@@ -17,14 +17,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
 from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
-ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
-                'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
-LEAST_SHARED_BYTES = 65_536
-"""Room in /dev/shm without which no process of ROS starts."""
-ENOUGH_SHARED_BYTES = 8_000_000
-"""Room in /dev/shm below which Fast DDS is kept from using it."""
-
-_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
             if hasattr(signal, name)]
 """A terminal that is closed, as by an SSH session that drops, hangs up."""
@@ -77,7 +69,9 @@ def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
     except ImuAllanError as error:
         return _fail(program, str(error))
     except ImportError as error:
-        if (error.name or '').partition('.')[0] not in ROS_PACKAGES:
+        if (error.name or '').partition('.')[0] not in (
+                'rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
+                'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils'):
             raise
         return _fail(program, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
                      'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install '
@@ -97,10 +91,11 @@ def _do_without_shared_memory(program: str) -> None:
         return
     room = shared.f_bavail * shared.f_frsize
     remedy = 'remove files from it, or give it room, such as with --shm-size of docker run'
-    if room < LEAST_SHARED_BYTES:
+    if room < 65_536:
         raise ImuAllanError(f'/dev/shm is full, so the libraries of ROS would crash; {remedy}')
-    if room < ENOUGH_SHARED_BYTES and os.environ.get(_TRANSPORTS, 'DEFAULT') == 'DEFAULT':
-        os.environ[_TRANSPORTS] = 'UDPv4'
+    transports = 'FASTDDS_BUILTIN_TRANSPORTS'
+    if room < 8_000_000 and os.environ.get(transports, 'DEFAULT') == 'DEFAULT':
+        os.environ[transports] = 'UDPv4'
         print(f'{program}: /dev/shm has only {room / 1e6:.2g} MB of room: messages come over the '
               f'network, at more cost; {remedy}', file=sys.stderr)
 

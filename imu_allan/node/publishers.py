@@ -19,14 +19,8 @@ MIXED = -1
 """Stands for two publishers whose numbers are too close to be distinguished."""
 _NEAR = 64
 """Numbers so close may be those of another publisher that started in the same second."""
-_MIXED_NS = 5_000_000_000
-"""Numbers that do not rise any more for so long are of one publisher again."""
 _HICCUP_NS = 1_000_000_000
 """Messages of two publishers come in turns, a bundle of each; a driver takes longer to restart."""
-_SILENT_NS = 5_000_000_000
-"""Who has sent nothing for so long has left, or may as well have."""
-_MOST = 16
-"""Publishers remembered: each restart of a driver is another one."""
 
 
 @dataclass
@@ -55,7 +49,8 @@ class Publishers:
 
     def delivering(self, now_ns: int) -> int:
         """Count those that deliver now: a driver that started anew does not make two."""
-        lately = [one for one in self._known if now_ns - one.last_ns < _SILENT_NS]
+        # Who has sent nothing for five seconds has left, or may as well have.
+        lately = [one for one in self._known if now_ns - one.last_ns < 5_000_000_000]
         newest = max((one.began_ns for one in lately), default=0)
         return sum(2 if one.fell_ns is not None else 1 for one in lately
                    if one.last_ns >= newest)
@@ -88,8 +83,8 @@ class Publishers:
                 if number <= one.number:
                     one.fell_ns = now_ns
                 one.number, one.last_ns = max(number, one.number), now_ns
-                if now_ns - one.fell_ns > _MIXED_NS:
-                    # Whoever is left is to be looked at as if it were new.
+                if now_ns - one.fell_ns > 5_000_000_000:
+                    # They fall no more. Whoever is left is to be looked at as if it were new.
                     self._known.remove(one)
                     one = self._begin(number, now_ns)
                 return one, 0
@@ -133,6 +128,7 @@ class Publishers:
         self._newcomers()
         self._begun += 1
         self._known.append(_Publisher(self._begun, number, now_ns, now_ns))
-        if len(self._known) > _MOST:
+        # Each restart of a driver is another one.
+        if len(self._known) > 16:
             self._known.remove(min(self._known, key=lambda one: one.last_ns))
         return self._known[-1]

@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
 
-MIXED_FOR_S = 5.0
-"""It is said for so long after the last one that messages are passed over."""
-
 
 class Reception:
     """Empties the subscription at leisure."""
@@ -68,7 +65,8 @@ class Reception:
         waiting, self._waiting = self._waiting, []
         facts = self.facts
         if facts.mixed_samples > self._passed_over:
-            self._passed_over, self._mixed_until = facts.mixed_samples, now + MIXED_FOR_S
+            # It is said for five seconds after the last one.
+            self._passed_over, self._mixed_until = facts.mixed_samples, now + 5.0
         facts.mixed = now < self._mixed_until
         return [(key, self._decoded(batch, np.flatnonzero(keys == key)))
                 for keys, batch in waiting for key in dict.fromkeys(keys.tolist())]

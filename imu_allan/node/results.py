@@ -19,8 +19,6 @@ from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from sensor_msgs.msg import CompressedImage
 
-FIT_SHARE = 5.0
-"""On a slow computer fits begin so many times their own duration apart: a fifth of a core."""
 FIT_GROWTH = 0.1
 """The next fit waits until the record is longer by this: it narrows an interval by 5 %."""
 SETTLED_S = 2.0
@@ -111,7 +109,8 @@ class Results:
             self.latest, of_lanes, messages, findings, took_s = future.result()
             self._facts.fit_s, self._facts.findings = took_s, findings
             run.learn(of_lanes, fed if tested is None else None)
-            self._next_fit = began + max(FIT_SHARE * took_s, FIT_GROWTH * run.duration_s)
+            # On a slow computer five times as long as it took: a fifth of a core.
+            self._next_fit = began + max(5.0 * took_s, FIT_GROWTH * run.duration_s)
             give_back_memory()
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)

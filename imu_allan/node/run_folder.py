@@ -20,11 +20,13 @@ def try_folder(output_dir: str) -> None:
     """Write a file into the output folder and remove it, as a save will have to."""
     expanded = at_home(output_dir, 'output_dir')
     try:
-        folder = open_folder(followed(expanded))
-        try:
-            _try_file(f'.imu_allan.{secrets.token_hex(4)}', folder)
-        finally:
-            os.close(folder)
+        with contextlib.ExitStack() as undone:
+            folder, name = open_folder(followed(expanded)), f'.imu_allan.{secrets.token_hex(4)}'
+            undone.callback(os.close, folder)
+            handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
+            undone.callback(os.unlink, name, dir_fd=folder)
+            undone.callback(os.close, handle)
+            os.write(handle, b'x')
     except OSError as error:
         raise ImuAllanError(
             f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
@@ -47,13 +49,3 @@ def run_folder(output_dir: str, node_name: str, result: Result, mark: str) -> Pa
     name = f'{node_name.strip("/")}_{start}_{mark}'
     return at_home(output_dir, 'output_dir') / re.sub(
         r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
-
-
-def _try_file(name: str, folder: int) -> None:
-    """Write a byte to a new file in an open folder and remove it."""
-    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
-    try:
-        os.write(handle, b'x')
-    finally:
-        os.close(handle)
-        os.unlink(name, dir_fd=folder)

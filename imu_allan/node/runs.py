@@ -28,10 +28,6 @@ from imu_allan.node.same_imu import (
 )
 from imu_allan.wording import duration
 
-PROOF_SHARE = 0.1
-"""Another IMU has to last for a tenth of the run that it replaces. A judgment."""
-SHORTEST_PROOF_S, LONGEST_PROOF_S = 10.0, 600.0
-"""A driver that is reconfigured settles in the one; nobody waits longer than the other."""
 _ALONE_NS = 2_000_000_000
 """Beside a publisher that has been silent for less, another one is a stranger."""
 
@@ -236,7 +232,10 @@ class Runs:
             self._other.lanes[number].update(blocks)
 
     def _proof_s(self) -> float:
-        return min(max(PROOF_SHARE * self.run.span_s, SHORTEST_PROOF_S), LONGEST_PROOF_S)
+        """Give how long another IMU has to last: a tenth of the run that it replaces."""
+        # A driver that is reconfigured settles in ten seconds; nobody waits longer than ten
+        # minutes. A judgment.
+        return min(max(0.1 * self.run.span_s, 10.0), 600.0)
 
     def _replace(self) -> None:
         """Let the run of the other IMU take the place of the one before."""

@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_OTHER_RATE = 0.3
-"""Relative difference that jitter cannot make: one between the two wants a longer look."""
 LOOK_S = 2.0
 """At 100 Hz 200 messages, which show another IMU in most cases; all of them wait so long."""
 LONGEST_LOOK_S = 10.0
@@ -33,20 +31,12 @@ FEWEST_MESSAGES = 16
 """A jitter of half an interval moves the rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
 """10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by as many messages sooner."""
-_SAME_LEVEL = 0.1
-"""Relative difference of the noise of one sensor from one day to another. A judgment."""
-_SURE, _SUSPECT = 5.0, 2.0
-"""Standard errors of a difference of levels: it is one, or wants a longer look."""
-_GROUP, _CHANCE = 64, 0.1
-"""Samples whose level is one number, and by how much of it chance moves that."""
+_GROUP = 64
+"""Samples whose level is one number."""
 _FEWEST_GROUPS = 4
 """Fewer do not show how much they scatter. A judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
 """Fewer show no level."""
-_GROUPS = 64
-"""Groups that are remembered: 20 s at 200 Hz."""
-_AT_REST = 1.5
-"""Groups louder than the calm ones by more are of a sensor that is moved, or knocked."""
 _FIRST = 8
 """Samples that are remembered from the start: a repetition is seen at once."""
 _MOST = 2048
@@ -77,7 +67,8 @@ class Known(Record):
             self.frame_id = blocks[0].frame_id
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
-            self.levels = np.concatenate([self.levels, _levels(own)])[-_GROUPS:]
+            # Of 20 s at 200 Hz.
+            self.levels = np.concatenate([self.levels, _levels(own)])[-64:]
             self._recent += own
         while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES
                                          or self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S):
@@ -97,9 +88,7 @@ class Known(Record):
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Learn another IMU by its first messages."""
-        other = Known()
-        other.clock = self.clock
-        other.frame_id = blocks[-1].frame_id
+        other = Known(frame_id=blocks[-1].frame_id, clock=self.clock)
         other.rate_hz = other.measured_hz(blocks) or None
         return other
 
@@ -134,7 +123,7 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        ratio = self._level_ratio(blocks, _SURE) if by_level else None
+        ratio = self._level_ratio(blocks, 5.0) if by_level else None
         if ratio is not None:
             return UnusableState('noise', 'another publisher sends messages whose noise is '
                                  f'{ratio:.2f} times as large, as another sensor would')
@@ -148,9 +137,9 @@ class Known(Record):
             return True
         if count < FEWEST_MESSAGES or lasted < seconds:
             return False
-        # Chance may have made a difference, or hidden one.
-        by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < _OTHER_RATE or (
-            by_level and self._level_ratio(blocks, _SUSPECT) is not None)
+        # Chance may have made a difference, or hidden one; jitter makes none of three tenths.
+        by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
+            by_level and self._level_ratio(blocks, 2.0) is not None)
         return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
@@ -179,7 +168,8 @@ class Known(Record):
             before, error_before = _level_at_rest(self.levels[:, axis])
             now, error_now = _level_at_rest(groups)
             apart = abs(now - before)
-            if (before > 0 and apart > _SAME_LEVEL * before
+            # The noise of one sensor differs by a tenth from one day to another. A judgment.
+            if (before > 0 and apart > 0.1 * before
                     and apart > sure * np.hypot(error_before, error_now)
                     and (found is None or apart > abs(found - 1) * before)):
                 found = now / before
@@ -305,7 +295,8 @@ def _level_at_rest(groups: Floats) -> tuple[float, float]:
     groups = groups[np.isfinite(groups) & (groups > 0)]
     if len(groups) < _FEWEST_GROUPS:
         return 0.0, np.inf
-    calm = groups[groups < _AT_REST * np.percentile(groups, 10)]
-    # Few groups may be close to each other by chance.
-    spread = max(calm.std(), _CHANCE * calm.mean())
+    # Louder ones are of a sensor that is moved, or knocked.
+    calm = groups[groups < 1.5 * np.percentile(groups, 10)]
+    # Chance moves the level of 64 samples by a tenth; few may be close to each other by chance.
+    spread = max(calm.std(), 0.1 * calm.mean())
     return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

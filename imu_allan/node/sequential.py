@@ -22,14 +22,6 @@ PROBABLE = 0.99
 """One in a hundred of those that are so probable is wrong, if the fit is right about it. Of 450
 terms of 75 IMUs 29 came, 1 of them wrong (`bench/bench_looks.py --seeds 100:125`). With 0.9 it is
 1 of 14 on the axes above, a flicker taken for a random walk."""
-ONE_LOOK_S = 600.0
-"""The first look at a record of so long is one; a shorter one is followed by others at once."""
-RECEDES = 1.25
-"""A time that is expected may move so much while the record grows by `GROWTH`, as by chance."""
-_LEAST_USED = 0.1
-"""Of the messages: where fewer become part of the record, nothing is to be expected of time."""
-_AT_ONCE = 'noise_density'
-"""Shows in the shortest record, and has nothing to be mistaken for."""
 
 
 @dataclass
@@ -68,9 +60,11 @@ class SequentialLooks(Record):
         record_s = rest_s(timeline, sum(span.duration_s for span in timeline.motion))
         if rate and messages > self.messages:
             added = (record_s - self.record_s) * rate
-            self._growing = added > _LEAST_USED * (messages - self.messages)
+            # Where fewer become part of the record, nothing is to be expected of time.
+            self._growing = added > 0.1 * (messages - self.messages)
         if not self.messages:
-            self.first_s = record_s if record_s < ONE_LOOK_S else 0.0
+            # The first look at ten minutes is one; a shorter one is followed by others at once.
+            self.first_s = record_s if record_s < 600.0 else 0.0
         self.messages, self.record_s = messages, record_s
 
     def _coefficient(self, key: str, found: Coefficient) -> Coefficient:
@@ -80,7 +74,8 @@ class SequentialLooks(Record):
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
         probable = found.presence is None or found.presence >= PROBABLE
         wait_s = GROWTH * self.hidden_s.get(key, self.first_s) - self.record_s
-        if (probable and wait_s <= 0) or key in self.shown or key.endswith(f'/{_AT_ONCE}'):
+        # Noise density shows in the shortest record, and has nothing to be mistaken for.
+        if (probable and wait_s <= 0) or key in self.shown or key.endswith('/noise_density'):
             self.shown = [*(one for one in self.shown if one != key), key]
             return found
         bound = None if found.ci95 is None else max(map(abs, found.ci95))
@@ -98,7 +93,8 @@ class SequentialLooks(Record):
         while len(looks) > 1 and GROWTH * looks[1][0] <= now_s:
             looks.pop(0)
         known = GROWTH * looks[0][0] <= now_s
-        steady = now_s + wait_s <= RECEDES * min(end_s for _, end_s in looks)
+        # By chance it may move by a quarter.
+        steady = now_s + wait_s <= 1.25 * min(end_s for _, end_s in looks)
         return wait_s if self._growing and known and steady else None
 
 

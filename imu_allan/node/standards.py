@@ -22,11 +22,6 @@ from imu_allan.writers.result_file import load_result
 
 Stream = Characterization | Mapping[str, Characterization]
 
-_SAME_LINE = 0.03
-"""Two lines so close in frequency are one: a fan or a wheel is not more constant than that."""
-_OTHER_LINE = 2.0
-"""Lines have no intervals; from one fit to the next their amplitude does not double."""
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -150,9 +145,11 @@ def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[st
 
 def _line_departures(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
     for tone in now.tones:
+        # A fan or a wheel is not more constant than 3 %.
         same = [line.amplitude for line in before.tones
-                if abs(line.frequency_hz / tone.frequency_hz - 1) < _SAME_LINE]
-        if not same or tone.amplitude > _OTHER_LINE * max(same):
+                if abs(line.frequency_hz / tone.frequency_hz - 1) < 0.03]
+        # Lines have no intervals; from one fit to the next their amplitude does not double.
+        if not same or tone.amplitude > 2.0 * max(same):
             known = f'{number(max(same))} in the reference' if same else 'none in the reference'
             yield (f'{name}: a line at {number(tone.frequency_hz)} Hz of '
                    f'{number(tone.amplitude)} {now.unit}, {known}')

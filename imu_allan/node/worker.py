@@ -16,9 +16,6 @@ from imu_allan.node.log import Log
 
 T = TypeVar('T')
 
-OF_STATE = frozenset({'checkpoint', 'aside'})
-"""Kinds of work on the state file, one after the other."""
-
 
 class Worker:
     """Does the work that takes longer than the executor's thread may be held up."""
@@ -32,7 +29,8 @@ class Worker:
     def start(self, kind: str, work: Callable[[], T],
               done: Callable[[Future[T]], None]) -> Future[T]:
         """Queue `work`; `done` is called by `hand_out` once it is finished."""
-        future = (self._keeper if kind in OF_STATE else self._thread).submit(work)
+        of_state = kind in ('checkpoint', 'aside')
+        future = (self._keeper if of_state else self._thread).submit(work)
         self._jobs.append((kind, future, done))
         return future
 
