@@ -156,14 +156,8 @@ class Heard:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def info(self, text: str) -> None:
-        self.lines.append(f'info {text}')
-
-    def warning(self, text: str) -> None:
-        self.lines.append(f'warning {text}')
-
-    def error(self, text: str) -> None:
-        self.lines.append(f'error {text}')
+    def __getattr__(self, level: str) -> Callable[[str], None]:
+        return lambda text: self.lines.append(f'{level} {text}')
 
 
 class Ros:
@@ -560,7 +554,8 @@ NO_BOOLEAN = ("Trying to set parameter 'use_sim_time' to 'maybe' of type 'STRING
 
 
 def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
-                     program: str = 'imu_allan_node') -> list[tuple[int, str]]:
+                     program: str = 'imu_allan_node', env: Mapping[str, str] = MappingProxyType({})
+                     ) -> list[tuple[int, str]]:
     """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
@@ -576,7 +571,8 @@ for arguments in json.loads(sys.argv[1]):
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]
     done = subprocess.run([sys.executable, '-c', code, json.dumps(given), program], check=True,
-                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          env={**os.environ, **env})
     parts = re.split(r'== status (\d+)\n', done.stdout)
     return [(int(status), text) for text, status in zip(parts[::2], parts[1::2], strict=False)]
 

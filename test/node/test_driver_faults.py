@@ -44,24 +44,6 @@ def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros
     assert 'Traceback' not in node.log
 
 
-@pytest.mark.parametrize('step_s', [-3600, slow(3600)])
-def test_a_clock_that_steps_while_the_node_runs_begins_a_new_segment(
-        ros: Ros, step_s: float) -> None:
-    node = ros.start('imu_allan_node')
-    driver = Driver(ros).wait_for_node()
-    driver.publish(2000)
-    driver.next += round(step_s * RATE_HZ)
-    driver.publish(2000)
-    driver.until_taken()
-    document = ros.saved()
-    assert document['timeline']['samples'] == 4000
-    assert document['timeline']['gaps'] == []
-    assert document['timeline']['duration_s'] == pytest.approx(4000 / RATE_HZ, rel=.01)
-    assert [remark['code'] for remark in document['warnings']
-            if 'clock' in remark['code']] != []
-    assert node.running
-
-
 def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
     """Publish at about the rate of the stamps until the condition holds."""
     began, first = time.monotonic(), driver.next
@@ -75,8 +57,8 @@ def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize('window', [
-    {'diagnostics.RECENT_S': 5.0, 'temperature_topic._MATCHING_S': 1.0,
-     'temperature_topic._SILENCE_S': 5.0},
+    {'diagnostics.RECENT_S': 5.0, 'thermometer._MATCHING_S': 1.0,
+     'thermometer._SILENCE_S': 5.0},
     slow({})], ids=['short', 'true'])
 def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(
         ros: Ros, health: Health, window: dict[str, float]) -> None:

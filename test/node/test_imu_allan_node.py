@@ -31,7 +31,6 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from ros_harness import Health, Ros, said_in
-from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -261,12 +260,6 @@ def test_whoever_is_on_the_network_cannot_have_files_written_elsewhere(live: Ros
     answer = set_parameter(live, 'output_dir', 'x' * 1001)
     assert answer.reason == 'output_dir: at most 100 texts of 1000 characters each are taken'
     assert live.call(Trigger, 'imu_allan/save').success
-
-
-def test_the_plot_is_drawn_for_a_subscriber_and_is_a_png(live: Ros) -> None:
-    image = latest(live, CompressedImage, 'imu_allan/plot/compressed')
-    assert image.format == 'png'
-    assert bytes(image.data).startswith(b'\x89PNG')
 
 
 def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> None:

@@ -16,6 +16,7 @@ from imu_allan.node.checkpoint import StateFile
 from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
 import pytest
+from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_harness import (
     Driver,
@@ -298,6 +299,18 @@ def test_the_only_thermometer_in_the_namespace_of_the_imu_is_found(
     shared_ros.until(lambda: line in node.lines)
 
 
+def test_another_node_of_the_same_name_is_reported(shared_ros: Ros, node: Process,
+                                                   shared_health: Health) -> None:
+    # While somebody listens, it is looked for every second.
+    shared_ros.until(lambda: shared_health.heard)
+    twin = Node('imu_allan', namespace=shared_ros.namespace, context=shared_ros.node.context)
+    for line in ('another node has the same name: their topics and services cannot be kept '
+                 'apart; start one of them with another name',
+                 'no other node has the same name any more'):
+        shared_ros.until(lambda line=line: line in node.lines)
+        twin.destroy_node()
+
+
 def test_nothing_is_drawn_while_nobody_watches(
         shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
     maps = Path(f'/proc/{node.popen.pid}/maps')
@@ -308,7 +321,8 @@ def test_nothing_is_drawn_while_nobody_watches(
     shared_ros.until(lambda: len(arrays) > 0)
     assert 'matplotlib' not in maps.read_text()
     images = shared_ros.listen(CompressedImage, 'imu_allan/plot/compressed')
-    shared_ros.until(lambda: images)
+    [image, *_] = shared_ros.until(lambda: images)
+    assert (image.format, bytes(image.data[:4])) == ('png', b'\x89PNG')
     assert 'matplotlib' in maps.read_text()
     assert shared_ros.call(Trigger, 'imu_allan/reset').success
 

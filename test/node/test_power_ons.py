@@ -6,18 +6,17 @@ import json
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import at_rest, Driver, RATE_HZ, Ros
+from ros_harness import at_rest, RATE_HZ
 
 SETUP = Setup('/imu', TimelineOptions())
 SIGMA = 0.01
@@ -147,30 +146,3 @@ def test_what_is_no_list_of_power_ons_is_refused(marks: Any) -> None:
     Characterization.from_state(state)
     with pytest.raises(ImuAllanError):
         Characterization.from_state(state | {'memory/power_ons': np.array(json.dumps(marks))})
-
-
-def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
-    topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
-    setup = Setup(topic, TimelineOptions())
-    run = Run(Lane(Characterization(kind='topic', topic=topic)))
-    feed(run, 0.2, 1)
-    (ros.folder / 'boot_id').write_text('an earlier boot')
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_module, 'BOOT_ID', ros.folder / 'boot_id')
-        state.write_bytes(encode_state(pack(run, setup)))
-    ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,
-                                 'publish_period': 0.5})
-    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    driver = Driver(ros).wait_for_node()
-
-    def said() -> list[float]:
-        driver.publish(200)
-        return [float(entry.value) for array in arrays[-1:] for status in array.status
-                if status.name.endswith('gyro_x') for entry in status.values
-                if entry.key == 'turn_on_bias/value']
-
-    # Between 0.2 rad/s and none.
-    [sigma] = ros.until(said)
-    assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
-    document = ros.saved()
-    assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)

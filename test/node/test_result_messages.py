@@ -31,6 +31,7 @@ from imu_allan.result import (
     Span,
     Timeline,
     Tone,
+    TurnOnBias,
 )
 from imu_allan.timeline import TimelineSummary
 from imu_allan.writers.words import message_of, with_words
@@ -139,17 +140,21 @@ def test_the_interval_of_a_hidden_coefficient_reaches_from_zero_to_its_bound() -
         assert all(math.isnan(vector.y) for vector in vectors)
 
 
-def test_remarks_of_the_fit_stand_with_their_axis() -> None:
+def test_remarks_of_the_fit_and_the_turn_on_bias_stand_with_their_axis() -> None:
     remark = replace(finding('deadband', ('gyro_x',), share=0.5, width=0.01, unit='rad/s'),
                      message='gyro_y: words that decide nothing')
     result = replace(result_of({name: axis_result(name, ALL) for name in ('gyro_x', 'gyro_y')}),
-                     warnings=(remark,))
+                     warnings=(remark,), turn_on_bias={'gyro_y': TurnOnBias(0.2, (0.1, 4.5))})
     x, y = result_messages(result, 'imu_allan', STAMP)['coefficients'].status
     words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
              'driver gives small values as 0; no coefficient is given; switch the deadband off, '
              'then call ~/reset')
     assert entries(x)['remarks/deadband'] == words
     assert 'remarks/deadband' not in entries(y)
+    assert [{key: value for key, value in entries(status).items() if 'turn_on' in key}
+            for status in (x, y)] == [{}, {
+                'turn_on_bias/value': '0.2', 'turn_on_bias/ci95_low': '0.1',
+                'turn_on_bias/ci95_high': '4.5', 'turn_on_bias/unit': 'rad/s'}]
     status = shown('estimation', facts(), summary(), result)
     assert entries(status)['remarks/deadband'] == f'gyro x: {words}'
 

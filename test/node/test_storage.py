@@ -3,6 +3,7 @@
 """What stays of a run while a disk is full for a moment, and what is reported of it."""
 
 from collections.abc import Iterator
+import json
 from pathlib import Path
 import threading
 from typing import Any
@@ -18,6 +19,7 @@ from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 import pytest
 from ros_harness import at_rest, Heard
+from whole_lines import unwritable
 
 SETUP = Setup('/imu', TimelineOptions())
 
@@ -111,6 +113,26 @@ def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
     worker.finish({'plot', 'fit'})
     # The plot was under way, the fit had not begun.
     assert len(done) == 1
+
+
+def test_a_state_file_that_cannot_be_written_any_more_is_reported_and_costs_no_result(
+        storage: Storage, worker: Worker, facts: Facts, heard: Heard, tmp_path: Path) -> None:
+    run = storage.first_run()
+    feed(run, 2000)
+    (tmp_path / 'state.lock').unlink()
+    tmp_path.rename(tmp_path.with_name('elsewhere'))
+    tmp_path.write_text('in the way')
+    storage.checkpoint(run).exception()
+    worker.hand_out()
+    line = unwritable(tmp_path / 'state', 'Not a directory')
+    assert facts.checkpoint_error == line
+    assert f'error {line}' in heard.lines
+    assert not storage.save_state_at_end(run)
+    tmp_path.unlink()
+    assert storage.save_files_at_end(run, picture=False)
+    worker.finish({'save'})
+    [result] = (tmp_path / 'output').rglob('result.json')
+    assert json.loads(result.read_text())['timeline']['samples'] == 2000
 
 
 def test_a_configuration_that_cannot_be_made_at_the_end_is_reported_once(

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 from typing import Any
 
 from imu_allan.cdr import encode_imu
-from imu_allan.node import temperature_topic
+from imu_allan.node import thermometer
+from imu_allan.node.log import Log
 import numpy as np
 import pytest
-from ros_harness import Driver, Health, Ros
+from ros_harness import Driver, facts, Health, Ros
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 
@@ -35,12 +36,12 @@ def reading(stamp_ns: int, value: float) -> Temperature:
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: Health) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
                                  'temperature_topic': 'imu/temperature'},
-              constants={'temperature_topic._MATCHING_S': 1.0})
+              constants={'thermometer._MATCHING_S': 1.0})
     driver = Driver(ros).wait_for_node()
     ros.until(lambda: health.said('reception', f'nothing publishes {ros.name("imu/temperature")}: '
                                   'there is no temperature'))
-    thermometer = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
-    ros.until(lambda: thermometer.get_subscription_count() == 1)
+    publisher = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
     results = ros.listen(String, 'imu_allan/result')
     seconds = np.arange(SAMPLES) / RATE_HZ
     samples = np.random.default_rng(3).normal(0, 1e-3, (SAMPLES, 6))
@@ -50,7 +51,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
         driver.send(encode_imu(stamp, sample, 'imu'))
         if number % 8 == 0:
             # In kelvin, which is taken as in a recording.
-            thermometer.publish(reading(stamp, float(celsius(second)) + 273.15))
+            publisher.publish(reading(stamp, float(celsius(second)) + 273.15))
 
     def fitted() -> Any:
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
@@ -67,20 +68,33 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
 
 
-def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone() -> None:
-    seen: dict[str, str] = {}
+def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone(
+        heard: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[str] = []
+
+    def subscribe(_: object, __: type, topic: str, *___: object) -> SimpleNamespace:
+        taken.append(topic)
+        return SimpleNamespace(topic=topic)
+
+    monkeypatch.setattr(thermometer, 'DrainedSubscription', subscribe)
+    kind, seen = 'sensor_msgs/msg/Temperature', {'/imu/data_raw': 'sensor_msgs/msg/Imu'}
     node: Any = SimpleNamespace(
         get_topic_names_and_types=lambda: [(name, [kind]) for name, kind in seen.items()],
         count_publishers=lambda name: int(not name.endswith('/unpublished')))
-    beside = temperature_topic.ThermometerBeside(node, '/imu/data_raw')
-    kind = 'sensor_msgs/msg/Temperature'
-    seen |= {'/imu/data_raw': 'sensor_msgs/msg/Imu', '/motor/temperature': kind,
-             '/imu/unpublished': kind, '/imu/a': kind}
-    assert beside.look() is None
-    assert beside.look() == '/imu/a'
+    beside = thermometer.Thermometer(node, Log(heard), facts(topic='/imu/data_raw'), 1, '')
+
+    def look() -> list[str]:
+        beside.look_beside()
+        return taken
+
+    seen |= {'/motor/temperature': kind, '/imu/unpublished': kind, '/imu/a': kind}
+    assert look() == []
     seen['/imu/b'] = kind
-    assert beside.look() is None
-    assert beside.look() is None
+    assert look() == look() == []
     del seen['/imu/a']
-    assert beside.look() is None
-    assert beside.look() == '/imu/b'
+    assert look() == []
+    assert look() == ['/imu/b']
+    # One is enough.
+    del seen['/imu/b']
+    seen['/imu/a'] = kind
+    assert look() == look() == ['/imu/b']

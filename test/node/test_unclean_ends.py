@@ -24,10 +24,6 @@ def start(ros: Ros, home: Path, **parameters: Any) -> Process:
     return node
 
 
-def state_of(ros: Ros, home: Path) -> Path:
-    return home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
-
-
 def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
         ros: Ros, home: Path) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -49,7 +45,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
     node, driver = start(ros, home), Driver(ros, depth=5000)
     driver.wait_for_node()
     driver.publish(2000)
-    state = state_of(ros, home)
+    state = home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
     ros.until(lambda: kept_in(state).timeline.samples == 2000)
     node.popen.kill()
     node.popen.wait()
@@ -69,26 +65,3 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
     assert max(document['timeline']['samples'] for document in ros.results()) == 3000
     last = start(ros, home)
     assert last.lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
-
-
-def test_a_home_that_takes_nothing_costs_the_state_alone(ros: Ros, home: Path) -> None:
-    home.write_text('in the way')
-    node = start(ros, home)
-    assert node.lines[0] == (
-        f'nothing is kept over a crash: state_file {state_of(ros, home)}: cannot be written '
-        '(Not a directory); choose a folder that may be written to')
-    assert node.stop() == 0
-
-
-def test_what_makes_room_for_a_state_that_is_kept_aside_is_said(ros: Ros, home: Path) -> None:
-    state = state_of(ros, home)
-    state.parent.mkdir(parents=True)
-    state.write_text('damaged')
-    old = [state.with_name(f'{state.name}.rate.20260101T0000{second}.000000Z')
-           for second in range(10, 31)]
-    for path in old:
-        path.write_text('of an earlier run')
-    node = start(ros, home)
-    assert node.lines[1] == ('removed the oldest states that were kept aside: '
-                             f'{old[1].name}, {old[0].name}')
-    assert [path.exists() for path in old] == [False, False, *[True] * 19]
