@@ -62,20 +62,15 @@ def fleet():
 @pytest.fixture
 def six():
     """Make six units that differ by 2 %, all gyroscope axes of unit2 noisier by a factor."""
-    return six_units
-
-
-def six_units(lift=1.0):
-    rng = np.random.default_rng(3)
-    units = {}
-    for number in range(1, 7):
-        result = unit(rng)
-        axes = {}
-        for name, axis in result.axes.items():
-            density = axis.coefficients['noise_density']
-            value = 1e-4 * float(np.exp(0.02 * rng.normal())) * (
-                lift if number == 2 and name.startswith('gyro') else 1.0)
-            axes[name] = replace(axis, coefficients={**axis.coefficients, 'noise_density': replace(
-                density, value=value, ci95=(0.99 * value, 1.01 * value))})
-        units[f'unit{number}'] = replace(result, axes=axes)
+    def units(lift=1.0):
+        rng = np.random.default_rng(3)
+        made = {f'unit{number}': unit(rng) for number in range(1, 7)}
+        for name, result in made.items():
+            for axis in AXES:
+                density = result.axes[axis].coefficients['noise_density']
+                value = 1e-4 * float(np.exp(0.02 * rng.normal())) * (
+                    lift if name == 'unit2' and axis.startswith('gyro') else 1.0)
+                result.axes[axis].coefficients['noise_density'] = replace(
+                    density, value=value, ci95=(0.99 * value, 1.01 * value))
+        return made
     return units

@@ -260,7 +260,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes,
                           / filters.predicted(horizons)[:, 0])
     # Five per cent at each horizon, with twice the error of 40 trials.
     assert np.mean(np.array(careful) > 1, axis=0).max() < 0.12
-    if 'bias_instability' in terms:
+    if 'bias_instability' in terms and minutes == 10:
         # Half of what is added would not do.
         assert np.mean(np.max(half, axis=1) > 1) > 0.1
 
