@@ -28,9 +28,10 @@ def test_the_equations_of_the_statistics_are_numbered_in_turn_and_those_that_are
                            (PACKAGE.parent / 'docs' / 'statistics.md').read_text())
     assert equations == [str(number) for number in range(1, len(equations) + 1)]
     sources = ' '.join(' '.join(path.read_text().split()) for path in PACKAGE.rglob('*.py'))
-    named = re.findall(r'\((\d\d?)\)(?= (?:of|in) docs/statistics)', sources)
-    assert len({*named}) > 5
-    assert {*named} <= {*equations}
+    named = {before or behind for before, behind in re.findall(
+        r'\((\d\d?)\) (?:of|in) docs/statistics|docs/statistics\.md \((\d\d?)\)', sources)}
+    assert len(named) > 5
+    assert named <= {*equations}
 
 
 @pytest.mark.parametrize('name', [
