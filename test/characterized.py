@@ -38,6 +38,18 @@ def one_axis(estimator, rate_hz, fits=None):
     return axis, {remark.code: remark.values for remark in remarks}
 
 
+def axes_of(estimator, rate_hz):
+    """Return the results of all axes of an estimator, as those of gyroscopes."""
+    return [axis for axis, _ in axis_results(
+        estimator, rate_hz, [Quantity.ANGULAR_VELOCITY] * estimator.axes)]
+
+
+def several(records, rate_hz):
+    """Return the results of records of one length: as axes of a sensor they take half the time."""
+    return [axis for first in range(0, len(records), 12)
+            for axis in axes_of(taken_in(np.transpose(records[first:first + 12])), rate_hz)]
+
+
 def taken_in(samples, interpolated=()):
     """Return an estimator that has taken in a record of one axis or, in columns, of several."""
     estimator = Estimator(1 if np.ndim(samples) == 1 else np.shape(samples)[1])

@@ -52,41 +52,31 @@ def test_interval_holds_the_share_of_a_chi_square_variable_that_it_says(level):
     np.testing.assert_allclose(chi2.cdf(x / high**2, dof), (1 - level) / 2)
 
 
-def test_a_point_says_how_many_differences_it_averages_and_how_far_apart():
-    estimator = Estimator()
-    estimator.update(np.random.default_rng(1).standard_normal(400))
-    points = octaves(estimator.finished())
-    assert points.size.tolist() == [1, 2, 4, 8, 16, 32, 64, 128]
-    np.testing.assert_array_equal(points.count, (400 - 2 * points.size) // points.stride + 1)
-
-
 def test_nothing_gives_no_points():
     points = octaves(Estimator(3).finished())
     assert points.avar.shape == (0, 3)
     assert len(points.size) == len(points.stride) == len(points.count) == 0
 
 
-@pytest.mark.parametrize('lengths', [(300, 9000), (9000, 300), (5000, 40, 5000), (10, 9000, 10)])
-def test_long_clusters_are_taken_from_every_run_that_holds_them(lengths):
+@pytest.mark.parametrize('lengths', [(400,), (300, 9000), (9000, 300), (5000, 40, 5000),
+                                     (10, 9000, 10), (40_000,)])
+def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_holds_them(lengths):
     rng = np.random.default_rng(7)
-    estimator, expected = Estimator(), dict.fromkeys(2 ** np.arange(14), 0)
-    squares = dict.fromkeys(expected, 0.0)
+    estimator, phases = Estimator(), []
     for length in lengths:
         samples = rng.standard_normal(length)
         estimator.start_run()
-        estimator.update(samples)
-        phase = np.concatenate(([0.0], np.cumsum(samples)))
-        for size in expected:
-            if length >= 2 * size:
-                d = phase[2 * size:] - 2 * phase[size:-size] + phase[:-2 * size]
-                squares[size] += d @ d
-                expected[size] += len(d)
-    finished = estimator.finished()
-    points = octaves(finished)
+        for part in np.split(samples, [1, 4, 19, 36, 253]):
+            estimator.update(part)
+        phases.append(np.concatenate(([0.0], np.cumsum(samples))))
+    points = octaves(estimator.finished())
+    assert points.size.tolist() == [2**octave for octave in range(15)
+                                    if 2 * 2**octave <= max(lengths)]
+    assert (points.stride <= np.maximum(points.size // 8, 1)).all()
     for size, stride, count, avar in zip(points.size, points.stride, points.count,
                                          points.avar[:, 0], strict=True):
-        if stride == finished.periodogram.cell == 1:
-            assert count == expected[size]
-        # Where differences are taken from cells of two samples, every other one is there.
-        assert avar == pytest.approx(squares[size] / (2 * expected[size] * size**2), rel=0.1)
-    assert set(points.size) == {size for size in expected if expected[size]}
+        differences = np.concatenate([
+            (phase[2 * size:] - 2 * phase[size:-size] + phase[:-2 * size])[::stride]
+            for phase in phases if len(phase) > 2 * size])
+        assert count == len(differences)
+        assert avar == pytest.approx(np.mean(differences**2) / (2 * size**2), rel=1e-9)

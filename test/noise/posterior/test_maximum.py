@@ -1,12 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""The likelihood of a spectrum and its maximum, against what is worked out in another way."""
+
 from dataclasses import replace
 
+from characterized import shown, taken_in
 from imu_allan.noise import spectrum
 from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.regression import mean, regressors
 from imu_allan.noise.record.bins import bins_of
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import (
     FLICKER,
     grouped,
@@ -23,64 +26,49 @@ from scipy.linalg import toeplitz
 from scipy.optimize import nnls
 
 
-def kalman_loss(samples, density, walk, dt):
-    """Minus the log-likelihood of white noise and averaged random walk, diffuse start."""
-    # State: walk at the end of the interval, mean of the walk over the interval.
-    transition = np.array([[1.0, 0.0], [1.0, 0.0]])
-    q = walk**2 * dt * np.array([[1.0, 0.5], [0.5, 1 / 3]])
-    r = density**2 / dt
-    total = 0.0
-    # The first sample only says where the walk is: exact diffuse initialisation.
-    first = q[1, 1] + r
-    state = np.array([samples[0], samples[0]])
-    p = np.array([[q[0, 0] - 2 * q[0, 1] + first, 0.0], [0.0, 0.0]])
-    for sample in samples[1:]:
-        state = transition @ state
-        p = transition @ p @ transition.T + q
-        variance = p[1, 1] + r
-        innovation = sample - state[1]
-        total += 0.5 * (np.log(variance) + innovation**2 / variance)
-        gain = p[:, 1] / variance
-        state = state + gain * innovation
-        p = p - np.outer(gain, p[1])
-    return total
+def bins_of_record(samples, dt):
+    return bins_of(shown(samples).periodogram.sections(), dt)
 
 
-@pytest.mark.parametrize(('density', 'walk'), [(1e-3, 1e-3), (1e-3, 1e-1), (3e-3, 1e-5)])
-def test_dct_likelihood_equals_that_of_a_kalman_filter(density, walk):
-    dt, n = 0.1, 400
-    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, n, 1 / dt, seed=2)
-    power = dct(samples, norm='ortho')[1:] ** 2
-    nu = np.arange(1, n) / (2 * n)
+@pytest.mark.parametrize('known', ['mean', 'mean and ramp'])
+def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(known):
+    dt, place = 0.1, np.arange(48)
+    record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, len(place), 1 / dt, 5)
+    groups = grouped(bins_of_record(record, dt), 0)
+    # Of a random walk from zero, averaged over each interval.
+    walk = dt * (np.minimum.outer(place, place) + 0.5 - np.eye(len(place)) / 6)
+    columns = np.vander(place, len(known.split(' and ')))
+    free = np.linalg.svd(columns)[0][:, columns.shape[1]:]
 
-    def dct_loss(density, walk):
-        expected = (density**2 * spectrum.white(nu, dt)
-                    + walk**2 * spectrum.random_walk(nu, dt))
-        return 0.5 * np.sum(np.log(expected) + power / expected)
+    def exact(density, walking):
+        covariance = free.T @ (density / dt * np.eye(len(place)) + walking * walk) @ free
+        rest = free.T @ record
+        return 0.5 * (np.linalg.slogdet(covariance)[1]
+                      + rest @ np.linalg.solve(covariance, rest))
 
-    # The two differ by the Jacobian of the transform, which no coefficient enters.
-    reference = (1e-3, 1e-3)
-    ours = dct_loss(density, walk) - dct_loss(*reference)
-    kalman = kalman_loss(samples, density, walk, dt) - kalman_loss(samples, *reference, dt)
-    assert ours == pytest.approx(kalman, rel=1e-8, abs=1e-8)
+    def found(density, walking):
+        theta = np.array([0.0, density, 0.0, walking])
+        weight = groups.dof / (groups.design @ theta)
+        gain = mean(regressors([groups]), 1, weight[None])[0][0] if 'ramp' in known else 0.0
+        return maximise(groups, fixed=dict(enumerate(theta))).loss - gain
+
+    for other in ((2.0, 0.3), (0.1, 5.0), (1.0, 1e-6)):
+        assert found(*other) - found(1.0, 1.0) == pytest.approx(exact(*other) - exact(1.0, 1.0),
+                                                                rel=1e-6)
 
 
 def test_quantization_column_is_the_exact_mean_power_of_a_block():
     n, dt = 64, 0.5
     covariance = toeplitz([2.0, -1.0, *[0.0] * (n - 2)]) / dt**2
     transform = dct(np.eye(n), axis=0, norm='ortho')
-    exact = np.diag(transform @ covariance @ transform.T)[1:]
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1.0}, n, 1 / dt))
-    bins = bins_of(estimator.finished().periodogram.sections(), dt)
-    np.testing.assert_allclose(bins.design[:, QUANTIZATION], exact, rtol=1e-12)
+    bins = bins_of_record(simulate({'noise_density': 1.0}, n, 1 / dt), dt)
+    np.testing.assert_allclose(bins.design[:, QUANTIZATION],
+                               np.diag(transform @ covariance @ transform.T)[1:], rtol=1e-12)
 
 
 def test_columns_are_the_spectra_of_the_means_of_every_stage():
     dt = 0.5
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1.0}, 100_000, 1 / dt))
-    sections = estimator.finished().periodogram.sections()
+    sections = shown(simulate({'noise_density': 1.0}, 100_000, 1 / dt)).periodogram.sections()
     bins = bins_of(sections, dt)
     assert {section.step for section in sections} == {1, 16}
     for number, section in enumerate(sections):
@@ -101,46 +89,34 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
 
 
 @pytest.mark.parametrize('runs', [1, 2])
-def test_groups_hold_every_bin_once_and_the_slowest_alone(runs):
-    estimator = Estimator(2)
-    for seed in range(runs):
+@pytest.mark.parametrize('kept', [1.0, 0.7])
+def test_groups_hold_every_bin_that_is_kept_once_and_the_slowest_alone(runs, kept):
+    estimator = taken_in(np.random.default_rng(0).standard_normal((40_000, 2)))
+    if runs == 2:
         estimator.start_run()
-        estimator.update(np.random.default_rng(seed).standard_normal((40_000, 2)))
-    sections = estimator.finished().periodogram.sections()
-    bins = bins_of(sections, 0.01)
-    groups = grouped(bins, 1)
+        estimator.update(np.random.default_rng(1).standard_normal((40_000, 2)))
+    bins = bins_of(estimator.finished().periodogram.sections(), 0.01)
+    keep = np.random.default_rng(2).random(len(bins.dof)) < kept
+    groups, dof = grouped(bins, 1, keep), np.where(keep, bins.dof, 0)
     assert (np.diff(groups.frequency) >= 0).all()
-    assert groups.dof.sum() == bins.dof.sum()
+    assert groups.dof.sum() == dof.sum()
     for name in ('frequency', 'power', 'ramp'):
         values = getattr(bins, name)
         values = values[1] if values.ndim == 2 else values
-        assert groups.dof @ getattr(groups, name) == pytest.approx(bins.dof @ values)
-    np.testing.assert_allclose(groups.dof @ groups.design, bins.dof @ bins.design)
-    single = np.flatnonzero(bins.whole & (bins.index <= 48))
-    assert len(single) == 48 * runs
-    alone = groups.power[groups.dof == 1]
-    assert set(bins.power[1, single]) <= set(alone)
+        assert groups.dof @ getattr(groups, name) == pytest.approx(dof @ values)
+    np.testing.assert_allclose(groups.dof @ groups.design, dof @ bins.design)
+    single = np.flatnonzero(bins.whole & (bins.index <= 48) & keep)
+    assert len(single) == 48 * runs or kept < 1
+    assert set(bins.power[1, single]) <= set(groups.power[groups.dof == 1])
     # An eighth of an octave wide at most.
     wide = len(groups.frequency) - len(single)
     assert wide < 2 * runs * 8 * np.log2(bins.frequency.max() / bins.frequency[single].max())
 
 
-def test_bins_left_out_are_in_no_group():
-    estimator = Estimator()
-    estimator.update(np.random.default_rng(1).standard_normal(5000))
-    bins = bins_of(estimator.finished().periodogram.sections(), 0.01)
-    keep = np.random.default_rng(2).random(len(bins.dof)) > 0.3
-    keep[:20] = False
-    groups = grouped(bins, 0, keep)
-    assert groups.dof.sum() == keep.sum()
-    assert groups.frequency[0] == bins.frequency[20:][keep[20:]][0]
-    assert groups.dof @ groups.power == pytest.approx(bins.power[0, keep].sum())
-
-
-def test_maximum_is_found_and_no_coefficient_is_negative():
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 50_000, 100, 7))
-    groups = grouped(bins_of(estimator.finished().periodogram.sections(), 0.01), 0)
+def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
+    groups = grouped(bins_of_record(simulate(
+        {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 2e-4}, 144_000,
+        20.0, 3), 0.05), 0)
     best = maximise(groups)
     assert np.all(best.theta >= 0)
 
@@ -154,13 +130,10 @@ def test_maximum_is_found_and_no_coefficient_is_negative():
             other = best.theta.copy()
             other[column] *= factor
             assert loss(other) > best.loss
-
-
-def test_going_on_behind_the_maximum_changes_nothing():
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 50_000, 100, 7))
-    groups = grouped(bins_of(estimator.finished().periodogram.sections(), 0.01), 0)
-    best, behind = maximise(groups), maximise(groups, tolerance=-np.inf)
+    # From so far away whole steps lead astray.
+    afar = maximise(groups, start=np.array([1e-3, 0.0, 0.0, 0.0]))
+    assert afar.loss == pytest.approx(best.loss, abs=1e-6)
+    behind = maximise(groups, tolerance=-np.inf)
     # A loss of 1e-6 is a thousandth of a standard error.
     np.testing.assert_allclose(behind.theta, best.theta, rtol=1e-3, atol=1e-15)
     assert best.loss - 1e-6 < behind.loss <= best.loss
@@ -170,10 +143,8 @@ def test_records_side_by_side_are_fitted_as_with_a_column_for_each():
     """Regressors by record give what all of them give as columns that are zero elsewhere."""
     parts = []
     for seed in range(3):
-        estimator = Estimator()
-        estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, 4000, 10.0,
-                                  seed) + 1e-3 * seed * np.arange(4000))
-        bins = bins_of(estimator.finished().periodogram.sections(), 0.1)
+        bins = bins_of_record(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, 4000,
+                                       10.0, seed) + 1e-3 * seed * np.arange(4000), 0.1)
         bend = np.where(bins.whole, np.exp(-bins.index / 10), 0.0)[:, None]
         parts.append(grouped(bins, 0, regressors=bend))
     joint = joined_groups(parts)
@@ -190,49 +161,23 @@ def test_records_side_by_side_are_fitted_as_with_a_column_for_each():
 
 
 def test_small_non_negative_least_squares_agrees_with_scipy():
-    from imu_allan.noise.posterior.non_negative import non_negative
     rng = np.random.default_rng(1)
-    for _ in range(200):
-        a = rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4)
-        b = rng.standard_normal(12)
-        np.testing.assert_allclose(a @ non_negative(a.T @ a, a.T @ b), a @ nnls(a, b)[0],
-                                   atol=1e-6)
-
-
-def test_white_noise_of_interpolated_samples_is_given_back():
-    # One sample in twenty replaced by the mean of its neighbours lowers the power by a twentieth.
-    rng = np.random.default_rng(3)
-    samples = rng.standard_normal(400_000)
-    missing = rng.choice(np.arange(8, len(samples) - 8), 20_000, replace=False)
-    around = sum(samples[missing + k] for k in range(-8, 9) if k) / 16
-    samples[missing] = around
-    estimator = Estimator()
-    estimator.update(samples, np.sort(missing))
-    finished = estimator.finished()
-    sections = finished.periodogram.sections()
-    plain, mended = (maximise(grouped(bins, 0), fixed={QUANTIZATION: 0.0}) for bins in (
-        bins_of(sections, 1.0), bins_of(sections, 1.0, finished.interpolation)))
-    assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
-    assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
-
-
-def test_columns_that_cannot_be_distinguished_share_what_they_explain():
-    from imu_allan.noise.posterior.non_negative import non_negative
-
-    column = np.array([1.0, 2.0, 3.0])
-    a = np.column_stack((column, column, [0.0, 0.0, 1.0]))
-    for b in ([1.0, 2.0, 3.0], [1.0, 2.0, 9.0], [-1.0, -2.0, -3.0], [1.0, 2.0, -9.0]):
-        part = non_negative(a.T @ a, a.T @ np.array(b))
+    problems = [(rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4),
+                 rng.standard_normal(12)) for _ in range(200)]
+    # Columns that cannot be distinguished share what they explain.
+    same = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [3.0, 3.0, 1.0]])
+    problems += [(same, np.array([sign, 2 * sign, last])) for sign, last in (
+        (1.0, 3.0), (1.0, 9.0), (-1.0, -3.0), (1.0, -9.0))]
+    for a, b in problems:
+        part = non_negative(a.T @ a, a.T @ b)
         assert (part >= 0).all()
-        np.testing.assert_allclose(a @ part, a @ nnls(a, np.array(b))[0], atol=1e-6)
+        np.testing.assert_allclose(a @ part, a @ nnls(a, b)[0], atol=1e-6)
 
 
 @pytest.mark.parametrize('beside', [2.0, -5.0])
-@pytest.mark.parametrize('target', [(1.0, 3.0), (3.0, 1.0), (1.0, 1.0), (-3.0, 3.0)])
 @pytest.mark.parametrize('start', [(), (0,), (1,)])
-def test_columns_that_rounding_makes_indefinite_still_give_an_answer(beside, target, start):
-    from imu_allan.noise.posterior.non_negative import non_negative
-
-    part = non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
-    assert (part >= 0).all()
-    assert np.isfinite(part).all()
+def test_columns_that_rounding_makes_indefinite_still_give_an_answer(beside, start):
+    for target in ((1.0, 3.0), (3.0, 1.0), (1.0, 1.0), (-3.0, 3.0)):
+        part = non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
+        assert (part >= 0).all()
+        assert np.isfinite(part).all()

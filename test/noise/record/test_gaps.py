@@ -1,17 +1,19 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.characterization.axis import axis_results
-from imu_allan.noise.record.cells import Cells, RUN_SHIFT
+"""Gaps within a record: how they are filled, what that does to noise, and what it must not."""
+
+from characterized import axes_of
+from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.gaps import filled, NO_GAPS, noise_through_gaps, without_islands
+from imu_allan.noise.record.gaps import filled, NO_GAPS, noise_through_gaps
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from repeated import combined, slow
 from scipy.fft import dct
 
 SLOW = ('bias_instability', 'rate_random_walk')
+SIZE = 8
 
 
 def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
@@ -20,59 +22,64 @@ def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
     return Cells(keys, rows[:, keys] * np.sqrt(counts[keys]), counts[keys])
 
 
-@pytest.mark.parametrize('name', ['half full', 'periodic', 'random', 'one long'])
-def test_white_noise_through_gaps_has_the_power_that_is_worked_out(name):
-    rng = np.random.default_rng(1)
-    span, size = 600, 8
-    counts = np.full(span, size)
-    if name == 'half full':
-        counts[:] = rng.integers(4, 9, span)
-    elif name == 'periodic':
-        counts[np.arange(span) % 10 < 3] = 0
-    elif name == 'random':
-        counts[:] = np.where(rng.random(span) < 0.2, 0, rng.integers(4, 9, span))
-    else:
-        counts[200:330] = 0
-    counts[[0, -1]] = size
-    found = noise_through_gaps(cells_with(counts, np.zeros((1, span))), size)
+def test_what_is_known_stays_and_what_is_missing_lies_on_straight_lines():
+    rng = np.random.default_rng(2)
+    keys = np.array([0, 1, 2, 5, 6, 7, 8, 9, 13, 14, 20])
+    cells = Cells(keys, rng.standard_normal((2, len(keys))), np.arange(1, len(keys) + 1))
+    grid = filled(cells)
+    assert grid.shape == (2, 21)
+    np.testing.assert_array_equal(grid[:, keys], cells.means)
+    for begin, end in ((3, 5), (10, 13), (15, 20)):
+        np.testing.assert_allclose(np.diff(grid[:, begin:end], 2), 0, atol=1e-12)
+    # The line goes through the means of what is there of twice as many, four at least.
+    for missing, left, right in (((3, 4), slice(0, 3), slice(3, 7)),
+                                 ((10, 11, 12), slice(2, 8), slice(8, 11))):
+        x0, x1 = keys[left].mean(), keys[right].mean()
+        y0, y1 = cells.means[:, left].mean(axis=1), cells.means[:, right].mean(axis=1)
+        for place in missing:
+            np.testing.assert_allclose(grid[:, place], y0 + (y1 - y0) * (place - x0) / (x1 - x0))
+
+
+@pytest.mark.parametrize('counts', [
+    lambda rng, at: rng.integers(4, 9, len(at)),
+    lambda _, at: np.where(at % 10 < 3, 0, SIZE),
+    lambda rng, at: np.where(rng.random(len(at)) < 0.2, 0, rng.integers(4, 9, len(at))),
+    lambda _, at: np.where((at >= 200) & (at < 330), 0, SIZE)],
+    ids=['half full', 'periodic', 'random', 'one long'])
+def test_white_noise_through_gaps_has_the_power_that_is_worked_out(counts):
+    rng, span = np.random.default_rng(1), 600
+    counts = counts(rng, np.arange(span))
+    counts[[0, -1]] = SIZE
+    found = noise_through_gaps(cells_with(counts, np.zeros((1, span))), SIZE)
     assert found.filled == pytest.approx(np.mean(counts == 0))
-    power = np.zeros(span)
-    draws = 0
-    for _ in range(20):
-        rows = rng.standard_normal((50, span)) * np.sqrt(size)
-        power += (dct(filled(cells_with(counts, rows)), norm='ortho') ** 2).sum(axis=0)
-        draws += 50
-    power /= draws
-    low = slice(1, 48)
-    assert np.abs(power[low] / found.white[low] - 1).max() < 0.2
-    bands = np.array_split(np.arange(48, span), 12)
-    for band in bands:
+    rows = rng.standard_normal((1000, span)) * np.sqrt(SIZE)
+    power = (dct(filled(cells_with(counts, rows)), norm='ortho')**2).mean(axis=0)
+    np.testing.assert_allclose(power[1:48], found.white[1:48], rtol=0.2)
+    for band in np.array_split(np.arange(48, span), 12):
         assert power[band].mean() == pytest.approx(found.white[band].mean(), rel=0.04)
 
 
-@pytest.mark.parametrize('name', ['periodic', 'random', 'stops'])
-def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(name):
-    rng = np.random.default_rng(1)
+@pytest.mark.parametrize('there', [
+    lambda _, at: at % 20 >= 9, lambda rng, at: rng.random(len(at)) >= 0.45,
+    lambda rng, at: np.repeat(
+        np.resize([True, False], len(at)), rng.integers(1, 8, len(at)))[:len(at)]],
+    ids=['periodic', 'random', 'stops'])
+def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
     span = 400
-    there = np.ones(span, dtype=bool)
-    if name == 'periodic':
-        there[np.arange(span) % 20 < 9] = False
-    elif name == 'random':
-        there[rng.random(span) < 0.45] = False
-    else:
-        edges = np.cumsum(rng.integers(1, 8, span))
-        for begin, end in zip(edges[0::2], edges[1::2], strict=False):
-            there[begin:end] = False
-    there[[0, -1]] = True
-    keys = np.flatnonzero(there)
-    gaps = noise_through_gaps(Cells(keys, np.zeros((1, len(keys))), np.ones(len(keys), np.int64)),
-                              1)
+    counts = there(np.random.default_rng(1), np.arange(span)).astype(int)
+    counts[[0, -1]] = 1
+    gaps = noise_through_gaps(cells_with(counts, np.zeros((1, span))), 1)
     for key, expected in (('bias_instability', gaps.flicker), ('rate_random_walk', gaps.walk)):
         rows = np.stack([simulate({key: 1.0}, span, 1.0, seed) for seed in range(600)])
-        seen = filled(Cells(keys, rows[:, keys], np.ones(len(keys), np.int64)))
-        full, found = ((dct(some, norm='ortho')**2).mean(axis=0) for some in (rows, seen))
-        for band in (slice(1, 8), slice(8, 24), slice(24, 64), slice(64, 200), slice(200, 400)):
+        full, found = ((dct(some, norm='ortho')**2).mean(axis=0)
+                       for some in (rows, filled(cells_with(counts, rows))))
+        for band in np.split(np.arange(1, span), [7, 23, 63, 199]):
             assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
+
+
+def test_full_cells_change_nothing():
+    cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
+    assert noise_through_gaps(cells, 4) is NO_GAPS
 
 
 @pytest.mark.thorough
@@ -91,25 +98,12 @@ def test_a_week_of_short_stops_knows_flicker_and_random_walk():
         estimator.skip(begin - last)
         estimator.update(rows[begin:end])
         last = end
-    for axis, _ in axis_results(estimator, rate, [AXES['gyro_x']] * 3):
+    for axis in axes_of(estimator, rate):
         assert axis.gauss_markov is None
         for key, value in true.items():
             low, high = axis.coefficients[key].ci95
             assert low - (high - low) / 4 < value < high + (high - low) / 4
             assert (high - low) / value < 0.6
-
-
-def test_full_cells_change_nothing():
-    cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
-    assert noise_through_gaps(cells, 4) is NO_GAPS
-
-
-def test_a_few_cells_alone_beyond_a_gap_are_left_out():
-    keys = np.concatenate([[0, 1], np.arange(20, 60), [70], np.arange(72, 100)])
-    keys = keys + (3 << RUN_SHIFT)
-    cells = Cells(keys, np.zeros((1, len(keys))), np.ones(len(keys), np.int64))
-    assert np.array_equal(without_islands(cells).keys - (3 << RUN_SHIFT),
-                          np.concatenate([np.arange(20, 60), np.arange(72, 100)]))
 
 
 @pytest.mark.thorough
@@ -118,19 +112,18 @@ def test_a_few_cells_alone_beyond_a_gap_are_left_out():
 def test_repeated_gaps_invent_no_slow_term(samples, pattern):
     on, off = pattern
     rng = np.random.default_rng(2)
-    false, axes = 0, 0
+    false = 0
     for _ in range(2):
         estimator = Estimator(6)
         rows = rng.standard_normal((samples, 6))
         for first in range(0, samples, on + off):
             estimator.update(rows[first:first + on])
             estimator.skip(off)
-        for axis, _ in axis_results(estimator, 100.0, [AXES['gyro_x']] * 6):
+        for axis in axes_of(estimator, 100.0):
             false += any(axis.coefficients[key].observable for key in SLOW)
-            axes += 1
-            density = axis.coefficients['noise_density']
-            assert density.value == pytest.approx(0.1, rel=0.06)
-    assert false <= 0.1 * axes
+            assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
+    # Of twelve axes.
+    assert false <= 1
 
 
 @pytest.mark.parametrize(('alone', 'where'), combined(
@@ -146,5 +139,5 @@ def test_samples_alone_beyond_a_gap_invent_no_slow_term(alone, where):
         estimator.skip(40)
         estimator.update(second)
         false += sum(any(axis.coefficients[key].observable for key in SLOW)
-                     for axis, _ in axis_results(estimator, 100.0, [AXES['gyro_x']] * 6))
+                     for axis in axes_of(estimator, 100.0))
     assert false <= 2

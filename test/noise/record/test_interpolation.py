@@ -1,15 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from characterized import taken_in
-from imu_allan.characterization.axis import axis_results
+from characterized import axes_of, holds, taken_in
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.interpolation import (
-    Interpolation,
-    InterpolationSums,
-    LAGS,
-    shared_noise,
-)
-from imu_allan.noise.terms import Quantity
+from imu_allan.noise.record.interpolation import InterpolationSums, LAGS
 from imu_allan.timeline.grid import interpolate
 import numpy as np
 import pytest
@@ -43,12 +36,6 @@ def shares_of(there):
     return np.hstack([with_interpolation(eye[:, at:at + 6], there) for at in range(0, SAMPLES, 6)])
 
 
-def sums_of(there):
-    sums = InterpolationSums()
-    sums.add(np.flatnonzero(~there).tolist(), len(there))
-    return sums
-
-
 @pytest.mark.parametrize(('pattern', 'step'), combined(
     [0.02, 0.4, 0.6, '110', '11100'], [1, 2, 16],
     everyday=[(0.02, 16), (0.4, 1), (0.6, 2), ('110', 1), ('11100', 16)]))
@@ -57,12 +44,12 @@ def test_white_noise_that_the_timeline_interpolates_has_the_power_that_is_worked
     there = received(pattern)
     weights = shares_of(there)
     covariance = weights @ weights.T
-    interpolation = sums_of(there).interpolation(float(np.mean(~there)))
-    distance = range(LAGS)
+    sums = InterpolationSums()
+    sums.add(np.flatnonzero(~there).tolist(), SAMPLES)
+    interpolation = sums.interpolation(float(np.mean(~there)))
     np.testing.assert_allclose(
         interpolation.covariance,
-        [np.trace(covariance, lag) / (SAMPLES - lag) for lag in distance],
-        atol=1e-12)
+        [np.trace(covariance, lag) / (SAMPLES - lag) for lag in range(LAGS)], atol=1e-12)
     points = SAMPLES // step
     transform = dct(np.eye(points), axis=0, norm='ortho') @ np.kron(
         np.eye(points), np.full(step, step**-0.5))
@@ -73,17 +60,6 @@ def test_white_noise_that_the_timeline_interpolates_has_the_power_that_is_worked
         assert given[band].mean() == pytest.approx(exact[band].mean(), rel=0.03)
 
 
-def test_samples_without_a_gap_have_the_power_of_white_noise():
-    sums = InterpolationSums()
-    sums.add([], 5000)
-    assert sums.interpolation(0.0).white_power(512, 1) is None
-    np.testing.assert_allclose(Interpolation(0.0, np.eye(1, LAGS)[0]).white_power(512, 4), 1.0)
-
-
-def test_without_a_sample_nothing_is_shared():
-    assert not shared_noise(np.arange(7), 7).any()
-
-
 @pytest.mark.parametrize('pattern', [0.5, '1100'])
 def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(pattern):
     rng, there = np.random.default_rng(3), received(pattern)
@@ -92,14 +68,13 @@ def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(patter
         rows = rng.standard_normal((SAMPLES, 6))
         estimator.update(with_interpolation(rows, there), np.flatnonzero(~there))
         estimator.skip(20)
-    found = [axis.coefficients['noise_density'] for axis, _ in axis_results(
-        estimator, 1.0, [Quantity.ANGULAR_VELOCITY] * 6)]
+    found = [axis.coefficients['noise_density'] for axis in axes_of(estimator, 1.0)]
     for density in found:
         # With the first order of the losses alone it was 20 % too high.
         assert density.value == pytest.approx(1.0, rel=0.03)
         assert 0.9 * density.ci95[1] < density.ci95[0]
     # Of six intervals of 95 % two or more fail in 3 of 100 such tests.
-    assert sum(density.ci95[0] < 1.0 < density.ci95[1] for density in found) >= 5
+    assert sum(holds(density, 1.0) for density in found) >= 5
 
 
 def test_a_record_merged_with_itself_shares_as_much_noise():
