@@ -5,13 +5,11 @@
 from dataclasses import replace
 import tracemalloc
 
-from characterized import characterized
-from imu_allan.characterization.axis import axis_results, characterize
+from characterized import characterized, holds, one_axis, several, taken_in
+from imu_allan.characterization.axis import characterize
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.faults import sample_noise
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import allan_variance, Quantity, TERMS
+from imu_allan.noise.terms import allan_variance, TERMS
 from imu_allan.noise.uncertainty import bounded, widened
 from imu_allan.result import Coefficient, GoodnessOfFit
 import numpy as np
@@ -73,16 +71,6 @@ def test_model_holds_the_line_that_was_left_out_of_the_fit():
     np.testing.assert_allclose(model_over_curve(axis)[:8], 1, atol=0.1)
 
 
-def test_model_holds_the_gauss_markov_process():
-    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
-    axis = characterize(simulate(model, 500_000, RATE, seed=2), RATE)
-    assert axis.gauss_markov.sigma == pytest.approx(2e-3, rel=0.1)
-    assert axis.gauss_markov.correlation_time_s == pytest.approx(1.0, rel=0.2)
-    assert not axis.coefficients['bias_instability'].observable
-    assert axis.coefficients['noise_density'].value == pytest.approx(1e-3, rel=0.01)
-    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.05)
-
-
 @pytest.mark.parametrize('quantity', ['angular_velocity', 'linear_acceleration'])
 @pytest.mark.parametrize('samples', [WHITE, WHITE[:10]])
 def test_every_coefficient_has_symbol_and_unit(quantity, samples):
@@ -97,32 +85,14 @@ def test_every_coefficient_has_symbol_and_unit(quantity, samples):
 def test_interpolated_samples_leave_the_density_as_it_is():
     # A tenth of the samples replaced by the mean of their neighbours.
     missing = np.random.default_rng(3).choice(np.arange(8, 299_992), 30_000, replace=False)
-    around = sum(WHITE[missing + k] for k in range(-8, 9) if k) / 16
     samples = WHITE.copy()
-    samples[missing] = around
-    estimator = Estimator()
-    estimator.update(samples, np.sort(missing))
-    [(axis, _)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
-    low, high = axis.coefficients['noise_density'].ci95
-    assert low < 1e-3 < high
-    assert high - low < 0.01e-3
+    samples[missing] = sum(WHITE[missing + k] for k in range(-8, 9) if k) / 16
+    axis, _ = one_axis(taken_in(samples, np.sort(missing)), RATE)
+    density = axis.coefficients['noise_density']
+    assert holds(density, 1e-3)
+    assert np.diff(density.ci95) < 0.01e-3
     # What the means take out of high and add to low frequencies does not pass for a low-pass.
     assert axis.band_limit_s is None
-
-
-def test_a_spectrum_that_is_described_has_no_misfit():
-    for samples in (WHITE, WHITE[:5000], WHITE[:500]):
-        fit = characterize(samples, RATE).goodness_of_fit
-        assert fit.acceptable
-        assert 0.001 < fit.p_value < 1
-        assert fit.worst_relative_misfit < 0.03
-
-
-def test_noise_of_a_sample_is_its_standard_deviation_about_its_neighbours():
-    estimator = Estimator(2)
-    estimator.update(np.stack((WHITE, 3 * WHITE + np.linspace(0, 1, len(WHITE))), axis=1))
-    np.testing.assert_allclose(sample_noise(estimator.finished()), [0.01, 0.03], rtol=0.01)
-    assert sample_noise(Estimator(2)).tolist() == [0, 0]
 
 
 def test_what_is_worth_telling_has_its_code():
@@ -157,15 +127,14 @@ def test_an_axis_that_is_constant_or_too_short_has_a_curve_at_most(samples):
 
 
 @pytest.mark.parametrize(('lengths', 'settled', 'before'), [
-    (range(20_000, 36_000, 1000), 12, 13), slow(range(30_000, 60_000, 500), 10, 40)])
+    (range(20_000, 30_000, 1000), 6, 8), slow(range(30_000, 60_000, 500), 10, 40)])
 def test_fits_of_a_growing_record_hold_no_memory(lengths, settled, before):
     # Beside a driver for days, every fit is one of a record of another length.
-    estimator, kept = Estimator(), []
-    estimator.update(WHITE[:lengths.start])
+    estimator, kept = taken_in(WHITE[:lengths.start]), []
     tracemalloc.start()
     for begin in lengths:
         estimator.update(WHITE[begin:begin + lengths.step])
-        axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+        one_axis(estimator, RATE)
         kept.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
     # One array of each length, kept, would be 0.8 MB.
@@ -188,19 +157,18 @@ def test_an_axis_that_stood_still_for_a_while_has_no_coefficients(start, stop):
 
 def test_coarse_steps_do_not_stand_still():
     rng = np.random.default_rng(5)
+    columns = []
     for step in (1.0, 3.0, 8.0, 20.0):
         for drift in (0.0, 0.02):
             samples = rng.normal(size=60_000) + drift * np.cumsum(rng.normal(size=60_000))
-            axis = characterize(step * np.round(samples / step), RATE)
-            assert axis.stood_still is None, (step, drift)
+            columns.append(step * np.round(samples / step))
+    assert [axis.stood_still for axis in several(columns, RATE)] == [None] * 8
 
 
 def test_the_model_describes_records_of_a_hundred_samples():
-    estimator = Estimator(60)
-    estimator.update(np.stack([simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 100,
-                                        100.0, seed) for seed in range(60)], axis=1))
-    misfits = [axis.goodness_of_fit.acceptable is False for axis, _ in axis_results(
-        estimator, 100.0, [Quantity.ANGULAR_VELOCITY] * 60)]
+    records = [simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 100, RATE, seed)
+               for seed in range(60)]
+    misfits = [axis.goodness_of_fit.acceptable is False for axis in several(records, RATE)]
     assert np.mean(misfits) <= 0.05
 
 

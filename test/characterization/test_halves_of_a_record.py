@@ -28,9 +28,10 @@ def some_axis() -> AxisResult:
     return characterize(simulate({'noise_density': 1e-3}, 2000, RATE), RATE)
 
 
-def axis_of(first: float, second: float, steps: int = 118) -> AxisResult:
+def axis_of(first: float, second: float, steps: int = 118,
+            shorter: Innovations | None = None) -> AxisResult:
     """Return an axis whose halves had these errors over a minute, under each other's model."""
-    innovations = Innovations(10.0, 1.0, 700, (1.0, 1.0)), Innovations(
+    innovations = shorter or Innovations(10.0, 1.0, 700, (1.0, 1.0)), Innovations(
         60.0, (first + second) / 2, steps, (first, second))
     return replace(some_axis(), backtest=Backtest(HALF_S, HALF_S, innovations, ()))
 
@@ -85,55 +86,35 @@ def test_which_half_and_how_much(first: float, second: float, higher: str) -> No
             'half_s': 3600.0})}
 
 
-def test_axes_that_say_the_same_together_are_believed_where_each_alone_is_not() -> None:
-    uncertain = axis_of(1.5, 0.7, steps=300)
-    assert halves_remarks({'gyro_x': uncertain}) == {}
-    remarks = halves_remarks({f'gyro_{letter}': uncertain for letter in 'xyz'})
-    assert set(remarks) == {'gyro_x', 'gyro_y', 'gyro_z'}
-    assert halves_remarks({'gyro_x': uncertain, 'gyro_y': axis_of(0.7, 1.5, steps=300),
-                           'accel_z': uncertain}) == {}
+UNCERTAIN, OTHERWISE = axis_of(1.5, 0.7, steps=300), axis_of(0.7, 1.5, steps=300)
+LOUD, STEADY = axis_of(4.0, 0.25, steps=10_000), axis_of(1.0, 1.0, steps=10_000)
+OVER_10_S = Innovations(10.0, 1.0, 118, (4.0, 0.25))
 
 
-def test_what_its_sensor_does_is_not_said_of_an_axis_that_does_not() -> None:
-    loud, steady = axis_of(4.0, 0.25, steps=10_000), axis_of(1.0, 1.0, steps=10_000)
-    assert set(halves_remarks({'gyro_x': loud, 'gyro_y': loud, 'gyro_z': steady})) == {
-        'gyro_x', 'gyro_y'}
-
-
-def test_axes_are_held_together_over_the_same_time_alone() -> None:
-    loud, other = axis_of(4.0, 0.25, steps=10_000), axis_of(4.0, 0.25, steps=10_000)
-    rows = other.backtest.innovations
-    shorter = replace(other, backtest=replace(other.backtest, innovations=(
-        replace(rows[0], of_halves=(4.0, 0.25)), replace(rows[1], of_halves=None))))
-    found = halves_remarks({'gyro_x': loud, 'gyro_y': loud, 'gyro_z': shorter})
-    assert [found[f'gyro_{letter}'].values['interval_s'] for letter in 'xyz'] == [60, 60, 10]
-
-
-def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
-    axis = axis_of(9.0, 1 / 9, steps=18)
-    assert halves_remarks({'gyro_x': axis}) == {}
-    test = axis.backtest
-    changed = replace(test.innovations[0], steps=118, of_halves=(4.0, 0.25))
-    seen = halves_remarks({'gyro_x': replace(axis, backtest=replace(
-        test, innovations=(changed, test.innovations[1])))})
-    assert seen['gyro_x'].values['interval_s'] == 10
-
-
-def test_the_bound_of_chance_is_that_of_the_ratio_of_two_mean_squares() -> None:
+@pytest.mark.parametrize(('axes', 'over'), [
+    # Axes that say the same together are believed where each alone is not.
+    ({'gyro_x': UNCERTAIN}, {}),
+    (dict.fromkeys(('gyro_x', 'gyro_y', 'gyro_z'), UNCERTAIN),
+     dict.fromkeys(('gyro_x', 'gyro_y', 'gyro_z'), 60)),
+    ({'gyro_x': UNCERTAIN, 'gyro_y': OTHERWISE, 'accel_z': UNCERTAIN}, {}),
+    # What its sensor does is not said of an axis that does not.
+    ({'gyro_x': LOUD, 'gyro_y': LOUD, 'gyro_z': STEADY}, {'gyro_x': 60, 'gyro_y': 60}),
+    # Where a minute came too seldom a shorter interval speaks, and is not compared with a minute.
+    ({'gyro_x': axis_of(9.0, 1 / 9, steps=18)}, {}),
+    ({'gyro_x': LOUD, 'gyro_y': LOUD, 'gyro_z': axis_of(9.0, 1 / 9, steps=18, shorter=OVER_10_S)},
+     {'gyro_x': 60, 'gyro_y': 60, 'gyro_z': 10}),
     # Ratio of variances that F(59, 59) exceeds in .135 %: 2.21, where 3 sigma say 2.18.
-    assert halves_remarks({'gyro_x': axis_of(2.20, 1 / 2.20)}) == {}
-    assert set(halves_remarks({'gyro_x': axis_of(2.24, 1 / 2.24)})) == {'gyro_x'}
-
-
-def test_a_difference_that_nobody_cares_about_is_not_reported_however_certain() -> None:
-    assert halves_remarks({'gyro_x': axis_of(1.2, 1 / 1.2, steps=1_000_000)}) == {}
-
-
-def test_a_backtest_of_an_older_file_says_nothing() -> None:
-    axis = axis_of(4.0, 0.25)
-    older = replace(axis.backtest, innovations=(Innovations(60.0, 2.1, 118),))
-    assert halves_remarks({'gyro_x': replace(axis, backtest=older),
-                           'gyro_y': replace(axis, backtest=None)}) == {}
+    ({'gyro_x': axis_of(2.20, 1 / 2.20)}, {}),
+    ({'gyro_x': axis_of(2.24, 1 / 2.24)}, {'gyro_x': 60}),
+    # A difference that nobody cares about, however certain.
+    ({'gyro_x': axis_of(1.2, 1 / 1.2, steps=1_000_000)}, {}),
+    # The backtest of an older file, and none.
+    ({'gyro_x': replace(LOUD, backtest=replace(LOUD.backtest, innovations=(
+        Innovations(60.0, 2.1, 118),))), 'gyro_y': replace(LOUD, backtest=None)}, {})])
+def test_which_axes_are_said_to_change_and_over_what_time(
+        axes: dict[str, AxisResult], over: dict[str, float]) -> None:
+    found = halves_remarks(axes)
+    assert {name: one.values['interval_s'] for name, one in found.items()} == over
 
 
 @pytest.mark.slow

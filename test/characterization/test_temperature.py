@@ -55,6 +55,16 @@ def hour():
     return seconds, still(seconds)
 
 
+def taken(seconds, rows, readings=None, celsius=None, *, path=None, **more):
+    """Return a stream that has taken in samples, and readings of a thermometer."""
+    stream = Characterization(kind='topic', path=path)
+    take(stream, stamps_of(seconds), rows, **more)
+    if readings is not None:
+        stream.take_temperature(stamps_of(readings),
+                                celsius_at(readings) if celsius is None else celsius)
+    return stream
+
+
 def axis_of(result):
     return result.axes['gyro_x'].trend.temperature
 
@@ -66,26 +76,20 @@ def remarks(result):
 
 def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hour):
     seconds, rows = hour
-    specification = parse_model(
+    limits = parse_model(
         'name: Limits\ngyro: {x: {rate_random_walk: 1e-4 rad/s^2/sqrt(Hz)}}\n')
-    verdicts = []
-    for warmed in (False, True):
-        stream = Characterization(kind='topic')
-        take(stream, stamps_of(seconds), rows)
-        if warmed:
-            stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
-        verdicts.append([verdict.verdict for verdict in standing(stream, specification).verdicts])
-    assert verdicts[0] in (['cannot tell'], ['pass'])
-    assert verdicts[1] == ['pass']
+    stream = taken(seconds, rows)
+    [without] = standing(stream, limits).verdicts
+    assert without.verdict in ('cannot tell', 'pass')
+    stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
+    [beside] = standing(stream, limits).verdicts
+    assert beside.verdict == 'pass'
 
 
 def test_the_mean_follows_the_temperature_of_the_readings(hour):
     seconds, rows = hour
-    stream = Characterization(kind='topic')
-    take(stream, stamps_of(seconds), rows, gyro_alone=False)
     reading = seconds[::20]
-    stream.take_temperature(stamps_of(reading), celsius_at(reading))
-    result = stream.result()
+    result = taken(seconds, rows, reading, gyro_alone=False).result()
     found = {name: axis.trend.temperature for name, axis in result.axes.items()}
     # Of five axes that do not follow it one may seem to, by chance.
     assert sum(one is not None for one in found.values()) <= 2
@@ -165,11 +169,7 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
 ])
 def test_readings_that_are_no_use_are_reported(hour, readings, expected):
     seconds, rows = hour
-    stream = Characterization(kind='topic')
-    take(stream, stamps_of(seconds), rows)
-    reading, celsius = readings(seconds)
-    stream.take_temperature(stamps_of(reading), celsius)
-    result = stream.result()
+    result = taken(seconds, rows, *readings(seconds)).result()
     [said] = remarks(result)
     assert said.code == 'thermometer'
     assert {key: value for key, value in said.values.items() if key in expected} == expected
@@ -178,11 +178,9 @@ def test_readings_that_are_no_use_are_reported(hour, readings, expected):
 
 def test_coarse_steps_and_gaps_of_the_readings_are_reported(hour):
     seconds, rows = hour
-    stream = Characterization(kind='topic')
-    take(stream, stamps_of(seconds), rows)
     reading = seconds[::20]
     reading = reading[(reading < 1000) | (reading > 1320)]
-    stream.take_temperature(stamps_of(reading), np.round(celsius_at(reading) / 2) * 2)
+    stream = taken(seconds, rows, reading, np.round(celsius_at(reading) / 2) * 2)
     coarse, gaps = (remark.values for remark in remarks(stream.result())[-2:])
     assert (coarse['fault'], coarse['step_k'], coarse['range_k']) == (
         'coarse', pytest.approx(2), pytest.approx(12, abs=1))
@@ -199,12 +197,8 @@ def test_readings_that_are_none_are_left_out():
 
 def test_recordings_together_use_the_temperature_of_each(hour):
     seconds, rows = hour
-    nights = []
-    for part in range(2):
-        stream = Characterization(kind='recording', path=f'night{part}', topic='/imu')
-        take(stream, stamps_of(seconds), rows + part)
-        stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
-        nights.append(stream)
+    nights = [taken(seconds, rows + part, seconds[::20], path=f'night{part}')
+              for part in range(2)]
     joint = joint_result(nights).axes
     dependence = joint['gyro_x'].trend.temperature
     assert dependence.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
