@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A single step of the mean: found where it stands out, never in noise of any colour."""
 
-from characterized import taken_in
+from characterized import characterized, taken_in
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.simulate import simulate
 import numpy as np
@@ -42,24 +42,29 @@ def test_a_step_is_found_with_its_place_and_size(at, size):
     assert found.size == pytest.approx(size, abs=5 * B)
 
 
-@pytest.mark.parametrize('kind', KINDS)
-def test_noise_of_any_colour_has_no_step(kind):
-    for seed in range(3):
-        assert stepped(0.0, 0, seed, KINDS[kind]) is None
+def test_noise_of_any_colour_has_no_step():
+    rows = np.transpose([simulate(terms, 36_000, RATE, seed)
+                         for terms in KINDS.values() for seed in range(3)])
+    fits = fit_axes(taken_in(rows).finished(), 1 / RATE)
+    assert [fit.fit.bias_step for fit in fits] == [None] * (3 * len(KINDS))
 
 
-def test_two_steps_or_a_bump_are_not_one():
+def test_two_steps_or_a_bump_are_not_one_and_of_a_few_samples_there_is_none():
     rows = simulate(KINDS['flicker'], 36_000, RATE, 1)
     rows[10_000:] += 50 * B
     rows[25_000:] -= 45 * B
     assert step_of(rows) is None
+    for samples in (0, 1, 11):
+        assert step_of(np.arange(samples) >= samples // 2) is None
 
 
-@pytest.mark.parametrize('samples', [0, 1, 11])
-def test_a_record_that_is_too_short_to_tell_has_none(samples):
-    rows = np.zeros(samples)
-    rows[samples // 2:] = 1.0
-    assert step_of(rows) is None
+def test_a_step_too_small_to_be_certain_is_seldom_a_random_walk():
+    found = [characterized(simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 144_000,
+                                    20.0, seed) + 5 * 2.4e-5 * (np.arange(144_000) > 43_200), 20.0)
+             for seed in range(8)]
+    # One in ten; more than three of eight come once in 200 times.
+    assert sum(axis.coefficients['rate_random_walk'].observable for axis, _ in found) <= 3
+    assert any('bias_step' in remarks for _, remarks in found)
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 PARTS, PART_S = 16, 10.0
-CENTRE = np.eye(PARTS) - 1 / PARTS
 RECORDS = 2000
 MODELS = {
     'white': DriftModel(1e-3, 0.0, (), 0.1, 1e4),
@@ -19,14 +18,18 @@ MODELS = {
                           0.1, 1e4)}
 
 
-def spreads(model, seed, parts=PARTS):
+def spreads(model, seed):
     """Draw the mean squares of the means of many segments; with what each holds on average."""
-    drift = drift_of_means(model, PART_S, parts)
+    drift = drift_of_means(model, PART_S, PARTS)
     white = model.noise_density**2 / PART_S
-    covariance = drift + white * np.eye(parts)
-    means = np.random.default_rng(seed).multivariate_normal(np.zeros(parts), covariance, RECORDS)
-    centre = np.eye(parts) - 1 / parts
-    return np.var(means, axis=1), white, drift, np.trace(centre @ drift @ centre) / parts
+    means = np.random.default_rng(seed).multivariate_normal(
+        np.zeros(PARTS), drift + white * np.eye(PARTS), RECORDS)
+    return np.var(means, axis=1), white, drift, spread_of(drift)
+
+
+def spread_of(covariance):
+    """Return the mean square about the mean of all."""
+    return (np.trace(covariance) - covariance.mean() * PARTS) / PARTS
 
 
 @pytest.mark.parametrize('kind', MODELS)
@@ -50,22 +53,18 @@ def test_a_random_walk_has_the_spread_that_its_increments_make():
     walk = np.cumsum(np.random.default_rng(3).normal(
         0, rate * (PART_S / steps)**0.5, (RECORDS, PARTS * steps)), axis=1)
     means = walk.reshape(RECORDS, PARTS, steps).mean(axis=2)
-    expected = np.trace(CENTRE @ drift_of_means(MODELS['walk'], PART_S, PARTS) @ CENTRE) / PARTS
+    expected = spread_of(drift_of_means(MODELS['walk'], PART_S, PARTS))
     assert np.var(means, axis=1).mean() == pytest.approx(expected, rel=0.08)
 
 
-def test_less_spread_than_white_noise_makes_is_a_bound():
-    [(level, (low, high))] = drift_levels(np.array([1e-9]), 1e-6, np.zeros((PARTS, PARTS)))
+def test_less_spread_than_white_noise_makes_is_a_bound_and_drift_alone_has_its_interval():
+    no_shape = np.zeros((PARTS, PARTS))
+    [(level, (low, high))] = drift_levels(np.array([1e-9]), 1e-6, no_shape)
     assert (level, low) == (0, 0)
     assert 5e-4 < high < 1e-2
-
-
-def test_drift_without_white_noise_has_its_interval():
-    [(level, (low, high))] = drift_levels(np.array([1e-6]), 0.0, np.zeros((PARTS, PARTS)))
+    [(level, (low, high))] = drift_levels(np.array([1e-6]), 0.0, no_shape)
     assert level == pytest.approx(1e-3)
     assert 4e-4 < low < 6e-4
     assert 3e-3 < high < 6e-3
-
-
-def test_a_constant_segment_has_no_drift():
-    assert drift_levels(np.zeros(1), 0.0, np.zeros((PARTS, PARTS))) == [(0.0, (0.0, 0.0))]
+    # A constant segment has no drift.
+    assert drift_levels(np.zeros(1), 0.0, no_shape) == [(0.0, (0.0, 0.0))]

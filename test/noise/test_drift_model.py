@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drift model: what it finds, what it must not invent, and where it is known."""
 
-from characterized import taken_in
+from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model, MOST_PROCESSES
 from imu_allan.noise.simulate import simulate
@@ -17,12 +17,12 @@ HOUR = round(3600 * RATE)
 N, B, K = 1e-3, 3e-4, 5e-5
 
 
+def groups_of(samples, rate=RATE):
+    return fit_axes(shown(samples), 1 / rate)[0].groups
+
+
 def model_of(samples, rate=RATE):
     return fit_drift_model(groups_of(samples, rate), 1 / rate)
-
-
-def groups_of(samples, rate=RATE):
-    return fit_axes(taken_in(samples).finished(), 1 / rate)[0].groups
 
 
 @pytest.mark.parametrize(('terms', 'hours', 'seed', 'tolerance'), [
@@ -52,13 +52,13 @@ def test_a_process_that_the_fit_has_found_keeps_the_long_end_down():
 
 
 def test_processes_are_in_order_and_no_more_than_four():
-    terms = {'noise_density': N, 'bias_instability': 10 * B, 'rate_random_walk': K}
     for seed in range(4):
-        model = model_of(simulate(terms, HOUR, RATE, seed))
-        times = [process.correlation_time_s for process in model.processes]
-        assert len(times) <= MOST_PROCESSES
+        processes = model_of(simulate({'noise_density': N, 'bias_instability': 10 * B,
+                                       'rate_random_walk': K}, HOUR, RATE, seed)).processes
+        times = [process.correlation_time_s for process in processes]
         assert times == sorted(times)
-        assert all(process.sigma > 0 for process in model.processes)
+        assert len(times) <= MOST_PROCESSES
+        assert all(process.sigma > 0 for process in processes)
 
 
 @pytest.mark.parametrize(('rate', 'edge_s'), [(RATE, 0.1), (10.0, 0.2)])
@@ -89,15 +89,12 @@ def test_the_model_scales_with_the_signal(scale):
 
 def test_a_short_record_says_nothing_wild():
     """Sixteen seconds of white noise must not turn into a drift of many times the noise."""
+    groups = groups_of(simulate({'noise_density': N}, 64, RATE))
+    assert fit_drift_model(groups.below(float(groups.frequency[6])), 1 / RATE) is None
     for seed in range(10):
         model = model_of(simulate({'noise_density': N}, 800, RATE, seed))
         assert model.to_s < 6
         assert drift_avar(model, (), [5.0])[0] < 4 * N**2 / 5
-
-
-def test_too_few_bands_give_no_model():
-    groups = groups_of(simulate({'noise_density': N}, 64, RATE))
-    assert fit_drift_model(groups.below(float(groups.frequency[6])), 1 / RATE) is None
 
 
 def test_the_allan_variance_adds_noise_random_walk_processes_and_lines():

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise density behind a low-pass is the level of the pass band."""
 
-from characterized import characterized, holds, one_axis, taken_in
+from characterized import holds, one_axis, several, taken_in
 from imu_allan.block import NEIGHBOURS
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response, tables
 from imu_allan.noise.simulate import simulate
@@ -15,11 +15,9 @@ from scipy.signal import butter, lfilter, sosfilt
 
 def test_a_corner_in_the_band_of_means_of_samples_leaves_the_noise_density():
     """Means of samples fold nothing that a filter has taken out: N was 2 % too low."""
-    found = []
-    for seed in range(8):
-        white = np.random.default_rng(seed).standard_normal(21_700)
-        axis, _ = characterized(lfilter(np.full(8, 1 / 8), 1.0, white)[100:], 1.0)
-        found.append(axis.coefficients['noise_density'])
+    white = [np.random.default_rng(seed).standard_normal(21_700) for seed in range(8)]
+    found = [axis.coefficients['noise_density'] for axis in several(
+        lfilter(np.full(8, 1 / 8), 1.0, white)[:, 100:], 1.0)]
     assert sum(holds(one, 1.0) for one in found) >= 7
     assert np.mean([one.value for one in found]) == pytest.approx(1.0, abs=0.012)
 
@@ -63,9 +61,9 @@ def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
 def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
     """Over averaging times that the filter shortens it was down to a tenth of the truth."""
     flicker, slow = 1e-4, butter(2, 0.5, fs=100, output='sos')
-    for seed in range(3):
-        samples = simulate({'noise_density': 1e-3, 'bias_instability': flicker}, 80_000, 100, seed)
-        axis, _ = characterized(sosfilt(slow, samples)[20_000:], 100)
+    samples = [simulate({'noise_density': 1e-3, 'bias_instability': flicker}, 80_000, 100, seed)
+               for seed in range(3)]
+    for axis in several(sosfilt(slow, samples)[:, 20_000:], 100):
         found = axis.coefficients['bias_instability']
         assert not found.observable
         assert flicker < found.upper95 < 4 * flicker

@@ -3,16 +3,13 @@
 """Signals whose slow part a filter has taken out, and those that merely look odd."""
 
 from dataclasses import replace
-import json
 
-from characterized import characterized, holds
+from characterized import characterized, ends, holds
 import imu_allan
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.cli.main import main
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import SLOW_TERMS
-from imu_allan.result import AxisResult
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
 from imu_allan.writers.datasheet.live import standing
@@ -80,12 +77,6 @@ def test_a_process_that_levels_off_is_no_such_filter(process):
     assert axis.gauss_markov is not None
 
 
-def reaches(axis: AxisResult, key: str) -> float:
-    """Return the upper end of an interval, or the bound."""
-    found = axis.coefficients[key]
-    return found.ci95[1] if found.ci95 else found.upper95 or 0.0
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(('time_s', 'hours', 'walk', 'fewest'), [
     (10.0, 1.0, 0.0, 60), (60.0, 1.0, 0.0, 27), (60.0, 1.0, 1e-6, 18), (60.0, 3.0, 0.0, 55),
@@ -95,7 +86,7 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
     found = [characterized(hour_without_bias(time_s, seed, hours, rate_random_walk=walk), 10.0)
              for seed in range(60)]
     left = [(axis, words) for axis, words in found if axis.high_passed_hz is None]
-    low, walks = (sum(reaches(axis, key) < truth for axis, _ in left)
+    low, walks = (sum(ends(axis.coefficients[key])[1] < truth for axis, _ in left)
                   for key, truth in (('bias_instability', 2.4e-5), ('rate_random_walk', walk)))
     print(f'{time_s:g} s, {hours:g} h, K {walk:g}: seen in {60 - len(left)} of 60; B below the '
           f'truth in {low}, K in {walks}')
@@ -141,9 +132,8 @@ def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more
         gain * RATE_HZ / (2 * np.pi * np.sqrt(1 - gain)), rel=0.4)
 
 
-@pytest.fixture(scope='module')
-def stream():
-    """Take in an IMU whose rates alone came through the filter."""
+def test_no_configuration_and_no_check_takes_such_an_axis_for_good(
+        tmp_path, output_of, fails_with):
     rates = [without_bias(sensor(seed), 0.01) for seed in (11, 12, 13)]
     stamps = (np.arange(len(rates[0])) * 1e7 + 1e18).astype(np.int64)
     stream = Characterization(kind='recording', path='behind', topic='/imu/data')
@@ -152,68 +142,31 @@ def stream():
                                                    for seed, gravity in (
                                                        (14, 0.0), (15, 0.0), (16, 9.80665)))]),
         np.zeros((len(stamps), 2), bool), 'imu'))
-    return stream
-
-
-@pytest.fixture(scope='module')
-def behind(stream):
-    return stream.result()
-
-
-@pytest.fixture
-def file_of_it(behind, tmp_path):
-    save_result(behind, tmp_path / 'result.json')
-    return tmp_path / 'result.json'
-
-
-def test_the_result_file_holds_it_and_may_lack_it(behind, file_of_it):
-    assert load_result(file_of_it) == behind
+    behind = stream.result()
+    file = tmp_path / 'result.json'
+    save_result(behind, file)
+    assert load_result(file) == behind
     assert behind.axes['accel_x'].high_passed_hz is None
-    document = json.loads(file_of_it.read_text())
-    for axis in document['axes'].values():
-        del axis['high_passed_hz']
-    file_of_it.write_text(json.dumps(document))
-    assert load_result(file_of_it).axes['gyro_x'] == replace(behind.axes['gyro_x'],
-                                                             high_passed_hz=None)
 
-
-def test_a_configuration_calls_no_such_axis_dead(file_of_it, capsys):
-    assert main(['export', str(file_of_it), '--for', 'kalibr']) == 0
-    written = capsys.readouterr().out
+    written = output_of('export', file, '--for', 'kalibr')
     for name in ('gyro_x', 'gyro_y', 'gyro_z'):
-        assert (f'{name} has come through a FILTER that takes out its slow part: it is in none of '
-                'the numbers below; take the raw topic') in written
+        assert f'{name} has come through a FILTER that takes out its slow part' in written
     assert 'DEAD' not in written
     assert '\ngyroscope_noise_density' not in written
     assert '\naccelerometer_noise_density' in written
+    save_result(replace(behind, axes={name: behind.axes[name] for name in ('gyro_x', 'gyro_y')}),
+                file)
+    fails_with('no configuration for kalibr: no axis of this result has a noise density (a filter '
+               'has taken out the slow part of every axis that has noise); take the raw topic',
+               'export', file, '--for', 'kalibr')
 
-
-def test_no_configuration_of_rates_alone_says_why(behind, file_of_it, capsys):
-    save_result(replace(behind, axes={name: axis for name, axis in behind.axes.items()
-                                      if name.startswith('gyro')}), file_of_it)
-    assert main(['export', str(file_of_it), '--for', 'kalibr']) != 0
-    assert capsys.readouterr().err == (
-        'imu_allan: no configuration for kalibr: no axis of this result has a noise density (a '
-        'filter has taken out the slow part of every axis that has noise); take the raw topic\n')
-
-
-@pytest.mark.parametrize(('limit', 'what'), [
-    ('noise_density: 1 deg/s/sqrt(Hz)', 'N'), ('zero_bias: 1 deg/s', 'zero bias'),
-    ('band_limit: 1 s', 'band limit'), ('turn_on_bias: 1 deg/s', 'turn-on bias'),
-    ('lines: 1 deg/s', 'lines')])
-def test_nothing_of_such_an_axis_passes_a_check(behind, limit, what):
-    [verdict] = check(behind, parse_model(f'gyro: {{x: {{{limit}}}}}'))
-    assert (verdict.verdict, verdict.reason) == (
-        'cannot tell', f'gyro_x {what}: a filter has taken out the slow part of this axis; record '
-        'the raw topic')
-
-
-def test_a_check_on_the_bench_says_what_to_do(stream, behind):
-    now = standing(stream, parse_model('gyro: {x: {noise_density: 1 deg/s/sqrt(Hz)}}'),
-                   result=behind)
-    assert [(verdict.verdict, verdict.reason) for verdict in now.verdicts] == [
-        ('cannot tell', 'gyro_x N: a filter has taken out the slow part of this axis; record the '
-         'raw topic')]
+    limits = parse_model('gyro: {x: {noise_density: 1 deg/s/sqrt(Hz), zero_bias: 1 deg/s, band_'
+                         'limit: 1 s, turn_on_bias: 1 deg/s, lines: 1 deg/s}}')
+    for verdicts in (check(behind, limits), standing(stream, limits, result=behind).verdicts):
+        assert len(verdicts) == 5
+        assert {verdict.verdict for verdict in verdicts} == {'cannot tell'}
+        assert all(verdict.reason.endswith('a filter has taken out the slow part of this axis; '
+                                           'record the raw topic') for verdict in verdicts)
 
 
 @pytest.mark.parametrize('more', [

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.characterization.axis import characterize
+from characterized import several
 from imu_allan.noise import spectrum
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.simulate import simulate
@@ -88,12 +88,10 @@ def test_forecasts_reach_as_far_as_4096_times_the_record():
     ('bias_instability', 3e-4), slow('rate_random_walk', 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):
     coefficients = {'noise_density': 1e-3, key: value}
-    wait = outlook(coefficients, {'noise_density': True}, 0.01, 60.0)[key][0]
-    samples = round((60 + wait) * 100)
-    shown = [characterize(simulate(coefficients, samples, 100.0, seed), 100.0)
-             .coefficients[key].observable for seed in range(10)]
-    assert np.mean(shown) > 0.25
+    wait = outlook(coefficients, {'noise_density': True}, 0.05, 60.0)[key][0]
+    samples = round((60 + wait) * 20)
     # Nor does it show in most records a sixth of that length.
-    shown = [characterize(simulate(coefficients, samples // 6, 100.0, seed), 100.0)
-             .coefficients[key].observable for seed in range(10)]
-    assert np.mean(shown) < 0.5
+    for count, lowest, highest in ((samples, 0.25, 1.01), (samples // 6, -0.01, 0.5)):
+        seen = [axis.coefficients[key].observable for axis in several(
+            [simulate(coefficients, count, 20.0, seed) for seed in range(10)], 20.0)]
+        assert lowest < np.mean(seen) < highest

@@ -6,24 +6,24 @@ import pytest
 from whole_lines import refused
 
 
-def test_without_measurement_error_the_spread_is_the_sample_standard_deviation():
-    values = np.random.default_rng(1).normal(3.0, 2.0, 30)
-    effects = random_effects(values, np.zeros(30))
+def test_where_measuring_is_exact_the_spread_is_that_of_the_sample():
+    values = np.random.default_rng(9).normal(size=5)
+    effects = random_effects(values, np.zeros(5))
     assert effects.mean == pytest.approx(values.mean())
     assert effects.between == pytest.approx(values.std(ddof=1), rel=1e-3)
-    low, high = effects.between_ci95
-    assert low < effects.between < high
-
-
-def test_scatter_that_measuring_explains_is_no_spread_between_units():
-    values = np.array([-1.0, 1.0, -1.0, 1.0, 0.0])
-    effects = random_effects(values, np.full(5, 2.0))
-    assert effects.between == 0.0
-    assert effects.between_ci95[0] == 0.0
+    # Quantiles of chi-square with four degrees of freedom.
+    assert effects.between_ci95 == pytest.approx(
+        values.std(ddof=1) * (4 / np.array([11.143, 0.48442]))**0.5, rel=1e-3)
+    values = np.arange(20.0)
+    # One-sided tolerance factor of 20 values for 95 % with 95 % confidence, Owen's.
+    assert random_effects(values, np.zeros(20)).tolerance() == pytest.approx(
+        values.mean() + 2.396 * values.std(ddof=1), rel=1e-3)
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1.0, 1e6])
-def test_values_closer_than_their_errors_leave_a_spread_possible(scale):
+def test_scatter_that_measuring_explains_is_no_spread_but_leaves_one_possible(scale):
+    wide = random_effects(np.array([-1.0, 1.0, -1.0, 1.0, 0.0]) * scale, np.full(5, 2.0 * scale))
+    assert wide.between == wide.between_ci95[0] == 0.0
     effects = random_effects(scale * np.array([1.0, 1.01, 0.99, 1.0, 1.005]),
                              np.full(5, 0.1 * scale))
     assert effects.between == 0.0
@@ -54,22 +54,6 @@ def test_an_upper_bound_pulls_the_mean_down():
     assert random_effects(values, errors, [30.0]).mean == pytest.approx(without.mean, abs=1e-3)
 
 
-def test_the_tolerance_limit_is_owens():
-    values = np.arange(20.0)
-    effects = random_effects(values, np.zeros(20))
-    # One-sided tolerance factor of 20 values for 95 % with 95 % confidence.
-    assert effects.tolerance() == pytest.approx(values.mean() + 2.396 * values.std(ddof=1),
-                                                rel=1e-3)
-
-
-def test_the_interval_of_the_spread_is_that_of_a_variance_where_measuring_is_exact():
-    values = np.random.default_rng(9).normal(size=5)
-    low, high = random_effects(values, np.zeros(5)).between_ci95
-    # Quantiles of chi-square with four degrees of freedom.
-    assert low == pytest.approx(values.std(ddof=1) * (4 / 11.143)**0.5, rel=1e-3)
-    assert high == pytest.approx(values.std(ddof=1) * (4 / 0.48442)**0.5, rel=1e-3)
-
-
 def test_fewer_than_two_units_are_refused():
     with refused('at least two units are needed, each with its error', ValueError):
         random_effects([1.0], [0.1])
@@ -83,13 +67,10 @@ def test_two_bad_units_do_not_hide_each_other(shift):
     assert np.flatnonzero(outliers(values, np.full(20, 0.1))).tolist() == [3, 11]
 
 
-def test_a_unit_that_is_only_measured_badly_is_no_outlier():
+def test_a_unit_that_is_only_measured_badly_and_one_of_four_are_no_outliers():
     values, errors = np.random.default_rng(5).normal(size=20), np.full(20, 0.1)
     values[7], errors[7] = 15.0, 20.0
     assert not outliers(values, errors).any()
-
-
-def test_of_four_units_none_is_the_odd_one():
     assert not outliers([0.0, 0.0, 0.0, 9.0], [0.1] * 4).any()
 
 

@@ -11,13 +11,13 @@ RATE = 100.0
 SIZES = np.array([1, 2, 4, 8, 64])
 
 
-def mean_allan_variance(draw, runs):
-    """Allan variance at `SIZES`, averaged over records, and its standard error."""
+def mean_allan_variance(draw, runs, sizes=SIZES):
+    """Allan variance at `sizes`, averaged over records, and its standard error."""
     found = []
     for seed in range(runs):
         phase = np.concatenate(([0.0], np.cumsum(draw(seed)))) / RATE
         found.append([np.mean((phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]) ** 2)
-                      / (2 * (m / RATE) ** 2) for m in SIZES])
+                      / (2 * (m / RATE) ** 2) for m in sizes])
     return np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(runs)
 
 
@@ -70,11 +70,12 @@ def test_terms_add_without_disturbing_each_other():
                                simulate(one, 500, RATE, 9) + simulate(two, 500, RATE, 9))
 
 
-@pytest.mark.parametrize('length', [1, 2, 3])
-def test_shortest_records_are_drawn(length):
-    model = {'noise_density': 1.0, 'bias_instability': 1.0, 'rate_random_walk': 1.0,
-             'quantization_noise': 1.0, 'rate_ramp': 1.0}
-    assert simulate(model, length, RATE).shape == (length,)
+def test_shortest_records_are_drawn_and_a_mean_stays_whatever_noise_is_added():
+    model = dict.fromkeys(('quantization_noise', 'noise_density', 'bias_instability',
+                           'rate_random_walk', 'rate_ramp'), 1.0)
+    for length in (1, 2, 3):
+        assert simulate(model, length, RATE).shape == (length,)
+    assert streamed({**model, 'mean': 1e6}, 1000, 0).mean() == pytest.approx(1e6, rel=0.01)
 
 
 @pytest.mark.parametrize(('model', 'samples', 'rate', 'line'), [
@@ -89,23 +90,13 @@ def test_impossible_requests_are_refused(model, samples, rate, line):
         simulate(model, samples, rate)
 
 
-def test_a_streamed_mean_stays_whatever_noise_is_added():
-    everything = dict.fromkeys(('quantization_noise', 'noise_density', 'bias_instability',
-                                'rate_random_walk', 'rate_ramp'), 1.0)
-    assert streamed({**everything, 'mean': 1e6}, 1000, 0).mean() == pytest.approx(1e6, rel=0.01)
-
-
 @pytest.mark.thorough
 def test_streamed_flicker_is_as_flat_at_long_times():
     sizes = 2 ** np.array([8, 10, 12, 14])
-    found = []
-    for seed in range(12):
-        phase = np.concatenate(([0.0], np.cumsum(streamed({'bias_instability': 1.0}, 200_000,
-                                                          seed))))
-        found.append([np.mean(((phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]) / m)**2) / 2
-                      for m in sizes])
-    np.testing.assert_allclose(np.mean(found, axis=0), 2 * np.log(2) / np.pi, rtol=0.35)
-    np.testing.assert_allclose(np.mean(found, axis=0)[:2], 2 * np.log(2) / np.pi, rtol=0.05)
+    found, _ = mean_allan_variance(lambda seed: streamed({'bias_instability': 1.0}, 200_000, seed),
+                                   12, sizes)
+    np.testing.assert_allclose(found, 2 * np.log(2) / np.pi, rtol=0.35)
+    np.testing.assert_allclose(found[:2], 2 * np.log(2) / np.pi, rtol=0.05)
 
 
 def test_drawing_nothing_from_a_stream_changes_nothing():

@@ -30,7 +30,8 @@ def test_spectrum_gives_the_ieee_formula_at_every_cluster_size(key, size):
 
 @pytest.mark.parametrize('size', [1, 4, 64])
 def test_spectra_of_processes_and_power_laws_give_their_allan_variance(size):
-    for time in (0.02, 0.3, 40.0):
+    # On both sides of the series, too.
+    for time in (0.02, 0.3, 9.0, 11.0, 40.0):
         found = allan_variance_of(lambda nu, time=time: spectrum.gauss_markov(nu, DT, time), size)
         assert found == pytest.approx(float(gauss_markov_avar(1.0, time, size * DT)), rel=1e-5)
     for exponent in (0.4, 0.7, 1.0, 1.3, 1.8):

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from characterized import shown
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.terms import line_avar, line_power
 from imu_allan.noise.tones import find_lines, folded, higher_side, rises, strongest
 from imu_allan.result import Tone
@@ -16,10 +16,7 @@ DT = 0.01
 
 
 def parts_of(samples):
-    spectrum = Periodogram(1)
-    spectrum.absorb(samples[None], 0, 0)
-    spectrum.finish()
-    return spectrum.sections()
+    return shown(samples).periodogram.sections()
 
 
 def lines_of(samples, sections=None):
@@ -32,13 +29,14 @@ def lines_of(samples, sections=None):
     (3.21, 0.5, 8192, 0.2), (17.0, 0.5, 8192, 0.2), (44.4, 0.5, 8192, 0.2),
     # Ten times the noise in the bin of the tone; five bins are added up.
     (17.003, 0.1, 100_000, 0.1)])
-def test_a_sharp_line_is_found_with_its_amplitude_and_its_bins_are_left_out(
-        frequency, size, samples, error):
+@pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
+def test_a_sharp_line_is_found_with_its_amplitude_in_any_unit_and_its_bins_are_left_out(
+        frequency, size, samples, error, unit):
     noise = np.random.default_rng(1 if samples == 8192 else 6).normal(size=samples)
     tone = size * np.sin(2 * np.pi * frequency * np.arange(samples) * DT + 0.3)
-    [line], keep = lines_of(noise + tone)
+    [line], keep = lines_of(unit * (noise + tone))
     assert line.frequency_hz == pytest.approx(frequency, abs=max(1 / (samples * DT), 0.01))
-    assert line.amplitude == pytest.approx(size, rel=error)
+    assert line.amplitude == pytest.approx(unit * size, rel=error)
     assert 0 < (~keep).mean() < 0.02
 
 
@@ -108,21 +106,6 @@ def test_what_rises_by_less_than_chance_allows_or_anyone_cares_about_is_no_line(
     assert all(floor == pytest.approx(1, rel=0.1) for *_, floor in found)
 
 
-def test_nothing_rises_above_too_few_neighbours():
-    ratio = np.ones(200)
-    ratio[100] = 1e6
-    assert rises(ratio, 1, 1) == []
-    assert len(rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
-
-
-@pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
-def test_lines_are_found_in_any_unit(unit):
-    ratio = np.ones(1600)
-    ratio[800:824] = 3.0
-    for scale in (1, 8):
-        assert [place[:2] for place in rises(ratio * unit, 10**7, scale)] == [(800, 824)]
-
-
 @pytest.mark.parametrize(('frequency', 'image', 'step'), [
     (1.3, 0.3, 100), (1.3, 1.3 - 1 / 1.1, 110), (4.9, 0.1, 100)])
 def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image, step):
@@ -134,19 +117,20 @@ def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image, step):
     assert not folded(Tone(image, 3 * left), lines[1:], step, DT, 0.01)
 
 
-def test_what_is_taken_already_is_not_found_again():
+def test_no_line_is_sought_among_too_few_neighbours_or_twice():
+    ratio = np.ones(200)
+    ratio[100] = 1e6
+    assert rises(ratio, 1, 1) == []
+    assert len(rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
     ratio = np.ones(8 * 200)
     ratio[8 * 100:8 * 103] = 5.0
     ratio[8 * 50:8 * 53] = np.nan
     assert [(begin, end) for begin, end, _ in rises(ratio, 10**7, 8)] == [(800, 824)]
     ratio[8 * 100:8 * 103] = np.nan
     assert rises(ratio, 10**7, 8) == []
-
-
-def test_no_line_is_sought_in_a_part_of_a_few_bins():
-    tone = np.sin(2 * np.pi * 17.0 * np.arange(8192) * DT)
-    samples = np.random.default_rng(1).normal(size=8192) + tone
-
+    # In a part of a few bins.
+    samples = np.random.default_rng(1).normal(size=8192) + np.sin(
+        2 * np.pi * 17.0 * np.arange(8192) * DT)
     [section] = parts_of(samples)
     lines, keep = lines_of(samples, [replace(section, first=2 * 1383, last=2 * 1403)])
     assert lines == []
