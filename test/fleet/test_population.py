@@ -81,14 +81,14 @@ def test_an_axis_that_no_unit_has_is_missing_in_none(fleet):
 
 
 def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
-    # All of them wander by what flicker makes of a mean; six are too quiet to show it.
+    # All of them wander by what flicker makes of a mean; one is too quiet to show it.
     drift = 0.664 * 2e-5
     means = np.random.default_rng(1).normal(0, drift, len(fleet)).tolist()
-    for number, (name, mean) in enumerate(zip(fleet, means, strict=True)):
+    for name, mean in zip(fleet, means, strict=True):
         fleet[name] = changed(fleet[name], 'gyro_x', mean=mean)
-        if number % 7 == 0:
-            fleet[name] = with_coefficient(fleet[name], 'gyro_x', 'bias_instability',
-                                           observable=False, value=None, ci95=None, upper95=3e-5)
+    fleet['unit2'] = with_coefficient(
+        changed(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
+        observable=False, value=None, ci95=None, upper95=3e-5)
     found = population(fleet)
     assert [oddity for oddity in found.oddities if oddity.axis == 'gyro_x'] == []
     fleet['unit1'] = changed(fleet['unit1'], 'gyro_x', mean=20 * drift)
