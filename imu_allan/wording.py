@@ -21,9 +21,6 @@ SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
 NO_TOPIC = 'csv'
 """What stands for the topic of a table, which has none."""
 
-_LETTERS = 'xyz'
-_FEWEST, _MOST = 2, 6
-"""Significant digits of a value, however wide or narrow its interval is."""
 _PLAIN = (-4, 6)
 """Powers of ten between which numbers are written without an exponent."""
 
@@ -135,15 +132,14 @@ def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
 
 
 def _rounded(value: float, last: int) -> str:
-    """`value` down to the digit at 10^`last`, with at least `_FEWEST` and at most `_MOST`."""
+    """`value` down to the digit at 10^`last`, with at least two digits and at most six."""
     if value == 0:
         return '0'
-    first = floor(log10(abs(value)))
-    digits = min(max(first - last + 1, _FEWEST), _MOST)
+    digits = min(max(floor(log10(abs(value))) - last + 1, 2), 6)
     # Rounding may carry: 9.99 to two digits is 10.
     shown = float(f'{value:.{digits - 1}e}')
     first = floor(log10(abs(shown)))
-    digits = min(max(first - last + 1, _FEWEST), _MOST)
+    digits = min(max(first - last + 1, 2), 6)
     if not _PLAIN[0] <= first < _PLAIN[1]:
         return f'{value:.{digits - 1}e}'
     return f'{shown:.{max(0, digits - 1 - first)}f}'
@@ -245,7 +241,7 @@ def named(axes: Sequence[str]) -> str:
     'all axes'
 
     """
-    if len(set(axes)) == 2 * len(_LETTERS):
+    if len(set(axes)) == 6:
         return 'all axes'
     sensors: dict[str, list[str]] = {}
     for axis in axes:

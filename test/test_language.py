@@ -22,7 +22,8 @@ MOST_WORDS = 18_000
 """Of README and docs, tables and code included; a bar between cells is no word."""
 PRIVATE = re.compile(
     r'\b(told|doubt\w*|borne out|stick(s|ing)? out|stand(s|ing)? in for|bridg\w+|stretch(es)?|'
-    r'coast\w*|claim\w*|band-limited|courses? of the mean|a word of|laid to|'
+    r'stands? out|coast\w*|claim\w*|band-limited|course of|courses of the mean|a word of|'
+    r'laid to|wild|bent|wander|'
     r'(?<!random )(?<!Random )walks?)\b', re.IGNORECASE)
 """English of our own, for which the field has terms."""
 INTERNAL = re.compile(

@@ -15,9 +15,6 @@ import stat
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.output_path import followed, open_folder
 
-_STANDARD = {'/dev/stdout': 1, '/dev/stderr': 2}
-_OPEN_ALREADY = re.compile(r'/(?:dev|proc/self)/fd/(\d{1,4})')
-"""What a shell puts in the place of ``>(command)``."""
 CONFIGURATION = 'configuration of a filter'
 """The kind of what `imu_allan.writers.filters` writes."""
 RESULT, VERDICTS, TUNING = (
@@ -37,14 +34,13 @@ _KINDS = (
     ('references in BibTeX', rb'@techreport\{ieee952,'),
     (CONFIGURATION, rb'(?s).{,16000}?, by imu_allan '))
 """What this program writes, and how it begins."""
-_DOCUMENT = re.compile(rb'\s*\{\s*"schema": "(imu_allan\.\w+)/')
 _BEGINNING = 1 << 14
 """Bytes by which a file is known."""
 
 
 def kind_of(beginning: bytes) -> str:
     """Return what a file of this program is; empty for any other."""
-    if document := _DOCUMENT.match(beginning):
+    if document := re.match(rb'\s*\{\s*"schema": "(imu_allan\.\w+)/', beginning):
         return f'document {document[1].decode()}'
     return next((kind for kind, mark in _KINDS if re.match(mark, beginning)), '')
 
@@ -133,8 +129,9 @@ def _is_stream(path: str | os.PathLike[str]) -> bool:
 def _descriptor(path: str | os.PathLike[str]) -> int | None:
     """Return what this process has open under the name, such as its standard output."""
     text = os.fspath(path)
-    named = _OPEN_ALREADY.fullmatch(text)
-    return int(named[1]) if named else _STANDARD.get(text)
+    # What a shell puts in the place of ``>(command)``.
+    named = re.fullmatch(r'/(?:dev|proc/self)/fd/(\d{1,4})', text)
+    return int(named[1]) if named else {'/dev/stdout': 1, '/dev/stderr': 2}.get(text)
 
 
 def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
@@ -154,7 +151,9 @@ def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
 def _replace(path: str | os.PathLike[str], target: str, data: bytes, private: bool,
              folder: int | None = None) -> None:
     """Put `data` in the place of a file, whose name is one in `folder` if that is given."""
-    before = _mode(target, folder)
+    before = None
+    with contextlib.suppress(FileNotFoundError):
+        before = os.stat(target, dir_fd=folder, follow_symlinks=False).st_mode
     if before is not None and stat.S_ISDIR(before):
         raise IsADirectoryError(None, 'is a directory')
     if before is not None and stat.S_ISREG(before) and (kind := kind_of(data[:_BEGINNING])):
@@ -191,13 +190,6 @@ def _require_kind(path: str, name: str, kind: str, folder: int | None = None) ->
     if beginning and kind_of(beginning) != kind:
         raise ImuAllanError(f'{printable(path)}: exists and is no {kind}, so it is not replaced; '
                             'name another file, or remove this one')
-
-
-def _mode(name: str, folder: int | None) -> int | None:
-    try:
-        return os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
-    except FileNotFoundError:
-        return None
 
 
 def _sync(folder: int) -> None:

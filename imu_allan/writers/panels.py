@@ -98,8 +98,13 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
-    for other in curves.beside_terms(axis, tau) if truth is None else ():
-        _draw_beside(panel, axis, tau, other, taken)
+    for line, place, name in curves.beside_terms(axis, tau) if truth is None else ():
+        seen = np.flatnonzero((line > low) & (line < high))
+        if len(seen):
+            panel.plot(tau[seen], line[seen], color=COLOURS['soft'], linewidth=0.9,
+                       linestyle=(0, (6, 1)), zorder=2.5)
+            place = int(seen[np.argmin(np.abs(seen - place))])
+            _name(panel, axis, (float(tau[place]), float(line[place])), name, taken)
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
@@ -153,21 +158,6 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
                         'alpha': 0.85},
         arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
                     'shrinkB': 4, 'relpos': (0 if box[0] > x else 1, 0.5)})
-
-
-def _draw_beside(panel: 'Axes', axis: AxisResult, tau: Array, other: tuple[Array, int, list[str]],
-                 taken: list[Box]) -> None:
-    """Draw noise that none of the terms is, and name it."""
-    line, place, name = other
-    low, high = panel.get_ylim()
-    inside = (line > low) & (line < high)
-    if not inside.any():
-        return
-    panel.plot(tau[inside], line[inside], color=COLOURS['soft'], linewidth=0.9,
-               linestyle=(0, (6, 1)), zorder=2.5)
-    at = np.flatnonzero(inside)
-    place = int(at[np.argmin(np.abs(at - place))])
-    _name(panel, axis, (float(tau[place]), float(line[place])), name, taken)
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:

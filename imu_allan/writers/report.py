@@ -24,7 +24,6 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.writers.answer import (
     AIDING_S,
-    Answer,
     answers,
     CALIBRATION_S,
     COAST_S,
@@ -34,7 +33,6 @@ from imu_allan.writers.answer import (
 )
 from imu_allan.writers.charts import (
     allan_chart,
-    Chart,
     comparison_chart,
     density_chart,
     drift_chart,
@@ -42,7 +40,7 @@ from imu_allan.writers.charts import (
     signal_chart,
 )
 from imu_allan.writers.comparison import compare, shown, verdicts
-from imu_allan.writers.curves import axes_of, reported, sensors_of
+from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.verdict import findings_line, SAID, verdict_lines, verdicts_of
@@ -51,7 +49,13 @@ from imu_allan.writers.words import message_of, presented, title_of
 
 def report_html(result: Result) -> str:
     """Return the report of one result."""
-    found = answers(result)
+    found, timeline = answers(result), result.timeline
+    own = [(answer.sensor, axes_of(result, answer.sensor), answer) for answer in found]
+    # Each kind of both sensors in turn.
+    charts = [*(signal_chart(result, sensor, axes) for sensor, axes, _ in own),
+              *(density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
+              *(drift_chart(sensor, axes, answer.tunings) for sensor, axes, answer in own),
+              *(segment_chart(sensor, axes) for sensor, axes, _ in own)]
     remarks = [{'title': title_of(one), 'severity': one.severity,
                 'text': _typeset(message_of(one))} for one in presented(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
@@ -61,23 +65,20 @@ def report_html(result: Result) -> str:
         facts=_facts(result), version=printable(result.imu_allan_version),
         words={sensor: SAID[one.verdict] for sensor, one in verdicts_of(result).items()},
         answers=found, remarks=remarks, remark_count=findings_line(result),
-        allan=[chart for answer in found for chart in [allan_chart(
-            answer.sensor, axes_of(result, answer.sensor), result.timeline)] if chart is not None],
-        charts=[chart for kind in zip(*(_charts(result, answer) for answer in found), strict=True)
-                for chart in kind if chart is not None],
-        rest=wording.duration(result.timeline.rest_s),
+        allan=[*filter(None, (allan_chart(sensor, axes, timeline) for sensor, axes, _ in own))],
+        charts=[*filter(None, charts)], rest=wording.duration(timeline.rest_s),
         constant=wording.named(constant) if constant else '',
-        tables={sensor: axes_of(result, sensor) for sensor in sensors_of(result)},
+        tables={sensor: axes for sensor, axes, _ in own},
         outlook=outlook_of(result), cell=_cell, density=_density_of, drift=_drift_of,
-        mean=written_mean, rest_s=result.timeline.rest_s,
+        mean=written_mean, rest_s=timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for answer in found
                  for name, tuning in answer.tunings.items()],
-        parts={sensor: known for sensor in sensors_of(result) if (known := {
-            name: axis for name, axis in axes_of(result, sensor).items()
+        parts={sensor: known for sensor, axes, _ in own if (known := {
+            name: axis for name, axis in axes.items()
             if axis.stationarity is not None and axis.stationarity.segments})},
         aiding=f'{AIDING_S:g} s', coast=wording.duration(COAST_S),
         calibration=wording.duration(CALIBRATION_S),
-        uncertain=UNCERTAIN, timeline=result.timeline, configs=_configs(result),
+        uncertain=UNCERTAIN, timeline=timeline, configs=_configs(result),
         noisy={name: axis for name, axis in result.axes.items() if not axis.constant})
 
 
@@ -89,8 +90,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
     """
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
-    charts = [chart for axis in AXES
-              for chart in [comparison_chart(named_results, axis)] if chart is not None]
+    charts = [*filter(None, (comparison_chart(named_results, axis) for axis in AXES))]
     summaries = [
         {'name': name, 'place': place, 'source': ' '.join(wording.names_of(result)),
          'facts': _facts(result)}
@@ -119,14 +119,6 @@ def _typeset(sentence: str) -> str:
     # What follows a number is a unit, or a word that `typeset` leaves as it is.
     return re.sub(r'(?<=\d )[A-Za-z][\w/^()*]*', lambda match: typeset(match[0]),
                   sentence).replace('+-', '±')
-
-
-def _charts(result: Result, answer: Answer) -> list[Chart | None]:
-    """Return all charts of a sensor but the first, in the order of the page."""
-    axes = axes_of(result, answer.sensor)
-    return [signal_chart(result, answer.sensor, axes),
-            density_chart(answer.sensor, axes, result.timeline),
-            drift_chart(answer.sensor, axes, answer.tunings), segment_chart(answer.sensor, axes)]
 
 
 def _cell(coefficient: Coefficient) -> dict[str, str]:
@@ -163,13 +155,10 @@ def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
 
 def _configs(result: Result) -> list[dict[str, str]]:
     configs = []
-    for consumer in CONSUMERS:
-        title = CONSUMERS[consumer].title
+    for key, consumer in CONSUMERS.items():
         try:
-            config = export(result, consumer)
+            name, text = consumer.file, export(result, key).text
         except ImuAllanError as error:
-            configs.append({'key': consumer, 'title': title, 'name': '', 'text': str(error)})
-        else:
-            configs.append({'key': consumer, 'title': title, 'name': config.name,
-                            'text': config.text})
+            name, text = '', str(error)
+        configs.append({'key': key, 'title': consumer.title, 'name': name, 'text': text})
     return configs

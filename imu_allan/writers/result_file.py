@@ -133,19 +133,19 @@ def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
             raise ImuAllanError(f'{here}: observable, but without value or ci95')
         if not coefficient.observable and coefficient.value is not None:
             raise ImuAllanError(f'{here}: not observable, but with a value')
-    curve = axis.curve
+    curve, spectrum, signal = axis.curve, axis.spectrum, axis.signal
+    model, law = axis.drift_model, axis.power_law
     for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
         if len(getattr(curve, field)) != len(curve.tau_s):
             raise ImuAllanError(f'{where}.curve.{field}: not as long as tau_s')
-    if axis.spectrum is not None and len(axis.spectrum.psd) != len(axis.spectrum.frequency_hz):
-        raise ImuAllanError(f'{where}.spectrum.psd: not as long as frequency_hz')
-    if axis.signal is not None and not (
-            len(axis.signal.low) == len(axis.signal.mean) == len(axis.signal.high)):
-        raise ImuAllanError(f'{where}.signal: low, mean and high differ in length')
-    model = axis.drift_model
-    if model is not None and not curve.tau_s:
-        raise ImuAllanError(f'{where}.drift_model: there is no curve of it')
-    if model is not None and model.from_s > model.to_s:
-        raise ImuAllanError(f'{where}.drift_model.from_s: beyond to_s')
-    if axis.power_law is not None and not 0 <= axis.power_law.exponent <= 2:
-        raise ImuAllanError(f'{where}.power_law.exponent: expected 0 to 2')
+    for wrong, what in (
+            (spectrum is not None and len(spectrum.psd) != len(spectrum.frequency_hz),
+             'spectrum.psd: not as long as frequency_hz'),
+            (signal is not None and not len(signal.low) == len(signal.mean) == len(signal.high),
+             'signal: low, mean and high differ in length'),
+            (model is not None and not curve.tau_s, 'drift_model: there is no curve of it'),
+            (model is not None and model.from_s > model.to_s, 'drift_model.from_s: beyond to_s'),
+            (law is not None and not 0 <= law.exponent <= 2,
+             'power_law.exponent: expected 0 to 2')):
+        if wrong:
+            raise ImuAllanError(f'{where}.{what}')

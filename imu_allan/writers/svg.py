@@ -64,19 +64,17 @@ class Scale:
 
     def ticks(self, most: int = 8) -> list[tuple[float, str]]:
         """Return values to mark and what to write beside them, no more than `most`."""
-        if self.log:
-            return _log_ticks(self.low, self.high, most)
-        return _linear_ticks(self.low, self.high, most)
-
-
-def _log_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
-    first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
-    if last - first >= 1:
-        step = max(1, ceil((last - first + 1) / most))
-        return [(10.0**k, power_text(10.0**k)) for k in range(first, last + 1) if k % step == 0]
-    ticks = [(m * 10.0**k, power_text(m * 10.0**k)) for k in range(first - 1, last + 1)
-             for m in (1, 2, 5) if low <= m * 10.0**k <= high]
-    return ticks if len(ticks) > 1 else _linear_ticks(low, high, 4)
+        low, high = self.low, self.high
+        if not self.log:
+            return _linear_ticks(low, high, most)
+        first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
+        if last - first >= 1:
+            step = max(1, ceil((last - first + 1) / most))
+            return [(10.0**k, power_text(10.0**k))
+                    for k in range(first, last + 1) if k % step == 0]
+        ticks = [(m * 10.0**k, power_text(m * 10.0**k)) for k in range(first - 1, last + 1)
+                 for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+        return ticks if len(ticks) > 1 else _linear_ticks(low, high, 4)
 
 
 def power_text(value: float) -> str:

@@ -71,8 +71,10 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.copy_of is not None:
         return ('the axis is a copy: every sample is that of '
                 f'{printable(shorten(axis.copy_of))}')
-    if (still := nearly_constant(axis)) is not None:
-        return still
+    # Less than 1 in 200 samples differs from there on: a thousand in a row may be one value.
+    if (ratio := _steps_of_noise(axis)) > 15.0:
+        return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
+                f'{axis.unit}, {ratio:.0f} times the noise of one sample')
     density = axis.coefficients['noise_density']
     highest = density.ci95[1] if density.ci95 is not None else density.upper95
     if density_limit and highest is not None and highest < DEAD * density_limit:
@@ -236,16 +238,6 @@ def _magnitude(interval: Interval) -> Interval:
 # step: little more is seen than there is. Less noise stays within a step or jumps between two,
 # whatever it is. A driver that cuts towards zero, as a cast to an integer does, has a cell of two
 # steps there, which hides twice as much.
-
-
-def nearly_constant(axis: AxisResult) -> str | None:
-    """Say that next to all samples of an axis are one value, as its output steps so coarsely."""
-    ratio = _steps_of_noise(axis)
-    # Less than 1 in 200 samples differs from there on: a thousand in a row may be one value.
-    if ratio <= 15.0:
-        return None
-    return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
-            f'{axis.unit}, {ratio:.0f} times the noise of one sample')
 
 
 def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:

@@ -143,10 +143,13 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     An HTML document without script, which prints on one sheet of A4.
     """
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
+    title = specification.name or 'specification'
+    if result.inspection is not None and result.inspection.serial is not None:
+        title = f'{title}, {result.inspection.serial}'
     numbered = list(zip(verdicts, numbers, strict=True))
     return filled(
         'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
-        title=_title(result, specification), facts=_facts(result, specification),
+        title=shorten(printable(title), _LONGEST), facts=_facts(result, specification),
         tables={sensor: {key: [one for one in own if one[0].key == key]
                          for key in dict.fromkeys(verdict.key for verdict, _ in own)}
                 for sensor in wording.SENSORS if (own := [
@@ -155,12 +158,6 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
         findings=findings_line(result),
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
         more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
-
-
-def _title(result: Result, specification: NoiseModel) -> str:
-    name = specification.name or 'specification'
-    serial = result.inspection.serial if result.inspection is not None else None
-    return shorten(printable(name if serial is None else f'{name}, {serial}'), _LONGEST)
 
 
 def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:

@@ -153,7 +153,8 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     for place, member in enumerate(fleet.population.units, 1):
         if member in axes:
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
-                       _short(member) if member in odd else '', rasterized=many)
+                       shorten(printable(member), 24) if member in odd else '',
+                       rasterized=many)
     # There is no unit between the third and the fourth.
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     units = fleet.population.units
@@ -205,7 +206,3 @@ def _sensors(fleet: Fleet) -> list[str]:
 def _axes(fleet: Fleet, name: str) -> dict[str, AxisResult]:
     return {unit: fleet.results[unit].axes[name] for unit in fleet.population.units
             if name in fleet.results[unit].axes}
-
-
-def _short(unit: str) -> str:
-    return shorten(printable(unit), 24)

@@ -112,7 +112,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
         'fleet.html', version=__version__, title=printable(title),
         style=Markup(f'{text_of("report.css")}{_both_colours()}'),
         facts=_facts(fleet),
-        fleet=fleet, reasons=_reasons, link=_link, worst=_worst, findings=findings_line,
+        fleet=fleet, link=_link, worst=_worst, findings=findings_line,
         pictures=[(name, Markup(_svg(figure, place))) for place, (name, figure) in enumerate((
             ('Allan deviation of every unit', curves_figure(fleet)),
             ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
@@ -150,10 +150,6 @@ def _both_colours() -> str:
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
     return (*row[:2], typeset(row[2]), *(cell.replace(' .. ', ' – ') for cell in row[3:]))
-
-
-def _reasons(fleet: Fleet, unit: str) -> list[str]:
-    return [typeset(sentence) for sentence in fleet.grouped_reasons(unit)]
 
 
 def _worst(result: Result, sensor: str, key: str) -> str:
