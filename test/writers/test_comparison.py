@@ -76,11 +76,14 @@ def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
     assert names_of([Path(path) for path in paths]) == names
 
 
-def test_the_table_has_a_row_for_each_difference(result, make_result, tmp_path):
-    differences = compare({'a': result, '[bold]\x1b[2J': make_result(2.0)})
-    with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=140).print(difference_table(differences))
-    shown = (tmp_path / 'out').read_text()
+def printed(differences, width):
+    out = io.StringIO()
+    Console(file=out, width=width).print(difference_table(differences))
+    return out.getvalue()
+
+
+def test_the_table_has_a_row_for_each_difference(result, make_result):
+    shown = printed(compare({'a': result, '[bold]\x1b[2J': make_result(2.0)}), 140)
     assert shown.count('[bold]\\x1b[2J') == 1
     assert '\x1b' not in shown
 
@@ -115,9 +118,7 @@ def test_no_row_is_wrapped_at_eighty_columns(make_result, others):
     names = [f'a_unit_with_a_name_of_many_letters_{number}' for number in range(1 + others)]
     differences = compare({name: make_result(scale=1 + 0.1 * place)
                            for place, name in enumerate(names)})
-    out = io.StringIO()
-    Console(file=out, width=80).print(difference_table(differences))
-    lines = out.getvalue().splitlines()
+    lines = printed(differences, 80).splitlines()
     assert sum(line.startswith(('gyro ', 'accel ')) for line in lines) == len(differences)
     assert len(lines) == len(differences) + 1
     assert max(map(len, lines)) <= 80

@@ -14,7 +14,6 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.finding import finding
@@ -414,12 +413,6 @@ def test_an_unknown_consumer_is_refused_with_the_known_ones(easy):
     with refused("no configuration is known for 'madgwick'; known are "
                  f'{", ".join(CONSUMERS)}'):
         export(easy, 'madgwick')
-
-
-def test_the_command_knows_the_names_without_loading_numerics():
-    code = ('import sys, imu_allan.writers.consumers, imu_allan.cli.export; '
-            'sys.exit("numpy" in sys.modules)')
-    subprocess.run([sys.executable, '-c', code], check=True)
 
 
 # The consumers of one family each, by hand.

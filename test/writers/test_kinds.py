@@ -89,10 +89,3 @@ def test_a_recording_is_none_of_the_kinds() -> None:
                       b'\xa3\x95\x80', b'time_s,gyro_x\n', b'name: My IMU\ngyro: {}\n', b'{}'):
         assert kind_of(beginning) == ''
         assert beginning not in PICTURES.values()
-
-
-def test_a_picture_is_replaced_by_its_own_kind_alone(tmp_path: Path) -> None:
-    (tmp_path / 'drift.png').write_bytes(b'%PDF-1.4')
-    with refused(f'{tmp_path / "drift.png"}: exists and is no PNG picture, so it is not replaced; '
-                 'name another file, or remove this one'):
-        write_atomically(tmp_path / 'drift.png', b'\x89PNG\r\n\x1a\n')

@@ -1,18 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from contextlib import suppress
 import csv
 import json
 
-from hypothesis import given, HealthCheck, settings, strategies as st
-from imu_allan.errors import ImuAllanError
 from imu_allan.writers.folder import save_folder
-from imu_allan.writers.result_file import (
-    curves_csv,
-    is_result,
-    load_result,
-    save_result,
-)
+from imu_allan.writers.result_file import is_result, load_result, save_result
 from imu_allan.writers.words import with_words
 import pytest
 from whole_lines import refused
@@ -106,43 +98,6 @@ def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, val
     (tmp_path / 'r.json').write_text(json.dumps(changed(judged, keys, value)))
     with refused(f'{tmp_path / "r.json"}.{complaint}'):
         load_result(tmp_path / 'r.json')
-
-
-def paths_of(document, before=()):
-    items = document.items() if isinstance(document, dict) else enumerate(document)
-    for key, value in items:
-        yield (*before, key)
-        if isinstance(value, (dict, list)):
-            yield from paths_of(value, (*before, key))
-
-
-@pytest.mark.thorough
-@settings(max_examples=40, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, tmp_path, data):
-    from imu_allan.sensor.noise_model import parse_model
-    from imu_allan.writers import datasheet, filters, report, table
-    from rich.console import Console
-
-    document = json.loads(result.to_json())
-    path = data.draw(st.sampled_from(sorted(paths_of(document), key=str)))
-    value = data.draw(st.sampled_from(
-        [None, -1, 0, 1e300, 1e-300, 1e59, True, '', 'x', [], {}, [0, 0]]))
-    (tmp_path / 'r.json').write_text(json.dumps(changed(document, path, value)))
-    try:
-        damaged = load_result(tmp_path / 'r.json')
-    except ImuAllanError:
-        return
-    Console(file=(tmp_path / 'out').open('w')).print(table.result_table(damaged))
-    curves_csv(damaged)
-    for consumer in filters.CONSUMERS:
-        with suppress(ImuAllanError):
-            filters.export(damaged, consumer)
-    report.report_html(damaged)
-    specification = parse_model('gyro: {noise_density: 1 deg/sqrt(h), rate_ramp: 1 deg/h^2}')
-    verdicts = datasheet.check(damaged, specification)
-    datasheet.to_junit(verdicts, damaged, specification)
 
 
 def test_the_json_is_that_of_the_library_with_each_series_on_one_line(result):
