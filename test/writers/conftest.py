@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from browser import Browser, running_browser
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import (
@@ -181,6 +183,20 @@ def with_edf() -> Callable[[Result, float], Result]:
             name: replace(axis, curve=replace(axis.curve, edf=(edf,) * len(axis.curve.edf)))
             for name, axis in result.axes.items()})
     return known
+
+
+@pytest.fixture(scope='session')
+def streamed() -> Callable[..., Characterization]:
+    """Return a function that feeds a characterization with gyro x, or with axes in columns."""
+    def streamed(samples: np.ndarray, rate_hz: float) -> Characterization:
+        rows = np.full((len(samples), 6), np.nan)
+        rows[:, :samples.size // len(samples)] = samples.reshape(len(samples), -1)
+        stamps = np.int64(1.7e18) + np.arange(len(rows)) * np.int64(1e9 / rate_hz)
+        stream = Characterization(kind='topic', topic='/imu')
+        stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (len(rows), 1)),
+                               'imu'))
+        return stream
+    return streamed
 
 
 @pytest.fixture(scope='module')

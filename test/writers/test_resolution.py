@@ -1,7 +1,5 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.block import ImuBlock
-from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import flicker
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
@@ -13,17 +11,13 @@ from whole_lines import Varying
 
 SIGMA, RATE_HZ = 0.01, 100.0
 DENSITY = SIGMA / np.sqrt(RATE_HZ)
-WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))
+WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))[:, :3]
 
 
-def test_flicker_that_is_none_is_judged_by_the_curve_live_and_afterwards():
+def test_flicker_that_is_none_is_judged_by_the_curve_live_and_afterwards(streamed):
     count = 30_000
     slow = 0.05 * flicker(count, np.random.default_rng(2), 0.6)
-    rows = np.full((count, 6), np.nan)
-    rows[:, 0] = SIGMA * np.random.default_rng(1).normal(size=count) + slow
-    stamps = np.int64(1.7e18) + np.arange(count) * np.int64(1e9 / RATE_HZ)
-    stream = Characterization(kind='topic', topic='/imu')
-    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (count, 1)), 'imu'))
+    stream = streamed(SIGMA * np.random.default_rng(1).normal(size=count) + slow, RATE_HZ)
     axis = stream.result().axes['gyro_x']
     assert axis.power_law is not None
     bound = axis.coefficients['bias_instability'].upper95
@@ -34,22 +28,23 @@ def test_flicker_that_is_none_is_judged_by_the_curve_live_and_afterwards():
         assert found.decided == (outcome == 'pass')
 
 
-def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
-    """Return the verdicts on gyro_x with a step in its noise and a limit in its true density."""
-    rows = WHITE + np.array([mean, 0, 0, np.nan, np.nan, np.nan])
-    rows[:, 0] = step * SIGMA * rounded(rows[:, 0] / (step * SIGMA))
-    stamps = np.int64(1.7e18) + np.arange(len(rows)) * np.int64(1e9 / RATE_HZ)
-    stream = Characterization(kind='topic', topic='/imu')
-    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (len(rows), 1)), 'imu'))
-    unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
-    model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
-    (said,), (live,) = check(stream.result(), model), standing(stream, model).verdicts
-    assert live.verdict == said.verdict
-    return said
+@pytest.fixture
+def verdicts_of(streamed):
+    def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
+        """Return the verdict on gyro_x with a step in its noise and a limit in its density."""
+        rows = WHITE + np.array([mean, 0, 0])
+        rows[:, 0] = step * SIGMA * rounded(rows[:, 0] / (step * SIGMA))
+        stream = streamed(rows, RATE_HZ)
+        unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
+        model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
+        (said,), (live,) = check(stream.result(), model), standing(stream, model).verdicts
+        assert live.verdict == said.verdict
+        return said
+    return verdicts_of
 
 
 @pytest.mark.parametrize('step', [1.54, slow(2.0)])
-def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(step):
+def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(verdicts_of, step):
     found = verdicts_of(step, 0.7, np.trunc)
     assert found.verdict == 'cannot tell'
     assert found.reason == Varying(
@@ -60,7 +55,7 @@ def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(step):
     assert verdicts_of(step, 1.0, np.trunc, key='bias_instability').verdict == 'cannot tell'
 
 
-def test_noise_above_half_a_step_is_judged_as_any():
+def test_noise_above_half_a_step_is_judged_as_any(verdicts_of):
     for limit, outcome in ((0.7, 'fail'), (1.3, 'pass')):
         assert verdicts_of(1.5, limit, mean=0.3).verdict == outcome
     assert verdicts_of(0.5, 0.7).verdict == 'fail'
@@ -68,7 +63,7 @@ def test_noise_above_half_a_step_is_judged_as_any():
     assert verdicts_of(1.5, 0.3).verdict == 'fail'
 
 
-def test_noise_of_which_next_to_nothing_is_left_is_that_of_no_sensor():
+def test_noise_of_which_next_to_nothing_is_left_is_that_of_no_sensor(verdicts_of):
     found = verdicts_of(6.2, 3.0)
     assert found.verdict == 'fail'
     assert found.reason == Varying(
