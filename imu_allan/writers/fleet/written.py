@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet as it is written: terminal's table, JSON, CSV, and an HTML page without script."""
 
-from collections.abc import Iterator
 import csv
 from dataclasses import asdict
 import io
@@ -210,34 +209,25 @@ def fleet_csv(fleet: Fleet) -> str:
                          'mean', *(f'{key}{part}' for key in TERMS for part in (
                              '', '.low95', '.high95', '.upper95'))))])
     for unit in fleet.population.units:
-        writer.writerow(list(_row(fleet, unit)))
+        result, reasons = fleet.results[unit], fleet.reasons(unit)
+        numbers = [result.timeline.duration_s, result.timeline.sample_rate_hz]
+        for name in AXES:
+            axis = result.axes.get(name)
+            if axis is None:
+                numbers += [None] * (1 + 4 * len(TERMS))
+                continue
+            numbers.append(axis.mean)
+            for key in TERMS:
+                found = axis.coefficients[key]
+                numbers += [found.value, *(found.ci95 or (None, None)), found.upper95]
+        writer.writerow([_text(unit), _text(fleet.serial(unit) or ''),
+                         _text(result.source.path or ''), 'odd' if reasons else 'ok',
+                         '; '.join(reasons),
+                         *('' if number is None else repr(number) for number in numbers)])
     for failure in fleet.failures:
         writer.writerow([_text(failure.unit), '', _text(failure.path), 'failed',
                          _text(failure.reason)])
     return text.getvalue()
-
-
-def _row(fleet: Fleet, unit: str) -> Iterator[str]:
-    result = fleet.results[unit]
-    reasons = fleet.reasons(unit)
-    yield from (_text(unit), _text(fleet.serial(unit) or ''), _text(result.source.path or ''),
-                'odd' if reasons else 'ok', '; '.join(reasons))
-    yield _number(result.timeline.duration_s)
-    yield _number(result.timeline.sample_rate_hz)
-    for name in AXES:
-        axis = result.axes.get(name)
-        yield _number(None if axis is None else axis.mean)
-        for key in TERMS:
-            found = None if axis is None else axis.coefficients[key]
-            if found is None:
-                yield from ('', '', '', '')
-                continue
-            low, high = found.ci95 or (None, None)
-            yield from map(_number, (found.value, low, high, found.upper95))
-
-
-def _number(value: float | None) -> str:
-    return '' if value is None else repr(value)
 
 
 def _text(text: str) -> str:
