@@ -19,8 +19,6 @@ from imu_allan.result import Result
 from imu_allan.wording import named
 from imu_allan.writers.sentences import Span, Text, WORDS
 
-_RANK = {code: rank for rank, code in enumerate(CODES)}
-
 
 def title_of(found: Finding) -> str:
     """Return the name of a finding, in two or three words."""
@@ -142,8 +140,10 @@ def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     Those of one kind about several axes are one, with a list of each value that differs. Those to
     act upon come first. Each has its message.
     """
+    codes = list(CODES)
     ranked = sorted(_grouped(findings), key=lambda found: (
-        found.severity != 'act', _RANK.get(found.code, len(_RANK))))
+        found.severity != 'act',
+        codes.index(found.code) if found.code in CODES else len(codes)))
     return tuple(replace(found, message=message_of(found)) for found in ranked)
 
 

@@ -16,8 +16,6 @@ from imu_allan.wording import duration
 from imu_allan.writers.datasheet.measured import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, Outcome, overall, Verdict
 
-ERROR = 0.05
-"""Probability of either wrong word, of a whole unit."""
 _TESTED = ('quantization_noise', *LASTING_TERMS)
 """Keys of the coefficients that the sequential test decides."""
 GROWTH = 1.15
@@ -46,7 +44,7 @@ class Standing:
 
 
 def standing(stream: Characterization | Mapping[str, Characterization],
-             specification: NoiseModel, *, margin: float = 0.1, error: float = ERROR,
+             specification: NoiseModel, *, margin: float = 0.1, error: float = 0.05,
              shortest_s: float = 0.0, result: Result | None = None,
              fits: Mapping[str, AxisFit | None] | None = None) -> Standing:
     """

@@ -29,7 +29,6 @@ from imu_allan.writers.verdict import findings_line
 if TYPE_CHECKING:
     from rich.table import Table
 
-SCHEMA = 'imu_allan.check/1'
 _MARKS: dict[Outcome, tuple[str, str, str]] = {
     'pass': ('✓', 'pass', 'green'), 'fail': ('✗', 'fail', 'bold red'),
     'cannot tell': ('?', 'undecided', 'yellow')}
@@ -85,7 +84,7 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
     """
     quoted = result.to_dict()
     document: dict[str, Any] = {
-        'schema': SCHEMA, 'imu_allan_version': result.imu_allan_version,
+        'schema': 'imu_allan.check/1', 'imu_allan_version': result.imu_allan_version,
         'source': quoted['source'], 'inspection': quoted['inspection'],
         'specification': specification.name, 'verdict': overall(verdicts),
         'checks': [asdict(verdict) for verdict in verdicts]}

@@ -24,7 +24,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import bounded, counted, duration, rounded, spoken
+from imu_allan.wording import bounded, counted, duration, rounded, SENSORS, spoken
 from imu_allan.writers.answer import worst_of
 from imu_allan.writers.atomic import write_in
 from imu_allan.writers.curves import axes_of
@@ -40,11 +40,6 @@ from imu_allan.writers.words import presented
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-SCHEMA = 'imu_allan.fleet/1'
-_COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
-            ('accel', 'bias_instability'))
-"""Worst-axis coefficients in the table of units."""
 
 
 def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
@@ -117,7 +112,9 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
             ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
-        columns=_COLUMNS)
+        # The worst axis of each unit.
+        columns=[(sensor, key) for sensor in SENSORS
+                 for key in ('noise_density', 'bias_instability')])
 
 
 def _facts(fleet: Fleet) -> list[str]:
@@ -184,7 +181,7 @@ def fleet_json(fleet: Fleet) -> str:
     population = fleet.population
     odd = set(population.odd_units)
     document: dict[str, Any] = {
-        'schema': SCHEMA, 'imu_allan_version': __version__,
+        'schema': 'imu_allan.fleet/1', 'imu_allan_version': __version__,
         'units': [{
             'name': unit, 'serial': fleet.serial(unit),
             'path': fleet.results[unit].source.path, 'folder': fleet.folders.get(unit),
