@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 LAST_WRITTEN = 'allan_deviation.png'
 """The file that `save_folder` writes last: where it is missing, the others may be, too."""
+MOST_COMPARED = 7
+"""Results that are drawn in a colour each; there are no more that can be distinguished."""
 
 
 class IncompleteSave(ImuAllanError):
@@ -117,7 +119,7 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
     from imu_allan.writers.report import comparison_html
 
     folder = Path(folder)
-    if len(results) > 7:
+    if len(results) > MOST_COMPARED:
         from imu_allan.writers.fleet import Fleet
         from imu_allan.writers.fleet.figure import curves_figure
         from imu_allan.writers.fleet.written import fleet_html
