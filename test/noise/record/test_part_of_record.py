@@ -27,6 +27,9 @@ def test_any_part_of_a_record_gives_the_coefficients_of_the_whole(finished):
         _, density, flicker, _ = np.sqrt(maximise(groups, moving_mean=True).theta)
         assert density == pytest.approx(SENSOR['noise_density'], rel=0.03)
         assert flicker == pytest.approx(SENSOR['bias_instability'], rel=0.35)
+        # In bands of an eighth of an octave.
+        fast = groups.frequency[groups.frequency > 1]
+        np.testing.assert_allclose(np.diff(np.log2(fast)), 1 / 8, atol=0.01)
     # Bands of lines are left out.
     groups = Part(finished, DT, 0, 4).groups(0, lines_hz=[17.0])
     assert not ((groups.frequency > 15.5) & (groups.frequency < 18.5)).any()
