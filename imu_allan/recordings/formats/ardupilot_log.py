@@ -16,7 +16,7 @@ ISBD behind it hold, 32 each, as integers that are `mul` times the value.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import os
 from pathlib import Path
 import sys
@@ -58,14 +58,8 @@ _PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
 _ROWS = 1 << 14
 """Messages that are gathered at a time."""
 
-
-@dataclass(frozen=True)
-class _Kind:
-    """Messages of one type: the places of the whole ones in the file, size and layout."""
-
-    starts: NDArray[np.int64]
-    size: int
-    layout: np.dtype[Any]
+_Kind = tuple[NDArray[np.int64], np.dtype[Any]]
+"""Places of the whole messages of one type in the file, and their layout behind the head."""
 
 
 class ArduPilotRecording(TableLog):
@@ -137,7 +131,7 @@ class ArduPilotRecording(TableLog):
                     elif layout.itemsize != form.len - _HEAD:
                         reason = 'the fields of its format (FMT) do not add up to its length'
                     else:
-                        kinds[form.name] = _Kind(starts, form.len, layout)
+                        kinds[form.name] = starts, layout
                         continue
                     self.reasons[form.name] = reason
                     self.other_topics[form.name] = f'ArduPilot {name}'
@@ -168,12 +162,11 @@ class ArduPilotRecording(TableLog):
         if not {'ISBH', 'ISBD'} <= kinds.keys():
             return
         heads = np.concatenate([rows for rows, _ in self._rows(kinds['ISBH'])])
-        of_kind = kinds['ISBD']
         first = 0
-        for rows, position in self._rows(of_kind):
-            starts = of_kind.starts[first:first + len(rows)]
+        for rows, position in self._rows(kinds['ISBD']):
+            starts = kinds['ISBD'][0][first:first + len(rows)]
             first += len(rows)
-            before = np.searchsorted(kinds['ISBH'].starts, starts) - 1
+            before = np.searchsorted(kinds['ISBH'][0], starts) - 1
             head = heads[np.maximum(before, 0)]
             sound = (before >= 0) & (head['N'] == rows['N']) & (head['type'] == sensor) & (
                 head['mul'] > 0) & (head['smp_rate'] > 0) & np.isfinite(head['smp_rate'])
@@ -194,10 +187,11 @@ class ArduPilotRecording(TableLog):
     def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
         """Gather messages, some thousand at a time, with the bytes consumed."""
         data = np.memmap(self._stored, np.uint8, 'r')
-        for start in range(0, len(kind.starts), _ROWS):
-            starts = kind.starts[start:start + _ROWS]
-            body = data[starts[:, np.newaxis] + np.arange(_HEAD, kind.size)]
-            yield body.view(kind.layout)[:, 0], int(starts[-1])
+        places, layout = kind
+        for start in range(0, len(places), _ROWS):
+            starts = places[start:start + _ROWS]
+            body = data[starts[:, np.newaxis] + np.arange(_HEAD, _HEAD + layout.itemsize)]
+            yield body.view(layout)[:, 0], int(starts[-1])
 
 
 @contextmanager

@@ -33,6 +33,10 @@ _PX4_BURST = Burst('samples', 'dt')
 _UNITREE = ImuFields(
     _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))
 
+# analogdevicesinc/imu_ros2: increments over one sample, whose length no field holds.
+_ADI = ImuFields(_xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
+                 temperature='temperature')
+
 KNOWN: Mapping[str, ImuFields] = {
     # PX4/px4_msgs: no header, microseconds since the autopilot was switched on.
     'px4_msgs/msg/SensorCombined': ImuFields(
@@ -63,13 +67,8 @@ KNOWN: Mapping[str, ImuFields] = {
     # unitreerobotics/unitree_ros2: no stamp; the receive time is the clock.
     'unitree_go/msg/LowState': _UNITREE,
     'unitree_hg/msg/LowState': _UNITREE,
-    # analogdevicesinc/imu_ros2: increments over one sample, whose length no field holds.
-    'adi_imu/msg/VelAngTempData': ImuFields(
-        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
-        temperature='temperature'),
-    'imu_ros2/msg/VelAngTempData': ImuFields(
-        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
-        temperature='temperature'),
+    'adi_imu/msg/VelAngTempData': _ADI,
+    'imu_ros2/msg/VelAngTempData': _ADI,
     # LeoRover/leo_msgs
     'leo_msgs/msg/Imu': ImuFields(
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
