@@ -20,8 +20,6 @@ _MOST = 1 << 15
 that 1.3 s in common are seen."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
-_SPREAD = np.uint64(0x9E3779B97F4A7C15)
-"""2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly."""
 
 
 def files_digest(path: str | Path) -> str | None:
@@ -128,5 +126,7 @@ def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
     """Choose one message of 2^bits by its stamp; those of more bits are among those of fewer."""
     if bits == 0:
         return np.ones(len(stamps), np.bool_)
-    kept: NDArray[np.bool_] = stamps.astype(np.uint64) * _SPREAD >> np.uint64(64 - bits) == 0
+    # 2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly.
+    spread = stamps.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    kept: NDArray[np.bool_] = spread >> np.uint64(64 - bits) == 0
     return kept

@@ -38,7 +38,6 @@ _OF = r'(?:.*[/.])?(?:(?:imu|sensor)\d*[._/])?'
 _AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
                             rf'|(?P<first>[xyz])[._-](?:{words}))')
          for sensor, words in _SENSORS.items()}
-_SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])')
 _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
 _LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
@@ -336,7 +335,7 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
         return 'time'
     if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
         lower = with_unit[1]
-    if (short := _SHORT.fullmatch(lower)) is not None:
+    if (short := re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])', lower)) is not None:
         return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
     for sensor, pattern in _AXES.items():
         if (match := pattern.fullmatch(lower)) is not None:

@@ -44,11 +44,6 @@ _LARGEST_DEFINITION = 1 << 22
 """As in MCAP, far more than any definition has."""
 _MOST_CONNECTIONS = 1 << 16
 """One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
-_STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
-"""Records of a chunk that are stepped through whatever its size, and bytes for one more.
-
-A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
-"""
 
 _Fields = dict[str, bytes]
 
@@ -56,7 +51,9 @@ _Fields = dict[str, bytes]
 class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError where it is of another version or encrypted."""
 
-    _effort = (_STEPS_AT_LEAST, _BYTES_PER_STEP)
+    # Records of a chunk that are stepped through whatever its size, and bytes for one more: a step
+    # takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
+    _effort = (20_000, 4)
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 enter: Callable[[int], None], decode: Decode, effort: Effort,

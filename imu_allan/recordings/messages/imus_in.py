@@ -41,8 +41,6 @@ _OF_ROS = frozenset({
     'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
     'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
 """Packages of ROS itself: none of their other types holds samples of an IMU."""
-_SIGNS = ('linear_acceleration', 'sensor_msgs/Imu', 'sensor_msgs/msg/Imu', 'sensor_msgs::msg::Imu')
-"""One of these stands in every definition that holds an Imu, or a message of that shape."""
 _DURATIONS_NS = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
 
 
@@ -147,9 +145,10 @@ def _named(topic: str, options: RecordingOptions) -> tuple[str | None, str | Non
 
 
 def _shows_imu(definition: Definition | Types) -> bool:
-    # Fields that are known already cost nothing to look through.
-    return not isinstance(definition, Definition) or any(
-        sign in definition.text for sign in _SIGNS)
+    # Fields that are known already cost nothing to look through. One of these stands in every
+    # definition that holds an Imu, or a message of that shape.
+    return not isinstance(definition, Definition) or any(sign in definition.text for sign in (
+        'linear_acceleration', 'sensor_msgs/Imu', 'sensor_msgs/msg/Imu', 'sensor_msgs::msg::Imu'))
 
 
 def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,

@@ -17,10 +17,6 @@ import numpy as np
 
 Item = TypeVar('Item')
 
-BLOCK_MESSAGES = 2048
-"""Messages of a full block: what a chunk of a bag with one topic holds, so that it need not be
-copied once more."""
-
 
 def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
     """
@@ -63,11 +59,12 @@ def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
 
 
 def larger_blocks(
-    blocks: Iterator[tuple[ImuBlock, int]], messages: int = BLOCK_MESSAGES,
+    blocks: Iterator[tuple[ImuBlock, int]], messages: int = 2048,
 ) -> Iterator[tuple[ImuBlock, int]]:
     """
     Join blocks of one frame_id until they hold at least `messages`.
 
+    By default that is what a chunk of a bag with one topic holds, which is not copied once more.
     The second item of each pair, the position in the file, is that of the last block joined. An
     exception comes after the blocks before it.
     """
