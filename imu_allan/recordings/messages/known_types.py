@@ -75,6 +75,7 @@ KNOWN: Mapping[str, ImuFields] = {
 }
 """How messages of a type are read, by its name."""
 
+
 def reason_against(topic: str) -> str | None:
     """Return why a topic of another type holds no raw data; None where that is not known."""
     if topic.endswith('/free_acceleration'):
