@@ -136,7 +136,7 @@ class Runs:
     def finish(self) -> None:
         """Decide on what is held, if it is enough to decide on anything."""
         for topic in self._topics:
-            if messages(topic.held) >= FEWEST_MESSAGES:
+            if topic.held:
                 self._decide(topic)
 
     def _run_of(self, topic: _Topic) -> Run:

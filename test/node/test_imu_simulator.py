@@ -4,6 +4,7 @@
 from pathlib import Path
 import signal
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
@@ -25,29 +26,16 @@ class Recording:
 
     def __init__(self, subscription: DrainedSubscription) -> None:
         self._subscription = subscription
-        self._blocks: list[ImuBlock] = []
+        self.blocks: list[ImuBlock] = []
 
     def __len__(self) -> int:
         batch = self._subscription.take()
-        self._blocks += blocks_from_messages(batch.messages, batch.receive_ns)
-        return sum(map(len, self._blocks))
+        self.blocks += blocks_from_messages(batch.messages, batch.receive_ns)
+        return sum(map(len, self.blocks))
 
-    @property
-    def samples(self) -> np.ndarray:
-        return np.concatenate([block.samples for block in self._blocks])
-
-    @property
-    def header_ns(self) -> np.ndarray:
-        return np.concatenate([block.header_ns for block in self._blocks])
-
-    @property
-    def receive_ns(self) -> np.ndarray:
-        return np.concatenate([block.receive_ns for block in self._blocks])
-
-    @property
-    def frame_id(self) -> str:
-        [frame_id] = {block.frame_id for block in self._blocks}
-        return frame_id
+    def __getattr__(self, part: str) -> Any:
+        """Give the samples, or the stamps, of all blocks."""
+        return np.concatenate([getattr(block, part) for block in self.blocks])
 
 
 @pytest.fixture
@@ -75,7 +63,7 @@ def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_
     model = load_model(MODEL)
     np.testing.assert_array_equal(recording.samples,
                                   SimulatedImu(model, 400.0, 7).draw(20_000))
-    assert recording.frame_id == 'some_imu'
+    assert {block.frame_id for block in recording.blocks} == {'some_imu'}
     [truth] = truths
     values = {entry.key: entry.value for entry in truth.status[0].values}
     assert truth.status[0].name == 'imu_simulator: gyro_x'

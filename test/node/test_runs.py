@@ -204,7 +204,7 @@ def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and
     world.runs.finish()
     if count == 10:
         # So few show nothing.
-        assert (world.replaced, world.runs.run.fed) == ([], 0)
+        assert (world.replaced, world.runs.run.fed, world.runs.unproven) == ([], 0, None)
         return
     [(_, why)] = world.replaced
     assert str(why) == "it is of frame_id 'imu', the messages now have 'other'"
@@ -262,7 +262,11 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -
     for number in 0, 1:
         world.comes(half(number, 4.0, start_s=100.0), number=number)
     assert (world.samples, world.replaced) == (3200, [])
-    world.comes(half(1, 20.0, 120.0, 250.0), number=1)
+    world.comes(half(1, 8.0, 120.0, 250.0), number=1)
+    world.comes(half(0, 8.0, 120.0))
+    world.comes(half(1, 12.0, 128.0, 250.0), number=1)
+    # If one sensor of an IMU begins anew, so does the other.
+    assert world.samples == 1600
     assert str(world.replaced[0][1]) == 'it is of 125 Hz, the messages now come at 250 Hz'
     world.comes(half(1, 20.0, 140.0, 250.0), number=1)
     world.comes(half(0, 20.0, 140.0))
@@ -276,6 +280,16 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -
     assert len(world.replaced) == 2
     assert [seen.timeline.samples for seen in world.summaries()] == [3000, 2500]
     assert [seen.frame_id for seen in world.summaries()] == ['other', 'accel_frame']
+
+
+def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half() -> None:
+    world = World(setup=HALVES)
+    for start_s, publisher in (0.0, 1), (20.0, 2):
+        world.comes(half(0, 12.0, start_s), publisher=publisher)
+    world.comes(half(1, 32.0), number=1)
+    assert not world.replaced
+    assert [[round(gap.duration_s) for gap in seen.timeline.gaps]
+            for seen in world.summaries()] == [[8], []]
 
 
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:

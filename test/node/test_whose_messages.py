@@ -97,7 +97,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
 def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
     biases = [[0.0, 0.0, 0.0], [0.01, -0.02, 0.1],
-              *np.random.default_rng(3).normal(0, 0.1, (4, 3)).tolist()]
+              *np.random.default_rng(3).normal(0, 0.1, (2, 3)).tolist()]
     for count, bias in enumerate(biases, 1):
         sensor.bias[:3] = bias
         sensor.plug_in()
