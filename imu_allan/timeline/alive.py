@@ -270,32 +270,25 @@ class Presence(Record):
         """
         away = np.zeros(samples.shape, dtype=bool)
         for axis, asleep in enumerate(self.asleep):
-            row = -1 if asleep < 0 else self._wakes(axis, samples[:, axis], consumed)
-            if row >= 0:
+            values = samples[:, axis]
+            known = np.flatnonzero(np.isfinite(values)) if asleep >= 0 else np.empty(0, int)
+            now = known[:np.searchsorted(known, consumed)]
+            if not len(now):
+                continue
+            if asleep == 0:
+                self.value[axis] = float(values[now[0]])
+            other = np.flatnonzero(values[now] != self.value[axis])
+            if not len(other):
+                self.asleep[axis] += len(now)
+                continue
+            slept, self.asleep[axis] = asleep + int(other[0]), -1
+            # As many messages as are always seen ahead decide.
+            following = values[known[other[0]:other[0] + 1 + 64]]
+            changes = int(np.count_nonzero(following[1:] != following[:-1]))
+            # Fewer than 32 messages with one value change no number that counts, and at the end of
+            # a recording eight decide. Noise of a third of a step changes a quarter of them, drift
+            # over a border does not.
+            if slept >= 32 and len(following) > 8 and changes >= 0.25 * (len(following) - 1):
+                self.late[axis], row = slept, int(now[other[0]])
                 away[max(row - SPARSE, 0):max(row, 1), axis] = self.changed = True
         return away
-
-    def _wakes(self, axis: int, values: Floats, consumed: int) -> int:
-        """Give the first message of an axis that comes to life late, -1 where there is none."""
-        known = np.flatnonzero(np.isfinite(values))
-        now = known[:np.searchsorted(known, consumed)]
-        if not len(now):
-            return -1
-        if self.asleep[axis] == 0:
-            self.value[axis] = float(values[now[0]])
-        other = np.flatnonzero(values[now] != self.value[axis])
-        if not len(other):
-            self.asleep[axis] += len(now)
-            return -1
-        slept, self.asleep[axis] = self.asleep[axis] + int(other[0]), -1
-        # As many messages as are always seen ahead decide.
-        following = values[known[other[0]:other[0] + 1 + 64]]
-        changes = int(np.count_nonzero(following[1:] != following[:-1]))
-        # Fewer than 32 messages with one value change no number that counts, and at the end of a
-        # recording eight decide. Noise of a third of a step changes a quarter of them, drift over
-        # a border does not.
-        if slept < 32 or len(following) <= 8 or (
-                changes < 0.25 * (len(following) - 1)):
-            return -1
-        self.late[axis] = slept
-        return int(now[other[0]])

@@ -25,63 +25,35 @@ def bursts(count: int, rate_hz: float, length: int) -> np.ndarray:
     return START_NS + np.rint(last * 1e9 / rate_hz).astype(np.int64) + places % length * 20_000
 
 
-def test_pairs_from_a_40_hz_sensor_are_40_hz_and_nothing_is_missing():
-    block = still(20_000, 40.0)
-    stamps = paired(20_000, 40.0)
-    assert 1e9 / np.median(np.diff(stamps)) == pytest.approx(23, abs=1) or (
-        1e9 / np.median(np.diff(stamps)) > 100)
-    for spoilt in (replace(block, header_ns=stamps),
-                   replace(block, header_ns=block.header_ns * 0, receive_ns=stamps)):
-        summary, _ = run(spoilt)
-        assert summary.timeline.sample_rate_hz == pytest.approx(40.0, rel=1e-4)
-        assert (summary.timeline.samples, summary.timeline.missing) == (20_000, 0)
-
-
-@pytest.mark.parametrize('resolution_s', [0.01, 0.05, 0.1])
-def test_a_sensor_whose_intervals_are_mostly_100_ms_but_9862_mhz_in_the_mean(resolution_s):
+def mostly_100_ms(resolution_s: float) -> np.ndarray:
+    """Give stamps in ticks of a sensor of 9.862 Hz: more than half of the steps are 100 ms."""
     ticks = np.ceil(np.arange(8000) / 9.862 / resolution_s - 1e-9)
-    stamps = START_NS + np.rint(ticks * resolution_s * 1e9).astype(np.int64)
-    assert np.mean(np.isclose(np.diff(stamps), 1e8)) > 0.5
-    summary, _ = run(replace(still(8000), header_ns=stamps))
-    assert summary.timeline.sample_rate_hz == pytest.approx(9.862, rel=1e-4)
-    assert summary.timeline.missing == 0
-    assert summary.clock == 'header'
+    return START_NS + np.rint(ticks * resolution_s * 1e9).astype(np.int64)
 
 
-def test_a_slow_sensor_that_is_late_now_and_then_has_its_mean_rate():
-    rng = np.random.default_rng(2)
-    intervals = np.where(rng.random(20_000) < 0.86, 0.100, 0.110)
-    stamps = START_NS + np.rint(np.cumsum(intervals) * 1e9).astype(np.int64)
-    summary, _ = run(replace(still(20_000), header_ns=stamps))
-    assert summary.timeline.sample_rate_hz == pytest.approx(1 / intervals.mean(), rel=1e-4)
-    assert summary.timeline.missing == 0
+LATE_NOW_AND_THEN = np.where(np.random.default_rng(2).random(20_000) < 0.86, 0.100, 0.110)
+STALLS = np.maximum(40 - (np.arange(30_000) - 1000) % 1777, 0) * (np.arange(30_000) >= 1000)
 
 
-@pytest.mark.parametrize('length', [2, 4, 10, 25])
-def test_bursts_neither_invent_nor_lose_samples(length):
-    block = still(30_000, 400.0)
-    stamps = bursts(30_000, 400.0, length)
-    summary, _ = run(replace(block, header_ns=stamps * 0, receive_ns=stamps))
-    assert summary.timeline.sample_rate_hz == pytest.approx(400.0, rel=2e-3)
-    assert (summary.timeline.samples, summary.timeline.missing) == (30_000, 0)
-
-
-def test_equal_receive_stamps_are_a_burst_and_no_duplicates():
-    block = still(20_000)
-    together = np.repeat(block.receive_ns[3::4], 4)
-    summary, _ = run(replace(block, header_ns=block.header_ns * 0, receive_ns=together))
-    assert summary.receive_repeats == 15_000
-    assert summary.timeline.duplicates == summary.timeline.missing == 0
-    assert summary.timeline.samples == 20_000
-
-
-def test_a_stall_of_the_host_with_a_burst_behind_it_loses_nothing():
-    late = np.zeros(30_000)
-    for at in range(1000, 30_000, 1777):
-        late[at:at + 40] = 40 - np.arange(40)
-    summary, _ = run(still(30_000, 200.0, late=late))
-    assert (summary.timeline.samples, summary.timeline.missing) == (30_000, 0)
-    assert summary.timeline.sample_rate_hz == pytest.approx(200.0, rel=1e-4)
+@pytest.mark.parametrize(('rate_hz', 'off', 'header', 'receive'), [
+    (40.0, 1e-4, paired(20_000, 40.0), None),
+    (40.0, 1e-4, None, paired(20_000, 40.0)),
+    *((9.862, 1e-4, mostly_100_ms(resolution_s), None) for resolution_s in (0.01, 0.05, 0.1)),
+    (1 / LATE_NOW_AND_THEN.mean(), 1e-4,
+     START_NS + np.rint(np.cumsum(LATE_NOW_AND_THEN) * 1e9).astype(np.int64), None),
+    *((400.0, 2e-3, None, bursts(30_000, 400.0, length)) for length in (2, 4, 10, 25)),
+    (100.0, 2e-3, None, np.repeat(still(20_000).receive_ns[3::4], 4)),
+    (200.0, 1e-4, still(30_000, 200.0, late=STALLS).header_ns, None),
+], ids=['pairs', 'pairs received', *3 * ['ticks'], 'late now and then', *4 * ['bursts'],
+        'received together', 'stalls of the host'])
+def test_uneven_stamps_neither_invent_nor_lose_samples(rate_hz, off, header, receive):
+    block = still(len(receive if header is None else header))
+    block.header_ns[:] = 0 if header is None else header
+    summary, _ = run(replace(block, receive_ns=block.receive_ns if receive is None else receive))
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=off)
+    assert (summary.timeline.samples, summary.timeline.missing) == (len(block), 0)
+    assert summary.timeline.duplicates == 0
+    assert summary.clock == ('receive' if header is None else 'header')
 
 
 @pytest.mark.parametrize('ppm', [500, -500])

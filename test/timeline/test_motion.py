@@ -119,14 +119,6 @@ def test_a_recording_in_motion_throughout_is_mostly_motion():
     assert 'mostly_motion' in codes(summary)
 
 
-def test_one_knock_in_a_short_recording_is_not_mostly_motion():
-    block = still(600)
-    block.samples[300:305] += 0.5
-    summary, _ = run(block)
-    assert summary.motions == 1
-    assert not summary.mostly_motion
-
-
 def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_interpolated():
     block = still(20_000)
     block.absent[:, 0] = True
@@ -278,13 +270,18 @@ def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
     assert summary.motions == 0
 
 
-@pytest.mark.parametrize('windows', [3, 5, 8, 12])
-def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(windows):
-    rng = np.random.default_rng(windows)
-    for seed in range(10):
-        block = still(windows * 50, 100.0, seed=seed)
+@pytest.mark.parametrize(('rate_hz', 'rows'), [
+    (100.0, 150), (100.0, 250), (100.0, 400), (100.0, 600), (25.0, 30), (200.0, 140),
+    (4000.0, 2800)])
+def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(rate_hz, rows):
+    rng = np.random.default_rng(rows)
+    for seed in range(15):
+        block = still(rows, rate_hz, seed=seed)
         assert run(block)[0].timeline.motion == ()
-    at = int(rng.integers(50, windows * 50 - 60))
-    block.samples[at:at + 5] += 60 * SIGMA * rng.normal(size=(5, 6))
-    (span,) = run(block)[0].timeline.motion
-    assert span.start_s <= at / 100 <= span.start_s + span.duration_s
+    if rate_hz == 100:
+        at = int(rng.integers(rows // 3, rows * 2 // 3))
+        block.samples[at:at + 5] += 60 * SIGMA * rng.normal(size=(5, 6))
+        summary, _ = run(block)
+        (span,) = summary.timeline.motion
+        assert span.start_s <= at / 100 <= span.start_s + span.duration_s
+        assert summary.mostly_motion == (rows < 400)
