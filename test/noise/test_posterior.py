@@ -5,7 +5,9 @@ from dataclasses import replace
 from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
-from imu_allan.noise.posterior.evidence import climb, sample
+from imu_allan.noise.posterior.answer import quantiles
+from imu_allan.noise.posterior.change import change_of
+from imu_allan.noise.posterior.evidence import climb, evenly, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.simulate import simulate
@@ -79,6 +81,23 @@ def test_evidence_of_white_noise_is_its_integral(spectra):
     integral = np.log(quad(likelihood, at - 0.05, at + 0.05, points=[at])[0]) - rows.loss[0]
     assert rows.evidence[0] - rows.prior[0] == pytest.approx(integral, abs=0.01)
     assert draws.evidence - rows.prior[0] == pytest.approx(integral, abs=0.01)
+
+
+def test_points_fill_the_cube_evenly_and_quantiles_follow_the_weights():
+    points = evenly(512, 5)
+    np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.01)
+    np.testing.assert_allclose(np.cov(points.T), np.eye(5) / 12, atol=0.006)
+    assert quantiles(np.array([1.0, 2.0, 3.0]), np.array([1.0, 98.0, 1.0]), (
+        0.1, 0.5, 0.9)) == pytest.approx((1.17, 2.0, 2.83), abs=0.2)
+
+
+def test_levels_that_change_make_the_density_uncertain_and_steady_ones_do_not():
+    rng = np.random.default_rng(1)
+    steady, moving = (change_of(rng.normal(0, spread, 12), np.full(12, 0.01))
+                      for spread in (0.01, 0.2))
+    assert steady.typical == 0
+    assert 0.1 < moving.typical < 0.4
+    assert np.std(np.log(moving.factors(512))) > 5 * np.std(np.log(steady.factors(512)))
 
 
 def test_a_nuisance_at_the_end_of_its_range_is_no_model(spectra):
