@@ -20,6 +20,7 @@ from imu_allan.result import Result, Source, Timeline
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import assert_density, at_rest, Heard, SECOND, START_NS
 
 RATE_HZ = 100.0
@@ -126,7 +127,7 @@ def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_toge
 
 
 @pytest.mark.parametrize(('within', 'beyond'), [
-    (-0.015, 0.025), (0.01, 0.04), (0.01, -0.03), (0.01, 0.1)])
+    (-0.015, 0.025), *(slow(0.01, beyond) for beyond in (0.04, -0.03, 0.1))])
 def test_a_rate_within_the_tolerance_of_the_timeline_goes_on_and_no_other(
         within: float, beyond: float) -> None:
     world, rate_hz = World(), 200 * (1 + within)
@@ -157,7 +158,8 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop(step_s: f
     assert [remark.code for remark in world.summaries()[0].remarks] == ['clock_jumps']
 
 
-@pytest.mark.parametrize(('polled', 'together'), [(2, False), (3, False), (2, True)])
+@pytest.mark.parametrize(('polled', 'together'), [
+    *(slow(polled, False) for polled in (2, 3)), (2, True)])
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         polled: int, together: bool) -> None:
     world = World()
