@@ -85,6 +85,7 @@ CENTURY = 'argument {}: {} is more than a hundred years'
     ('analyze bag --rate 1e-320', 'argument --rate: 1e-320: no IMU gives so few samples a second; '
      'give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
+    ('analyze bag --force-rate', '--force-rate needs --rate'),
     ('analyze bag --clock wall', 'argument --clock: ' + CHOICE.format("'wall'")),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
     ('analyze bag --start 1e300', CENTURY.format('--start', '1e300')),
@@ -197,7 +198,9 @@ def test_times_rates_and_names_are_read_as_people_write_them(words, key, expecte
     (['--gyro', 'imu.gyro[0:3] deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
     (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
     (['--gyro', ':deg/s'], {'gyro_unit': 'deg/s'}),
-    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'})])
+    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'}),
+    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'}),
+    (['--accel-unit', 'g'], {'accel_unit': 'g'})])
 def test_a_unit_stands_behind_the_field_or_alone(words, said):
     args = command_parser().parse_args(['info', 'bag', *words])
     assert recording_options(args) == RecordingOptions(**said)

@@ -132,14 +132,14 @@ def test_a_rate_within_the_tolerance_of_the_timeline_goes_on_and_no_other(
         within: float, beyond: float) -> None:
     world, rate_hz = World(), 200 * (1 + within)
     world.comes(at_rest(6000, 200.0))
-    for piece in range(5):
-        world.comes(at_rest(1200, rate_hz, start_s=30 + 1200 / rate_hz * piece, seed=piece))
+    for part in range(5):
+        world.comes(at_rest(1200, rate_hz, start_s=30 + 1200 / rate_hz * part, seed=part))
     assert not world.replaced
     assert world.samples == pytest.approx(12_000, rel=0.02)
     assert world.timeline.rejected == 0
     rate_hz = 200 * (1 + beyond)
-    for piece in range(30):
-        world.comes(at_rest(400, rate_hz, start_s=100 + 400 / rate_hz * piece, seed=100 + piece))
+    for part in range(30):
+        world.comes(at_rest(400, rate_hz, start_s=100 + 400 / rate_hz * part, seed=100 + part))
     [(_, why)] = world.replaced
     assert why.reason == 'rate'
     assert world.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=1e-3)
@@ -163,11 +163,11 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop(step_s: f
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         polled: int, together: bool) -> None:
     world = World()
-    for piece in range(6):
-        block = at_rest(2000, RATE_HZ, start_s=20.0 * piece, seed=piece)
+    for part in range(6):
+        block = at_rest(2000, RATE_HZ, start_s=20.0 * part, seed=part)
         index = np.arange(2000 * polled)
         index -= index % polled if together else 0
-        stamps = START_NS + np.rint((20.0 * piece + index / RATE_HZ / polled) * SECOND
+        stamps = START_NS + np.rint((20.0 * part + index / RATE_HZ / polled) * SECOND
                                     ).astype(np.int64)
         world.comes(ImuBlock(stamps, stamps, np.repeat(block.samples, polled, axis=0),
                              np.zeros((len(stamps), 2), bool), 'imu'))
