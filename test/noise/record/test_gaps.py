@@ -3,9 +3,9 @@
 """Gaps within a record: how they are filled, what that does to noise, and what it must not."""
 
 from characterized import axes_of
-from imu_allan.noise.record.cells import Cells
+from imu_allan.noise.record.cells import Cells, RUN_SHIFT
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.gaps import filled, NO_GAPS, noise_through_gaps
+from imu_allan.noise.record.gaps import filled, NO_GAPS, noise_through_gaps, without_islands
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -80,6 +80,13 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
 def test_full_cells_change_nothing():
     cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
     assert noise_through_gaps(cells, 4) is NO_GAPS
+
+
+def test_a_few_cells_alone_beyond_a_gap_are_left_out():
+    keys = np.concatenate([[0, 1], np.arange(20, 60), [70], np.arange(72, 100)])
+    cells = Cells(keys + (3 << RUN_SHIFT), np.zeros((1, len(keys))), np.ones(len(keys), int))
+    assert np.array_equal(without_islands(cells).keys - (3 << RUN_SHIFT),
+                          np.concatenate([np.arange(20, 60), np.arange(72, 100)]))
 
 
 @pytest.mark.thorough
