@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 State = Mapping[str, NDArray[Any]]
 
-VERSION = 5
+VERSION = 6
 """Of the layout: raised where another program would misread the file."""
 _NAME = b'imu_allan.state/'
 _LARGEST_BYTES = 64_000_000
