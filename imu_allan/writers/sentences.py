@@ -541,7 +541,7 @@ WORDS: Mapping[str, Words] = {
         says=_truncated_recording),
     'lost_messages': Words(
         'lost messages', 'Fewer messages were found than recorded.',
-        'metadata.yaml counts more, or messages are numbered and some numbers are missing.',
+        'metadata.yaml counts more, or numbers of messages are missing.',
         says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} '
                        + ('that metadata.yaml counts were found' if f.by != 'numbers' else
                           'by their numbers were recorded')),
