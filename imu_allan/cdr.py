@@ -54,14 +54,14 @@ class MessageBatch:
         The messages; may be a view of a buffer.
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps in nanoseconds.
-    numbers : ndarray of int64, shape (n,), or None
+    numbers : ndarray of uint32, shape (n,), or None
         Their numbers, where the file has room for them.
 
     """
 
     rows: NDArray[np.uint8]
     receive_ns: NDArray[np.int64]
-    numbers: NDArray[np.int64] | None = None
+    numbers: NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True)

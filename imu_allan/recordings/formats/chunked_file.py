@@ -215,19 +215,21 @@ class MessageNumbers:
     def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:
         """Hand batches on."""
         for batch in batches:
-            if batch.numbers is not None:
-                before = batch.numbers[:1] if self._last is None else [self._last]
-                step = np.diff(batch.numbers, prepend=before)[self._last is None:]
+            # Most writers leave zeros.
+            if batch.numbers is not None and batch.numbers[-1]:
+                numbers = batch.numbers.astype(np.int64)
+                before = numbers[:1] if self._last is None else [self._last]
+                step = np.diff(numbers, prepend=before)[self._last is None:]
                 self._steps += len(step)
                 self._ones += int(np.count_nonzero(step == 1))
                 self._back += int(np.count_nonzero(step <= 0))
                 self._skipped += int(np.maximum(step - 1, 0).sum())
-                self._last = int(batch.numbers[-1])
+                self._last = int(numbers[-1])
             yield batch
 
     def lost(self, others: int) -> int:
         """Count the lost, beside so many messages of other channels; 0 where none is numbered."""
-        # Most writers leave zeros. Some count the messages of all channels in one.
+        # Some writers count the messages of all channels in one.
         numbered = 3 * self._ones >= self._steps and 1000 * self._back <= self._steps
         of_all = others and abs(self._skipped - others) <= 1 + 0.02 * others
         return self._skipped if numbered and not of_all else 0

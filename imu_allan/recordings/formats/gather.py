@@ -238,4 +238,4 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
     log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
     number = records[:, _NUMBER_AT:_NUMBER_AT + 4].view('<u4')[:, 0]
-    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number.astype(np.int64))
+    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number)
