@@ -133,3 +133,57 @@ def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
     measure_until(ros, node, sensor, 'a new run begins')
     sensor.measure(30.0)
     assert_density(saved(ros, sensor), 100.0, sensor.noise)
+
+
+def test_a_sensor_whose_samples_come_more_than_once_is_one_run(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros, 100.0)
+    sensor.plug_in()
+    for _ in range(2):
+        go_on(ros, sensor, 3, 20.0, polled=2, together=True)
+        fitted(ros, node)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10)
+    assert 'a new run' not in node.log
+    assert_density(document, 100.0)
+
+
+def test_a_rate_within_the_tolerance_goes_on_and_one_beyond_begins_a_new_run(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros, 200.0)
+    sensor.plug_in()
+    sensor.measure(30.0)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    sensor.rate_hz = 197.0
+    go_on(ros, sensor, 5, 6.0)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, rel=0.02)
+    assert 'a new run begins' not in node.log
+    sensor.rate_hz = 205.0
+    measure_until(ros, node, sensor, 'a new run begins', 2.0)
+    sensor.measure(20.0)
+    document = saved(ros, sensor)
+    assert document['timeline']['sample_rate_hz'] == pytest.approx(205.0, rel=1e-3)
+    assert document['timeline']['rejected'] == 0
+    assert_density(document, 205.0)
+
+
+def test_a_stranger_for_some_seconds_does_not_end_a_long_run(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros, 20.0)
+    sensor.plug_in()
+    sensor.measure(1200.0)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    for rate_hz, frame_id in (20.0, 'other'), (40.0, 'imu'):
+        sensor.unplug()
+        other = Sensor(ros, rate_hz, seed=2)
+        other.now_ns = sensor.now_ns
+        other.plug_in()
+        go_on(ros, other, 3, 10.0, frame_id=frame_id)
+        other.unplug()
+        sensor.plug_in(35.0)
+        go_on(ros, sensor, 3, 10.0)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=80)
+    assert node.log.count('are of another IMU') == 2
+    assert 'a new run begins' not in node.log
+    assert_density(document, 20.0)
