@@ -9,7 +9,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from battery import bounds, simulated
+from battery import bounds, recordings, simulated
 from battery.__main__ import main
 from battery.cases import CONSUMER, RECORDS, SPECTRA, WALKING
 from battery.doors import Answer, Said
@@ -173,6 +173,16 @@ def test_the_table_has_coverage_width_and_what_is_false():
     [flicker] = [line for line in lines if line.split()[:1] == ['B']]
     assert head.split()[:6] == ['short:', '1', 'min,', 'NB', '4', 'N']
     assert flicker.split()[1:3] == ['1.00', '0.750']
+
+
+def test_a_recording_of_the_reader_is_held_against_its_parts(short_recording, monkeypatch):
+    for named in (short_recording, short_recording.parent):
+        monkeypatch.setenv('IMU_ALLAN_DATA', str(named))
+        # It has no accelerometer.
+        axes = list(recordings.axes())
+        assert [axis[:2] for axis in axes] == [('a', f'gyro {letter}') for letter in 'xyz']
+        [found] = recordings.of_axis(*axes[0])
+        assert found['terms'][N]['freedom'] == 3
 
 
 ROOT = Path(__file__).parents[1]

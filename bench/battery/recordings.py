@@ -21,21 +21,27 @@ QUANTITY = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
 
 
 def axes() -> Iterator[tuple[str, str, Array, float]]:
-    """Give recording, axis, samples and rate of everything at rest below IMU_ALLAN_DATA."""
-    from imu_allan.recordings import choose_topic, open_recording, read_blocks
+    """
+    Give recording, axis, samples and rate of everything at rest below IMU_ALLAN_DATA.
+
+    Those are two ADIS16405 where the folder holds them, beside others in motion; else all.
+    """
+    from imu_allan.recordings import choose_topic, open_recording, read_blocks, recordings_in
     folder = os.environ.get('IMU_ALLAN_DATA')
     if not folder:
         print('IMU_ALLAN_DATA names no folder: no real recordings', file=sys.stderr)
         return
-    for path in sorted(path for path in Path(folder).glob('adis16405_*') if path.is_dir()):
+    known = sorted(path for path in Path(folder).glob('adis16405_*') if path.is_dir())
+    for path in known or recordings_in(folder):
         with open_recording(path) as recording:
             blocks = list(read_blocks(recording, choose_topic(recording)))
         samples = np.concatenate([block.samples for block in blocks])
         stamps = np.concatenate([block.header_ns for block in blocks])
         rate_hz = (len(stamps) - 1) / (float(stamps[-1] - stamps[0]) * 1e-9)
         names = [f'{sensor} {letter}' for sensor in QUANTITY for letter in 'xyz']
-        for name, column in zip(names, samples.T, strict=True):
-            yield path.name, name, np.ascontiguousarray(column), rate_hz
+        absent = np.concatenate([block.absent for block in blocks]).any(axis=0).repeat(3)
+        for name, column in zip(np.array(names)[~absent], samples.T[~absent], strict=True):
+            yield path.name, str(name), np.ascontiguousarray(column), rate_hz
 
 
 def of_axis(path: str, name: str, samples: Array, rate_hz: float) -> list[dict[str, object]]:
