@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node import run as run_module
@@ -16,7 +17,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import at_rest, RATE_HZ
+from ros_harness import at_rest, Driver, RATE_HZ, Ros
 
 SETUP = Setup('/imu', TimelineOptions())
 SIGMA = 0.01
@@ -146,3 +147,35 @@ def test_what_is_no_list_of_power_ons_is_refused(marks: Any) -> None:
     Characterization.from_state(state)
     with pytest.raises(ImuAllanError):
         Characterization.from_state(state | {'memory/power_ons': np.array(json.dumps(marks))})
+
+
+@pytest.mark.usefixtures('boot')
+def test_a_node_tells_the_turn_on_bias_after_a_reboot_at_which_its_driver_starts_first(
+        ros: Ros) -> None:
+    topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
+    setup = Setup(topic, TimelineOptions())
+    run = new_run(setup)
+    run.lanes[0].update([at_rest(SAMPLES, RATE_HZ, start_s=-1e5, mean=(0.2, 0, 0, 0, 0, 9.8))])
+    run.lanes[0].known.publishers = ['the driver of before']
+    # The node takes that of this computer.
+    state.write_bytes(encode_state(pack(run, setup)))
+    driver = Driver(ros)
+    node = ros.start('imu_allan_node', {'state_file': str(state), 'publish_period': 0.5})
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    driver.wait_for_node()
+
+    def said() -> list[float]:
+        driver.publish(200)
+        return [float(entry.value) for array in arrays[-1:] for status in array.status
+                if status.name.endswith('gyro_x') for entry in status.values
+                if entry.key == 'turn_on_bias/value']
+
+    # Between 0.2 rad/s and none.
+    [sigma] = ros.until(said)
+    assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
+    document = ros.saved()
+    assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)
+    assert node.stop() == 0
+    kept = decode_state(state.read_bytes())['lane0/memory/power_ons']
+    assert len(json.loads(str(kept))) == 1
+    assert 'may have been switched off and on' not in node.log

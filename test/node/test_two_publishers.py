@@ -94,3 +94,17 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None
     driver.until_taken()
     assert ros.saved()['timeline']['samples'] == 3000
     assert set(document['axes']) == set(AXES)
+
+
+def test_two_nodes_of_one_name_are_reported_and_have_a_folder_each(ros: Ros) -> None:
+    nodes = [ros.start('imu_allan_node', constants={'reports.LOOK_S': 1.0}) for _ in range(2)]
+    driver = Driver(ros)
+    ros.until(lambda: driver.publisher.get_subscription_count() == 2)
+    driver.publish(2000)
+    assert driver.publisher.wait_for_all_acked()
+    for node in nodes:
+        ros.until(lambda node=node: (
+            'another node has the same name: their topics and services cannot be kept apart; '
+            'start one of them with another name') in node.lines)
+    assert [node.stop() for node in nodes] == [0, 0]
+    assert [document['timeline']['samples'] for document in ros.results()] == [2000, 2000]

@@ -19,6 +19,7 @@ from ros_harness import (
     Driver,
     Health,
     lossless,
+    Process,
     recorded,
     Ros,
     said_in,
@@ -108,6 +109,34 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
     ros.until(lambda: [health.number(f'reception {name}', 'passed_over')
                        for name in RATES_HZ] == [1000, 625])
     assert [round(gap['duration_s'], 1) for gap in document['timeline']['gaps']] == [0.2, 5.0]
+
+
+def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(
+        ros: Ros, health: Health) -> None:
+    gyro, accel = (ros.name(f'camera/{name}/sample') for name in RATES_HZ)
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'gyro_topic': gyro,
+                                        'accel_topic': accel}, best_effort=True)
+    results = ros.listen(String, 'imu_allan/result')
+
+    def driver(topic: str) -> Process:
+        return ros.start('imu_simulator', {'rate': 200.0, 'wait_for_subscriptions': 1},
+                         remaps={'imu/data_raw': topic})
+
+    def latest() -> dict[str, Any]:
+        return dict(json.loads(results[-1].data)) if results else {'axes': {}}
+
+    killed, _ = driver(gyro), driver(accel)
+    ros.until(lambda: len(latest()['axes']) == 6)
+    killed.popen.kill()
+    killed.wait()
+    health.heard.clear()
+    ros.until(lambda: health.level('reception gyro') == b'\2')
+    assert health.level('reception accel') < b'\2'
+    driver(gyro)
+    ros.until(lambda: latest()['timeline']['gaps'])
+    assert len(latest()['axes']) == 6
+    assert 'a new run begins' not in node.log
+    assert node.stop() == 0
 
 
 def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone_on_with(
