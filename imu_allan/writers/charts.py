@@ -165,14 +165,16 @@ def _curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, unit: tuple
            label: str, shape: str) -> list[str]:
     """Return the line of the model, and the points above zero with what each tells."""
     factor, shown = unit
-    points = []
+    x, y, titles, hollow = [], [], [], []
     for tau, adev, band, few in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95,
                                     curves.few_degrees(axis), strict=True):
         if adev > 0:
             value, *bounds = measured(*(v * factor for v in (adev, *band)))
-            points.append((tau, adev * factor, f'{label}, τ = {tau:.4g} s: {value} '
-                           f'{typeset(shown)}, 95 % {" – ".join(bounds)}', few))
-    x, y, titles, hollow = zip(*points, strict=True)
+            x.append(tau)
+            y.append(adev * factor)
+            titles.append(f'{label}, τ = {tau:.4g} s: {value} {typeset(shown)}, '
+                          f'95 % {" – ".join(bounds)}')
+            hollow.append(few)
     return [panel.line(model.tau, model.adev * factor, 'curve model'),
             panel.points(x, y, shape, titles, hollow)]
 

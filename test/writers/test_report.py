@@ -146,6 +146,17 @@ def test_a_signal_without_a_value_is_not_drawn(filtered, nothing):
     assert b'temperature' not in render(overview_figure(all_of_them), 'svg', 30)
 
 
+def test_curves_without_a_number_are_pages_without_a_point(filtered):
+    blind = replace(filtered, axes={
+        name: replace(axis, curve=replace(axis.curve, adev=(np.nan,) * len(axis.curve.adev)))
+        for name, axis in filtered.axes.items()})
+    assert 'axis, τ =' in report_html(filtered)
+    assert 'axis, τ =' not in report_html(blind)
+    page = comparison_html({'seen': filtered, 'blind': blind})
+    assert 'seen, τ =' in page
+    assert 'blind, τ =' not in page
+
+
 @pytest.mark.parametrize(('low', 'high'), [
     (-0.49, 0.49), (-10.4, -9.6), (-1.9, 1.4), (131.0, 131.5), (0.0, 1.0), (-3e-7, 4e-7)])
 def test_a_strip_has_two_or_three_numbers_beside_it(low, high):
