@@ -179,6 +179,9 @@ class CsvRecording(FileRecording):
             _refuse_more_fields_than_names(names, rows)
         if columns.clock is not None:
             times = _column(rows, columns.clock.column)
+            if not times and not columns.clock.unit:
+                # Another topic of the table began long before.
+                times = self._first_times(columns.clock.column, delimiter)
             _refuse_grouped_times(times)
             columns = replace(columns, clock=_with_unit(columns.clock, times, options.rate_hz))
         self._report_ignored(columns)
@@ -186,6 +189,13 @@ class CsvRecording(FileRecording):
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
                                 "which column is the time: --columns 'time=NAME ms'")
         return columns
+
+    def _first_times(self, column: int, delimiter: str | None) -> list[str]:
+        """Look for times in the whole file."""
+        for lines, _ in self._lines(self._data_at):
+            if times := _column([_cells(line, delimiter) for line in lines], column):
+                return times
+        return []
 
     def _rows(self, text: str, delimiter: str | None) -> list[list[str]]:
         """Take the lines of a text apart that hold anything."""
@@ -250,11 +260,9 @@ def _parse(lines: list[str], columns: Columns,
     stamps = np.zeros(len(times), np.int64)
     stamps[timely] = np.rint(times[timely] * (unit_s * 1e9))
     if unit_s == 1e-9 and timely.any():
-        # A double has not enough digits for the nanoseconds of today.
-        with suppress(ValueError, OverflowError, DeprecationWarning):
-            stamps[timely] = np.loadtxt(
-                [lines[place] for place in places[timely]], np.int64, delimiter=columns.delimiter,
-                usecols=[clock.column], ndmin=1, comments=None, quotechar='"')
+        exact = _whole_numbers([lines[place] for place in places[timely]], columns.delimiter,
+                               clock.column)
+        stamps[timely] = stamps[timely] if exact is None else exact
     if clock.nanoseconds is not None:
         stamps += np.nan_to_num(parts).astype(np.int64)
     return table[some], stamps[some], bad
@@ -272,23 +280,41 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
     places, bad = [], []
     for number, line in enumerate(lines):
         if line.strip():
-            cells = _cells(line, delimiter)
+            cells = _parted(line, delimiter)
             try:
-                rows.append([float(cells[column] or 'nan') for column in used])
+                rows.append([float(cells[column].strip(QUOTES) or 'nan') for column in used])
                 places.append(number)
             except (ValueError, IndexError):
                 bad.append(number)
     return (np.array(rows, np.float64).reshape(-1, len(used)), np.array(places, np.intp), bad)
 
 
+def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
+                   ) -> NDArray[np.int64] | None:
+    """Read nanoseconds, of which a double has not enough digits; None where a line has others."""
+    with suppress(ValueError, OverflowError, DeprecationWarning):
+        numbers = np.loadtxt(lines, np.int64, delimiter=delimiter, usecols=[column], ndmin=1,
+                             comments=None, quotechar='"')
+        # Behind a quote that is not closed numpy takes the next lines for its text.
+        if len(numbers) == len(lines):
+            return numbers
+    with suppress(ValueError, OverflowError):
+        return np.array([int(_parted(line, delimiter)[column].strip(QUOTES)) for line in lines],
+                        np.int64)
+    return None
+
+
 def _cells(line: str, delimiter: str | None) -> list[str]:
-    """Take a line apart, without what stands about the text of its cells; none of a broken one."""
-    cells = [line.split()] if delimiter is None else csv.reader(
-        [line.rstrip('\r')], delimiter=delimiter)
-    try:
-        return [cell.strip(QUOTES) for row in cells for cell in row]
-    except csv.Error:
-        return []
+    """Take a line apart, without what stands about the text of its cells."""
+    return [cell.strip(QUOTES) for cell in _parted(line, delimiter)]
+
+
+def _parted(line: str, delimiter: str | None) -> list[str]:
+    """Take a line apart; a quote that is not closed hides no cells."""
+    if delimiter is not None and '"' in line:
+        with suppress(csv.Error):
+            return next(csv.reader([line], delimiter=delimiter, strict=True))
+    return line.split(delimiter)
 
 
 # ------------------------------------------------------------ whether the first rows are plausible
@@ -353,9 +379,12 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
         with suppress(ValueError):
             times.append(float(text))
     finite = [time for time in times if np.isfinite(time)]
-    # From which number on they are in a unit, if they are of this century: 1e9 is 2001 in s.
+    # The first may be a part of a number, or zero. From which number on they are in a unit, if
+    # they are of this century: 1e9 is 2001 in s.
+    sizes = sorted(map(abs, finite[:_FIRST_LINES]))
+    usual = sizes[len(sizes) // 2] if sizes else 0.0
     unit = next((unit for least, unit in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
-                 if finite and abs(finite[0]) >= least), 's')
+                 if usual >= least), 's')
     # A clock that is set back says nothing of the rate.
     steps = np.sort([after - before for before, after in pairwise(finite[:_FIRST_LINES])
                      if after >= before])

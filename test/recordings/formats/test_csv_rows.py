@@ -136,3 +136,32 @@ def test_a_column_named_twice_is_refused(tmp_path):
     assert refusal(tmp_path / 'imu.csv', text, options=RecordingOptions(
         columns=(('gyro_x', 'gyro_y'), ('gyro_y', 'gyro_y')))) == (
         '--columns: column gyro_y is named twice')
+
+
+FIRST = 1_700_000_000_000_000_001
+AXES = HEADER.partition(',')[2]
+
+
+def stamps_of(path, text):
+    path.write_text(text)
+    return (read(path)[0].header_ns - FIRST).tolist()
+
+
+def test_a_quote_that_is_not_closed_hides_neither_cells_nor_digits(tmp_path):
+    text = table(f'note,timestamp,{AXES}', lambda place, values: [
+        '' if place else '"open', str(FIRST + place * 10_000_001), *values])
+    assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
+    text = table(f'timestamp,{AXES},note', lambda place, values: [
+        str(FIRST + place * 10_000_001), *values, '' if place else '"open'])
+    assert stamps_of(tmp_path / 'imu.csv', text) == [place * 10_000_001 for place in range(30)]
+
+
+def test_the_unit_of_times_is_that_of_most_and_of_those_that_come_late(tmp_path):
+    text = table(f'timestamp,{AXES},height', lambda place, values: [
+        str(FIRST + place * 10_000_001), *values, ''])
+    head, _, rows = text.partition('\n')
+    stamps = [place * 10_000_001 for place in range(30)]
+    # A part of a line, and more lines of another topic than are looked at.
+    for before, cut in (('', 17), (',,,,1.5\n' * 10_000, 0)):
+        assert stamps_of(tmp_path / 'imu.csv', f'{head}\n{before}{rows[cut:]}')[-29:] == (
+            stamps[1:])
