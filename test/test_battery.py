@@ -16,6 +16,8 @@ from battery.doors import Answer, Said
 from battery.outcomes import of_record, of_spectra, outcome, verdict
 from battery.sensors import B, Filter, K, N, Q, Sensor, TERMS
 from battery.tables import differences, table
+from bench_filter import both_ways
+from imu_allan import simulate
 import numpy as np
 import pytest
 from scipy.fft import dct
@@ -183,6 +185,13 @@ def test_a_recording_of_the_reader_is_held_against_its_parts(short_recording, mo
         assert [axis[:2] for axis in axes] == [('a', f'gyro {letter}') for letter in 'xyz']
         [found] = recordings.of_axis(*axes[0])
         assert found['terms'][N]['freedom'] == 3
+
+
+def test_filters_run_over_a_recording_too_short_for_the_longest_outage():
+    record = simulate({'noise_density': 1e-4, 'rate_random_walk': 1e-5}, 4800, 10.0, 1)
+    for line in both_ways(record, 10.0, 'angular_velocity'):
+        assert ('within its band', 'coast 60') in line
+        assert ('within its band', 'coast 300') not in line
 
 
 ROOT = Path(__file__).parents[1]
