@@ -98,9 +98,6 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
     from imu_allan.writers import tuning_table
-    from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.plot import render
-    from imu_allan.writers.verification_figure import verification_figure
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()
@@ -123,6 +120,10 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
         units = {key: axis.unit for key, axis in axes.items()}
         tables.insert(0, tuning_table.field_test_table(tested, name, units))
     if args.plot is not None:
+        from imu_allan.writers.atomic import write_atomically
+        from imu_allan.writers.plot import render
+        from imu_allan.writers.verification_figure import verification_figure
+
         if not tested:
             raise ImuAllanError('--plot: a result holds no series to run filters over: name the '
                                 'recording itself behind --verify')

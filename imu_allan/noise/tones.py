@@ -53,7 +53,7 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     the strongest first, and a mask of the bins, False where a line or its side lobes are.
     """
     theta = maximise(groups, moving_mean=True).theta
-    _, _, ramp = about_mean(groups)(groups.design @ theta)
+    ramp = about_mean(groups)(groups.design @ theta).ramp
     expected = np.maximum(bins.design @ theta, 1e-300)
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))
     for leak in _LEAKS:

@@ -146,13 +146,12 @@ def _axes_findings(counts: Counts, decision: Decision, content: Content, presenc
                    ) -> list[Finding]:
     axes = [*zip(AXES, decision.present or [True] * 6, decision.not_finite, presence.gone,
                  presence.late, strict=True)]
-    all_ = counts.messages
     # Where the whole sensor was dead first, that is reported as one.
     return [*(finding('axis_not_finite', (name,)) for name, was, never, _, _ in axes
               if never and not was),
-            *(finding('axis_absent_in_part', (name,), absent=gone, messages=all_)
+            *(finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
               for name, was, _, gone, _ in axes if gone and was),
-            *(finding('axis_late_start', (name,), late=late, messages=all_)
+            *(finding('axis_late_start', (name,), late=late, messages=counts.messages)
               for name, _, _, _, late in axes if late > content.head)]
 
 

@@ -28,6 +28,16 @@ def fitted(ros: Ros, node: Process) -> None:
     ros.until(lambda: 'observable: noise density' in node.log)
 
 
+def measured(ros: Ros, rate_hz: float, seconds: float) -> tuple[Process, Sensor]:
+    """Start a node and a sensor, whose first fit is published."""
+    node, sensor = begin(ros), Sensor(ros, rate_hz)
+    sensor.plug_in()
+    sensor.measure(seconds)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    return node, sensor
+
+
 def go_on(ros: Ros, sensor: Sensor, rounds: int, seconds: float, **how: Any) -> None:
     """Measure again and again, each time for longer than from one fit to the next."""
     for _ in range(rounds):
@@ -148,11 +158,7 @@ def test_a_sensor_whose_samples_come_more_than_once_is_one_run(ros: Ros) -> None
 
 
 def test_a_rate_within_the_tolerance_goes_on_and_one_beyond_begins_a_new_run(ros: Ros) -> None:
-    node, sensor = begin(ros), Sensor(ros, 200.0)
-    sensor.plug_in()
-    sensor.measure(30.0)
-    fitted(ros, node)
-    ros.executor.spin_once(timeout_sec=1.0)
+    node, sensor = measured(ros, 200.0, 30.0)
     sensor.rate_hz = 197.0
     go_on(ros, sensor, 5, 6.0)
     document = saved(ros, sensor)
@@ -168,11 +174,7 @@ def test_a_rate_within_the_tolerance_goes_on_and_one_beyond_begins_a_new_run(ros
 
 
 def test_a_stranger_for_some_seconds_does_not_end_a_long_run(ros: Ros) -> None:
-    node, sensor = begin(ros), Sensor(ros, 20.0)
-    sensor.plug_in()
-    sensor.measure(1200.0)
-    fitted(ros, node)
-    ros.executor.spin_once(timeout_sec=1.0)
+    node, sensor = measured(ros, 20.0, 1200.0)
     for rate_hz, frame_id in (20.0, 'other'), (40.0, 'imu'):
         sensor.unplug()
         other = Sensor(ros, rate_hz, seed=2)

@@ -101,7 +101,7 @@ def maximise(groups: Groups, start: Array | None = None, *,
     # An end for a search that does not settle.
     for _ in range(60):
         if about is not None:
-            _, power, _ = about(expected)
+            power = about(expected).noise
             value = at(part)[1] if np.isfinite(value) else value
         weighted = design * (groups.dof / expected**2)
         # Which coefficients are above zero seldom changes from one step to the next.

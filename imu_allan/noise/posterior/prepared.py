@@ -78,12 +78,12 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     for one in groups:
         first = maximise(one, moving_mean=True, tolerance=1e-3)
         expected = np.maximum(one.design @ first.theta, 1e-300)
-        blocks, about, _ = about_mean(one)(expected)
+        about = about_mean(one)(expected)
         white = one.design[:, ALWAYS]
         # Below lies nothing but rounding, or what has no square.
         rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
-        power.append(np.maximum(blocks, rounding))
-        levels.append(np.maximum(smoothed(one, about, expected), rounding))
+        power.append(np.maximum(about.blocks, rounding))
+        levels.append(np.maximum(smoothed(one, about.noise, expected), rounding))
     level = np.stack(levels)
     nu = np.minimum(groups[0].frequency * dt, 0.5)
     ratio = np.stack([shape.power(nu, 0.0) / TERMS[own].power(nu, 0.0)

@@ -15,6 +15,7 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS
 import numpy as np
@@ -79,25 +80,23 @@ def residual_power(power: Array, products: Array, size: Array, covariance: Array
     return np.asarray(np.maximum(about, 1e-12 * power))
 
 
-def about_mean(groups: Groups) -> Callable[[Array], tuple[Array, Array, float | Array]]:
-    """
-    Take the mean out of a spectrum, given the noise.
+class AboutMean(NamedTuple):
+    """A spectrum without its mean."""
 
-    Returns
-    -------
-    callable
-        Of the expected power. It gives the power without the ramp in blocks, which know no sign;
-        without the mean in any group, as expected of the noise alone; and the ramp per second, of
-        every group where there are several records.
+    blocks: Array    # (groups,): power without the ramp in blocks, which know no sign
+    noise: Array    # (groups,): power without the mean, as expected of the noise alone
+    ramp: float | Array    # per second; of every group where there are several records
 
-    """
+
+def about_mean(groups: Groups) -> Callable[[Array], AboutMean]:
+    """Return what takes the mean out of a spectrum, given the expected power of the noise."""
     products = regressors([groups])
 
-    def about(expected: Array) -> tuple[Array, Array, float | Array]:
+    def about(expected: Array) -> AboutMean:
         _, size, covariance = mean(products, groups.records, (groups.dof / expected)[None])
         ramp = float(size[0, 0, 0]) if groups.record is None else size[0, groups.record, 0]
         blocks = np.maximum(groups.power + ramp**2 * np.minimum(groups.ramp, 0.0),
                             LEAST_OF_BLOCKS * groups.power)
-        return blocks, residual_power(blocks, products, size, covariance)[0], ramp
+        return AboutMean(blocks, residual_power(blocks, products, size, covariance)[0], ramp)
 
     return about

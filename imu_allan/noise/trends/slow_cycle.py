@@ -132,7 +132,7 @@ def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
     """Whether a slow coefficient is an outlier beside the fitted terms, or is a line."""
     groups = record.groups()
     expected = np.maximum(groups.design @ noise, 1e-300)
-    ratio = about_mean(groups)(expected)[1] / expected
+    ratio = about_mean(groups)(expected).noise / expected
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
     # A coefficient that is rarer by chance is worth a search for a cycle.
     if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))

@@ -22,6 +22,7 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
 import numpy as np
+from numpy.typing import NDArray
 
 LARGEST_CHUNK = 1 << 28
 """Bytes before and after decompression; recorders write 768 kB unless asked otherwise."""
@@ -209,7 +210,7 @@ class MessageNumbers:
     """The numbers that a writer may give the messages of one channel: those missing were lost."""
 
     def __init__(self) -> None:
-        self._last: int | None = None
+        self._last: NDArray[np.int64] = np.zeros(0, np.int64)
         self._steps = self._ones = self._back = self._skipped = 0
 
     def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:
@@ -217,14 +218,13 @@ class MessageNumbers:
         for batch in batches:
             # Most writers leave zeros.
             if batch.numbers is not None and batch.numbers[-1]:
-                numbers = batch.numbers.astype(np.int64)
-                before = numbers[:1] if self._last is None else [self._last]
-                step = np.diff(numbers, prepend=before)[self._last is None:]
+                numbers = np.concatenate((self._last, batch.numbers.astype(np.int64)))
+                step = np.diff(numbers)
                 self._steps += len(step)
                 self._ones += int(np.count_nonzero(step == 1))
                 self._back += int(np.count_nonzero(step <= 0))
                 self._skipped += int(np.maximum(step - 1, 0).sum())
-                self._last = int(numbers[-1])
+                self._last = numbers[-1:]
             yield batch
 
     def lost(self, others: int) -> int:
