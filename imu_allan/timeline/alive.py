@@ -1,19 +1,19 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which axes are alive: what the values of messages say, whatever their stamps.
+Which axes are alive, judged by the values of messages, whatever their stamps.
 
-*Presence*: a value is unusable where it is NaN, infinite or absurd, or its field is declared
-absent. Single ones spoil their message. Where they last, the axis is gone until it comes back for
-as long, and the others lose nothing by it.
+*Presence*: a value is unusable if it is NaN, infinite or absurd, or if its field is declared
+absent. Isolated unusable values invalidate their message. If they persist, the axis is gone until
+usable values persist as long; the other axes are not affected.
 
-An axis without noise, a coarse one in the middle of a step, and a dead one are the same at first.
-A coarse one leaves its step slowly, with a single change now and then; a dead one changes all the
-time from its first change on, and begins there.
+At first, an axis without noise, a coarse one within one quantization step, and a dead one look the
+same. A coarse axis leaves its value slowly, with an occasional single change. A dead one that
+comes to life changes all the time from then on, and its data begin there.
 
-*Content*: a sensor whose noise spans its resolution never gives the same six values twice. Where
-messages repeat them, they were polled faster than the sensor samples (held), or the driver goes on
-without the sensor (frozen). A coarse output repeats itself by nature and is left alone.
+*Content*: a sensor whose noise spans its resolution never gives the same six values twice. If
+messages repeat them, they were polled faster than the sensor samples (held), or the driver
+continues without the sensor (frozen). A coarse output repeats itself by nature and is kept.
 """
 
 from dataclasses import dataclass, field
@@ -24,25 +24,25 @@ from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_st
 import numpy as np
 
 FROZEN_RUN = 24
-"""Repeats in a row that make a sensor frozen: beyond any polling, within the look-ahead."""
+"""Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
 
 SPARSE = 16
-"""Every so many samples go into the mean acceleration, which needs no more."""
+"""One in this many samples enters the mean acceleration, which needs no more."""
 
 
 @dataclass(frozen=True)
 class Repeats:
     """
-    Messages of a window to leave out, ndarrays of bool, shape (n,).
+    Messages of a window to leave out, as bool arrays of shape (n,).
 
     Attributes
     ----------
     held, frozen : ndarray of bool
-        Which ones are polled again, or of a sensor that stands still.
+        Messages that were polled again, and those of a sensor that has stopped.
     spikes : ndarray of bool
-        Single wild values.
+        Isolated outliers.
     woke : bool
-        The sensor has started: whatever came before the window was one frozen value.
+        Whether the sensor has just started: everything before the window was one frozen value.
 
     """
 
@@ -55,29 +55,29 @@ class Repeats:
 @dataclass
 class Content(Record):
     """
-    What was seen of the values.
+    Statistics of the values of messages so far.
 
     Attributes
     ----------
     run : int
-        Repeats up to the newest message.
+        Repeats in a row up to the newest message.
     last : list of float
         Values of the newest message.
     changes : int, changed : list of int
-        Messages unlike the one before, and how many of them changed each axis.
+        Messages that differ from the one before, and how many of them changed each axis.
     repeats : int
-        Messages like the one before, in runs too short to be frozen.
+        Messages equal to the one before, in runs too short to be frozen.
     head : int
-        Messages before the first that was unlike them.
+        Messages before the first change.
     settled : bool
-        It is known that the axes are lively.
+        Whether the axes are known to be lively.
     held : bool
-        Repeats are polled.
+        Whether repeats are due to polling.
     frozen : int, frozen_s : float or None
-        Messages of frozen runs, and when the first began.
+        Messages in frozen runs, and the time at which the first one began.
     noise : list of float
-        Standard deviation of a sample by the steps of the first messages; infinite where there
-        are none.
+        Standard deviation of a sample, from the steps of the window last examined; infinite for an
+        axis without steps.
 
     """
 
@@ -95,31 +95,31 @@ class Content(Record):
 
     @property
     def lively(self) -> bool:
-        """Whether chance does not repeat all axes."""
-        # Of fewer changes it is not known how lively the axes are.
+        """Whether a repetition of all axes by chance is practically excluded."""
+        # Fewer changes do not show how lively the axes are.
         if self.changes < 64:
             return False
-        # Noise of a step changes four of five samples of an axis.
+        # Noise of one quantization step changes four of five samples of an axis.
         moving = [count for count in self.changed if count > 0.8 * self.changes]
-        # Single axes may stand still in coarse steps, a frozen sensor stops them all.
+        # Single axes may rest within a coarse step, but a frozen sensor stops all of them.
         return len(moving) >= min(3, sum(count > 0 for count in self.changed))
 
     def check(self) -> None:
-        """Refuse values of another number of axes."""
+        """Reject values of another number of axes."""
         if {len(self.last), len(self.noise)} - {0, 6}:
             raise ValueError('values are not those of six axes')
 
     def is_fresh(self, samples: Floats) -> bool:
-        """Return by a quick look whether there cannot be more repeats than by chance."""
+        """Return quickly whether more repeats than by chance are excluded."""
         if self.held or self.run or not self.settled:
             return False
-        # The liveliest axis says it for most sensors, two for outputs of 16 bits: looking at all
-        # takes many times as long.
+        # The liveliest axis decides for most sensors, two axes for 16-bit outputs. Comparing all
+        # of them takes many times as long.
         same: Bools = np.ones(len(samples) - 1, dtype=bool)
         begins_anew = False
         for axis in sorted(range(6), key=lambda axis: -self.changed[axis]):
             values = samples[:, axis]
-            # What never changed, and NaN, which is unlike itself, decide nothing.
+            # A constant axis, and NaN, which differs from itself, decide nothing.
             if not self.changed[axis] or np.isnan(values).any():
                 continue
             same &= values[1:] == values[:-1]
@@ -129,21 +129,21 @@ class Content(Record):
         return False
 
     def is_tame(self, samples: Floats) -> bool:
-        """Return by a quick look whether there cannot be a single wild value; none may be NaN."""
+        """Return quickly whether samples without NaN certainly contain no isolated outlier."""
         return len(self.noise) == 6 and not may_be_wild(self._steps(samples), np.array(self.noise))
 
     def _spikes(self, samples: Floats) -> Bools:
-        """Find single wild values, as `imu_allan.timeline.foreign_samples.spikes`."""
+        """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
         known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
-        # Fewer do not measure the noise that a wild value is held against.
+        # Fewer samples do not give the noise with which an outlier is compared.
         if len(known) < 8 or self.is_tame(known):
             return np.zeros(len(known), dtype=bool)
-        # Noise that has changed is looked at closely once.
+        # After a change of the noise level, the full search is needed only once.
         self.noise = noise_of_steps(self._steps(known)).tolist()
         return spikes(known, np.array(self.last) if self.last else None)
 
     def _steps(self, samples: Floats) -> Floats:
-        """Return the steps from the newest message on, shape (n, 6) or one less."""
+        """Return the steps from the newest message on, shape (n, 6), at the start (n - 1, 6)."""
         if not self.last:
             return samples[1:] - samples[:-1]
         steps = np.empty_like(samples)
@@ -153,9 +153,9 @@ class Content(Record):
 
     def look(self, samples: Floats, consumed: int) -> Repeats:
         """
-        Find held, frozen and wild messages among samples, shape (n, 6), as they came.
+        Find held and frozen messages and outliers in `samples`, shape (n, 6), in order of arrival.
 
-        The first `consumed` are decided on now.
+        The state advances by the first `consumed` messages.
         """
         wild, none = self._spikes(samples), np.zeros(len(samples), dtype=bool)
         if self.is_fresh(samples[:consumed]):
@@ -181,7 +181,7 @@ class Content(Record):
             return Repeats(none, none, wild)
         woke = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
-        # One in five is polled, not now and then delivered twice.
+        # One repeat in five is due to polling, not to an occasional double delivery.
         self.held |= self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
         return Repeats(same & ~long if self.held else none, long, wild, woke)
@@ -190,20 +190,20 @@ class Content(Record):
 @dataclass
 class Presence(Record):
     """
-    What was seen of the axes.
+    Which axes have values, and since when.
 
     Attributes
     ----------
     there : list of bool
-        Which axes have values now.
+        Axes that have values now.
     bad, run : list of bool, list of int
-        Which had none in the newest message, and for how many messages that has been so.
+        Axes without a value in the newest message, and the number of messages since that changed.
     gone : list of int
-        Messages during which each axis was not there, but others were.
+        Messages in which each axis was absent while others were present.
     changed : bool
-        An axis has gone or come since the first messages.
+        Whether an axis has gone or come since the first messages.
     asleep, value : list of int, list of float
-        Messages with one value from the first on, and that value; -1 of an axis that has changed.
+        Messages for which an axis has kept its first value, and that value; -1 after a change.
     late : list of int
         Messages before an axis came to life.
 
@@ -219,20 +219,20 @@ class Presence(Record):
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
     def goes_on(self, samples: Floats) -> bool:
-        """Whether every axis is there, and none comes to life in samples, shape (n, 6)."""
+        """Return whether every axis is present, and none wakes in `samples`, shape (n, 6)."""
         return all(self.there) and all(
             asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
             for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True)))
 
     def count(self, messages: int) -> None:
-        """Count messages during which it goes on."""
+        """Count messages for which `goes_on` holds."""
         self.asleep = [asleep + messages if asleep > 0 else asleep for asleep in self.asleep]
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """
-        Find axes that are gone from values that are spoilt, both ndarrays of bool, shape (n, 6).
+        Find the axes that are gone from unusable values, both bool arrays of shape (n, 6).
 
-        The first `consumed` messages are decided on now.
+        The state advances by the first `consumed` messages.
         """
         gone = np.empty_like(unusable)
         for axis in range(6):
@@ -243,13 +243,13 @@ class Presence(Record):
         return gone
 
     def _gone(self, axis: int, bad: Bools, consumed: int) -> Bools:
-        """Return whether one axis is gone, and remember how it ends."""
+        """Return in which messages one axis is gone, and update its state."""
         starts = np.flatnonzero(np.append(True, bad[1:] != bad[:-1]))
         lengths = np.diff(np.append(starts, len(bad)))
         before = self.run[axis] if self.bad[axis] == bad[0] else 0
         state, states = not self.there[axis], []
         for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-            # More than a slip of the driver, and within the look-ahead.
+            # Longer than an occasional driver fault, and within the look-ahead.
             if length + (before if start == 0 else 0) >= 32:
                 state = bool(bad[start])
             states.append(state)
@@ -264,9 +264,9 @@ class Presence(Record):
 
     def waking(self, samples: Floats, consumed: int) -> Bools:
         """
-        Find messages before an axis comes to life, in which it is not to count, shape (n, 6).
+        Find values before an axis comes to life, which must not be used, shape (n, 6).
 
-        The first `consumed` of samples, shape (n, 6), NaN where unknown, are decided on now.
+        `samples` has shape (n, 6), NaN where unknown. The state advances by the first `consumed`.
         """
         away = np.zeros(samples.shape, dtype=bool)
         for axis, asleep in enumerate(self.asleep):
@@ -282,12 +282,12 @@ class Presence(Record):
                 self.asleep[axis] += len(now)
                 continue
             slept, self.asleep[axis] = asleep + int(other[0]), -1
-            # As many messages as are always seen ahead decide.
+            # Decide from the messages that are always available as look-ahead.
             following = values[known[other[0]:other[0] + 1 + 64]]
             changes = int(np.count_nonzero(following[1:] != following[:-1]))
-            # Fewer than 32 messages with one value change no number that counts, and at the end of
-            # a recording eight decide. Noise of a third of a step changes a quarter of them, drift
-            # over a border does not.
+            # Fewer than 32 constant messages affect no result; at the end of a recording, eight
+            # later ones are enough to decide. Noise of a third of a step changes a quarter of
+            # them; a slow drift across a step does not.
             if slept >= 32 and len(following) > 8 and changes >= 0.25 * (len(following) - 1):
                 self.late[axis], row = slept, int(now[other[0]])
                 away[max(row - SPARSE, 0):max(row, 1), axis] = self.changed = True

@@ -19,27 +19,27 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Stamps = Ints
 
-SECOND = 1_000_000_000  # in the nanoseconds of all stamps
+SECOND = 1_000_000_000  # nanoseconds, the unit of all stamps
 LOOK_AHEAD = 64
-"""Messages that must follow before the fate of a message is decided."""
+"""Number of later messages that must be seen before a message is accepted or rejected."""
 
 _JUMP_MESSAGES = 16
-"""So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
+"""If this many messages in a row stay behind, the clock jumped back; fewer are only reordered."""
 
 
 def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
     """
-    Say what keeps `stamps` from serving as the clock, if anything does.
+    Return what makes `stamps` unusable as the clock, or None if nothing does.
 
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
         As they came.
     repeats : ndarray of bool, shape (n - 1,)
-        Whether a message has the same content as the one before: a message that came twice is no
-        flaw of the clock.
+        Whether a message has the same content as the one before: a repeated message is not a flaw
+        of the clock.
     bursts : bool
-        Whether equal stamps are usual (messages received together).
+        Whether equal stamps are expected, because messages are received in bursts.
 
     """
     if len(stamps) < 2:
@@ -48,7 +48,7 @@ def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
         return 'zero'
     steps = np.diff(stamps)
     if not steps.any():
-        # A few messages that came several times say nothing of the clock.
+        # A few copies of one message say nothing about the clock.
         return None if repeats.all() and len(stamps) < 8 else 'constant'
     if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
         return 'in whole seconds'
@@ -61,14 +61,14 @@ def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
 @dataclass(frozen=True)
 class Order:
     """
-    Messages that can be placed on the timeline.
+    Which messages can be placed on the timeline.
 
     Attributes
     ----------
     keep : ndarray of bool, shape (n,)
-        Messages whose stamp lies after every stamp kept before.
+        Messages whose stamp is later than every stamp kept before.
     duplicate, out_of_order : ndarray of bool, shape (n,)
-        Why the others are rejected.
+        Reason for rejecting the other messages.
     jumps : ndarray of bool, shape (n,)
         Kept messages before which the clock jumped back.
 
@@ -82,22 +82,22 @@ class Order:
 
 def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
     """
-    Sort out stamps that repeat or run backward.
+    Find stamps that repeat or run backward.
 
-    Messages behind the newest stamp are rejected; if many follow each other there, the clock has
-    jumped back (clock step, bag loop, restarted simulator) and a new count begins with them.
+    Messages behind the newest stamp are rejected. If many follow each other there, the clock has
+    jumped back (clock step, bag loop, restarted simulator), and ordering starts afresh with them.
 
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
         As they came.
     last : int or None
-        Newest stamp kept before, None at the start.
+        Newest stamp kept so far, None at the start.
 
     Returns
     -------
     Order or None
-        None where every stamp lies after the one before, the usual case.
+        None in the usual case that every stamp is later than the one before.
 
     """
     n = len(stamps)
@@ -122,7 +122,7 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
             break
         at = start + jump
         stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
-        # A few messages far ahead are stray stamps; more are a clock that jumped forward.
+        # Up to eight messages far ahead have stray stamps; with more, the clock jumped forward.
         if 0 < len(stray) <= 8 and (newest is None or newest < stamps[at]):
             kept_before = np.flatnonzero(keep[start:stray[0]])
             if len(kept_before) or newest is not None:
@@ -137,7 +137,7 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
 
 
 def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
-    """Index of the first of many messages in a row that lie behind, yet run forward."""
+    """Find the first of many messages in a row that lie behind the newest stamp but go forward."""
     if len(behind) < _JUMP_MESSAGES:
         return None
     far = behind[_JUMP_MESSAGES - 1:] - behind[:len(behind) - _JUMP_MESSAGES + 1]
@@ -150,9 +150,10 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
 
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints | None:
     """
-    Count the messages before each one that share its stamp; None where no neighbours do.
+    Count the messages directly before each one with the same stamp; None if there are none.
 
-    `last` is the stamp of the message before, and `ties` how many before that one shared it.
+    `last` is the stamp of the previous message, and `ties` the number of messages before that one
+    with the same stamp.
     """
     tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
                      stamps[1:] == stamps[:-1])
@@ -161,9 +162,9 @@ def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints | None:
 
 def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
     """
-    Count how often up to each element, and in the whole run as far as it is seen, `same` holds.
+    Count the consecutive True values of `same`, up to each element and in its whole visible run.
 
-    `before` says it of the run that the first element may go on with.
+    `before` is the number of True values in the run that the first element may continue.
     """
     run = np.cumsum(~same)
     begins = np.append(-1 - before, np.flatnonzero(~same))
@@ -173,14 +174,15 @@ def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
 
 def overlaps(stamps: Stamps) -> bool:
     """
-    Return whether batches of samples reach back into the batch before.
+    Return whether the stamps of successive batches of samples overlap.
 
-    A driver that dates the samples of a FIFO back by too long an interval makes such stamps. The
-    messages then go on one interval apart, while one that was overtaken is followed by a leap.
+    A driver makes such stamps if it back-dates the samples of a FIFO by too long an interval.
+    After a step back, messages then continue one interval apart. A reordered message would be
+    followed by a longer step instead.
     """
     steps = np.diff(stamps)
     back = np.flatnonzero(steps[:-1] < 0)
-    # At least a message in 200 begins a batch of a FIFO.
+    # At least one message in 200 begins a FIFO batch.
     if len(back) < max(8, 0.005 * len(steps)):
         return False
     usual = float(np.median(steps))
@@ -196,13 +198,13 @@ def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
 
 
 def lost_before(numbers: Ints, before: int) -> Ints:
-    """Count the numbers left out before each message; one that starts anew has lost nothing."""
+    """Count the publication numbers skipped before each message, 0 where numbering restarts."""
     lost: Ints = np.maximum(np.diff(numbers, prepend=before) - 1, 0)
     return lost
 
 
 def iso_time(stamp_ns: int) -> str | None:
-    """Nanoseconds since 1970 as ISO-8601 with UTC, None where no date can be made of them."""
+    """Format nanoseconds since 1970 as ISO-8601 in UTC; return None if they are out of range."""
     try:
         moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(
             microseconds=stamp_ns // 1000)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What was seen of the messages, as findings, in one module as they are reported together.
+Findings about the messages, in one module because they are reported together.
 
-Stamps, losses, gaps, motion: every finding stands here. That of what was counted is given from a
-threshold on, beside which it stands; that of a decision, such as the choice of a clock, where
-intake.py or stage.py decides it.
+These are the findings about stamps, losses, gaps and motion. Those about counts are reported above
+a threshold, which stands beside each. Those about decisions, such as the choice of a clock, come
+from intake.py or stage.py, where it is decided.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from imu_allan.timeline.motion import MotionSummary
 import numpy as np
 
 _LITTLE_HIDDEN = 0.005
-"""Losses up to here move the noise density by less than a tenth of a usual interval."""
+"""Fewer hidden losses change the noise density by less than a tenth of a usual interval."""
 
 
 Facts = dict[str, dict[str, Any]]
@@ -30,14 +30,14 @@ Facts = dict[str, dict[str, Any]]
 
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
-    """Collect what the user should know about, of the recording as a whole each code once."""
+    """Collect the findings; one about the recording as a whole appears once for each code."""
     return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
             *(finding(code, **found) for code, found in _facts(memory).items()),
             *_slow_turns(memory.excursions))
 
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
-    """Bound by what shares, beside chance, faults of the stamps may make N too low or too high."""
+    """Bound the relative errors, too low and too high, of N due to faults of the stamps."""
     either = ((_uneven_error(counts) + _short_error(counts, decision)) / 2
               + _interpolation_error(counts))
     return either, either + _hidden_error(decision)
@@ -54,9 +54,9 @@ def _short_error(counts: Counts, decision: Decision) -> float:
 
 
 def _interpolation_error(counts: Counts) -> float:
-    # Beside longer gaps, this is where 55 % are lost in all: up to there N is right.
+    # With longer gaps in addition, 55 % are lost in all: up to there N is right.
     many = counts.interpolated >= 0.51 * (counts.samples + counts.interpolated)
-    # Of 36 axes N was off by 13 % at most with 57.5 % lost, by 19 with 60; more are gaps.
+    # On 36 axes N was off by up to 13 % with 57.5 % lost, by 19 % with 60 %; more losses are gaps.
     return 0.25 if counts.interpolated and many else 0.0
 
 
@@ -65,21 +65,21 @@ def _uneven_error(counts: Counts) -> float:
         return 0.0
     rate = counts.paced_steps / counts.paced_ns * SECOND
     off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
-    # A rate that is .5 % off moves the noise density by half of that.
+    # A rate that is 0.5 % off changes the noise density by half of that.
     return off if off >= 0.005 else 0.0
 
 
 def mostly_motion(motion: MotionSummary) -> bool:
-    """Return whether a recording moves, without a stop to rest that is worth the name."""
-    # A stop at a traffic light is longer; a car between two bends is quiet for less. What shakes
-    # more than a third as much where it does not turn is no rest, but a straight.
+    """Return whether a recording is in motion, without any stop that is long and quiet enough."""
+    # A stop at a traffic light is longer; a car between two bends is quiet for less. Rest with
+    # more than a third of the noise of motion is not rest, but a straight road.
     return _moves(motion) and (motion.kept.longest_s < 5.0
                                or motion.contrast < 0.999 * log(3.0) * 2 / 3)
 
 
 def _moves(motion: MotionSummary) -> bool:
-    # Margins cut most of a few seconds about a single knock: that is no moving recording.
-    # Less is a knock with its margins, whatever its share of a short recording.
+    # A single knock and its margins may be most of a short recording, which then is not moving. A
+    # lower limit on duration, and the share without margins, exclude that.
     return motion.seen > 0 and (motion.cut.rows == motion.seen or (
         motion.cut.total_s > 10.0
         and motion.cut.rows > 0.5 * motion.seen
@@ -87,7 +87,7 @@ def _moves(motion: MotionSummary) -> bool:
 
 
 def _facts(memory: Memory) -> Facts:
-    """Give the figures of what was seen of the recording as a whole, by code."""
+    """Return the figures of findings about the recording as a whole, by code."""
     counts, decision = memory.counts, memory.decision
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     facts = (decision.remarks | _content_facts(counts, memory.content)
@@ -105,13 +105,13 @@ def _facts(memory: Memory) -> Facts:
         facts['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
                                     'listed': len(counts.listed_gaps)}
     places = counts.samples + counts.interpolated
-    # The fit allows for interpolation; one in twenty says that the link is bad. A judgment.
+    # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
     if counts.interpolated > 0.05 * places:
         facts['many_missing'] = {'share': counts.interpolated / places,
                                  'density_error_share': _interpolation_error(counts) or None}
     if counts.at_other_rate:
         used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
-        # Time counts from the first sample used: what was cut out before has none.
+        # Time counts from the first sample used: messages left out before it have no time.
         known = counts.rate_changed_s > 0
         facts['rate_changed'] = {
             'from_hz': used if known else other, 'to_hz': other if known else used,
@@ -124,7 +124,8 @@ def _facts(memory: Memory) -> Facts:
                                    'rejected': list(counts.other_frames.values())}
     if counts.gravity_samples:
         size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
-        # Usual offsets are less, units of g or removed gravity far more. A judgment.
+        # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
+        # judgment.
         if abs(size - STANDARD_GRAVITY) > 0.5:
             facts['gravity'] = {'mean': size}
     return facts | (_motion_facts(motion) if memory.options.motion == 'exclude'
@@ -132,7 +133,7 @@ def _facts(memory: Memory) -> Facts:
 
 
 def _rate_facts(counts: Counts) -> Facts:
-    """Bound the error of a rate that changes too little, or for too short, to be cut out."""
+    """Bound the error of a rate that changes too little, or too briefly, to be cut out."""
     off = _uneven_error(counts)
     if not off:
         return {}
@@ -146,7 +147,7 @@ def _axes_findings(counts: Counts, decision: Decision, content: Content, presenc
                    ) -> list[Finding]:
     axes = [*zip(AXES, decision.present or [True] * 6, decision.not_finite, presence.gone,
                  presence.late, strict=True)]
-    # Where the whole sensor was dead first, that is reported as one.
+    # If the whole sensor was dead at first, that is reported as one.
     return [*(finding('axis_not_finite', (name,)) for name, was, never, _, _ in axes
               if never and not was),
             *(finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
@@ -166,26 +167,27 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
             'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:
         facts['spikes'] = {'messages': counts.spikes}
-    # Less than one in a hundred are slips of a driver. A judgment.
+    # Less than one in a hundred are occasional driver faults. Chosen by judgment.
     if counts.absent > 0.01 * counts.messages:
         facts['field_absent'] = {'messages': counts.absent}
     return facts
 
 
 def _clock_facts(counts: Counts, decision: Decision) -> Facts:
-    """Compare the speeds of both clocks; a jump of either is no speed."""
-    # In fewer messages the lag of the receive stamps hides any difference.
+    """Compare the speeds of both clocks, without any jumps."""
+    # With fewer messages, the lag of the receive stamps hides any difference.
     if (decision.clock != 'header' or counts.header.last_ns is None
             or counts.receive.last_ns is None or counts.messages < 256):
         return {}
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND
     receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
     if counts.clock_jumps:
-        # What the samples take by the header's rate. Where that is less, samples may be missing.
+        # Use the duration of the samples at the rate of the header. If it is shorter than the
+        # receive time, samples may be missing.
         header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
         header = max(header, receive)
-    # A crystal is off by millionths; a replay or a simulation by more than 5 %: a judgment.
-    # Receive stamps lag by tenths of a second, over some seconds a few percent.
+    # A crystal is off by millionths; a replay or a simulation by more than 5 %. Receive stamps lag
+    # by tenths of a second, a few percent of some seconds. Chosen by judgment.
     if not (receive > 0 and header > 0) or (
             abs(log(header / receive)) < max(0.05, 0.3 / receive)):
         return {}
@@ -193,7 +195,7 @@ def _clock_facts(counts: Counts, decision: Decision) -> Facts:
 
 
 def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
-    """Report means that went away and came back: of each axis the largest, and their number."""
+    """Report means that moved away and came back: the largest of each axis, and their number."""
     of_axis: dict[int, list[Sequence[float]]] = {}
     for excursion in excursions:
         of_axis.setdefault(int(excursion[2]), []).append(excursion)
@@ -211,7 +213,7 @@ def _motion_facts(motion: MotionSummary) -> Facts:
     if mostly_motion(motion):
         facts['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
     elif _moves(motion):
-        # As many as fit on two lines of a terminal.
+        # As many as fit into two lines of a terminal.
         named = motion.kept.listed[:5]
         facts['rest_within_motion'] = {
             'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The even grid of the sensor's own rate: which of its places are empty, and what is interpolated.
+The even grid at the sensor's rate: which places are empty, and which are interpolated.
 
-Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What distinguishes
-them is the phase of the stamps against the grid: a lost sample moves it for good by one whole
-place, jitter moves it for a moment, drift moves it slowly, and only the first leaves the phase
-modulo one place unchanged.
+Stamps jitter, arrive in pairs and bursts, and drift slowly; samples get lost. The phase of the
+stamps against the grid distinguishes these. A lost sample shifts the phase permanently by one
+whole place, jitter shifts it briefly, and drift slowly. Only a lost sample leaves the phase modulo
+one place unchanged.
 """
 
 from itertools import pairwise
@@ -25,30 +25,30 @@ from imu_allan.timeline.pace import (
 import numpy as np
 
 EVEN_JITTER = 0.25
-"""Stamps that all come within so many intervals of the expected distance need no further look."""
+"""Steps this close to a whole number of intervals need no further analysis."""
 
 _FEW = 5
-"""Messages whose median is the level at an end: one or two of them may be late."""
+"""Messages whose median gives the level at either end, as one or two of them may be late."""
 RATE_BLOCK = 64
-"""Messages from which a rate is measured."""
+"""Messages from which one rate is measured."""
 _RATE_NEAR = 256
-"""Messages on each side within which a change of rate is placed."""
+"""Messages on each side among which a change of rate is located."""
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
     """
-    Distance on the grid of every message from the one before.
+    Count the grid steps to each message from the one before.
 
     Parameters
     ----------
     places : ndarray, shape (n,)
-        Rising stamps in intervals; 0 is the grid place of the last sample placed before.
+        Increasing stamps in intervals; 0 is the grid place of the last sample placed before.
     pace : Pace
-        As measured lately.
+        Pace measured most recently.
     late : float
-        How far the last stamp before lies behind its place, in intervals.
+        How far the stamp before the first one lies behind its grid place, in intervals.
     new_run : bool
-        Whether the phase is that of a single message, the first: then it may be late itself.
+        Whether a run begins. Its phase then rests on the first message alone, which may be late.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
         whole = np.rint(steps)
         if whole.min() >= 1:
             uneven = np.abs(steps - whole) >= EVEN_JITTER
-            # More than ten intervals are a gap, over which a clock drifts by a part of one.
+            # A clock may drift by a fraction of an interval over a gap of more than ten.
             if not uneven.any() or bool(np.all(steps[uneven] > 10.0)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
@@ -75,7 +75,7 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
 
 
 def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
-    """Count samples missing before each message, by the phase about its own slow drift."""
+    """Count all samples missing before each message, by the phase less its slow drift."""
     turn, length = group_phases(phase)
     if np.mean(length) < FIRM_PHASE:
         return None
@@ -85,10 +85,10 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     raw = np.rint(phase - slow).astype(np.int64)
     before = _level(raw[:_FEW]) if new_run else 0
     if new_run and raw[0] < before - 1:
-        # Stamps may be late, and none is early: the first one lies before a gap.
+        # Stamps may be late but never early, so the first message lies before a gap.
         before = int(raw[0])
     padded = np.concatenate([[before], raw, [_level(raw[-_FEW:])]])
-    # A single stray is none, and what is late catches up.
+    # The median removes single strays; the minimum removes lateness, which recovers later.
     smooth = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0).astype(np.int64)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
@@ -100,21 +100,21 @@ def _level(values: Ints) -> int:
 
 def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
     """
-    Local means in place of missing samples.
+    Return the local means that replace missing samples.
 
     Parameters
     ----------
     samples : ndarray, shape (n, 6)
         Received samples.
     at : ndarray of int64, shape (g,)
-        Rows of `samples` before which something is missing.
+        Rows of `samples` before which samples are missing.
     segment : ndarray of int64, shape (n,)
-        Number of the unbroken segment each row belongs to.
+        Number of the unbroken segment that each row belongs to.
 
     Returns
     -------
     ndarray, shape (g, 6)
-        Mean of up to 8 samples before and 8 after each gap, of the same segment.
+        Mean of up to 8 samples before and 8 after each gap, within the same segment.
 
     """
     around = at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS)
@@ -122,7 +122,7 @@ def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
     around = np.clip(around, 0, len(samples) - 1)
     valid &= segment[around] == segment[at][:, None]
     weight = valid / valid.sum(axis=1, keepdims=True)
-    # About the sample behind the gap: the mean of equal values is that value, to the last bit.
+    # Averaged relative to the sample after the gap, so that equal values give exactly that value.
     behind = samples[at]
     means: Floats = behind + np.einsum('gk,gki->gi', weight, samples[around] - behind[:, None])
     return means
@@ -131,11 +131,11 @@ def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
 def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
                 interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
     """
-    Give samples as rows without a gap: those with an `index`, the others are their neighbours.
+    Return the samples with an `index` as blocks without gaps; the others are only neighbours.
 
-    `tail` are up to `NEIGHBOURS` samples before, `steps` places from each sample to the one
-    before, of which up to `tolerated` are interpolated, and `elapsed_ns` times since the
-    first sample.
+    `tail` holds up to `NEIGHBOURS` samples from before. `steps` are grid steps to each sample from
+    the one before; steps of up to `tolerated` are interpolated, longer ones end a block.
+    `elapsed_ns` are times since the first sample.
     """
     c = len(index)
     known = np.concatenate([tail, samples[:c + NEIGHBOURS]])
@@ -165,15 +165,15 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
 
 def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
     """
-    Find segments of messages that come at another rate, by stamps in intervals of that so far.
+    Find segments at another rate; `places` are stamps in units of the interval so far.
 
-    Gives the first message of each segment, and whether it is at another rate; `other_rate` says
-    it of the messages before. Less than two blocks of 64 messages (256 where they are counted, and
-    more where they come in long batches) are no segment of their own.
+    Returns the first message of each segment, and whether it is at another rate; `other_rate` says
+    so for the messages before. A segment lasts at least two blocks. A block has 64 messages, 256
+    where messages are counted, and more if they come in long batches.
     """
     block = RATE_BLOCK
     if pace.counting:
-        # Of 16 samples one more or less is 6 % of a rate.
+        # A block of 16 batches: one more or less changes the rate by 6 %.
         block = max(4 * block, round(16 * sqrt(12) * pace.spread))
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
@@ -190,18 +190,18 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
     if runs[0][1] == other_rate:
         runs[0] = (0, other_rate)
     edges = [runs[0][0], *(_change_point(places, first, other) for first, other in runs[1:])]
-    # Each change is sought about the start of its own run: those of short ones may cross.
+    # Changes are located one by one, so those around a short run may be out of order.
     ordered = np.maximum.accumulate(edges).tolist()
     return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
 
 
 def _on_rate(places: Floats, counting: bool) -> bool:
-    """Whether messages some number apart are mostly as many intervals apart, one step or more."""
+    """Return whether messages n apart are mostly n intervals apart, for one of several n."""
     tolerance = 0.1 if counting else RATE_TOLERANCE
-    # Chance leaves the mean cosine of 64 jittering steps a third as far below zero.
+    # By chance, the mean cosine of 64 jittering steps falls only a third as far below zero.
     if not counting and len(places) > 1 and float(
             np.mean(np.cos(2 * pi * np.diff(places)))) < -0.3:
-        # Dropped in turn, those of another rate are as far apart by chance.
+        # With regular drops, messages at another rate may be n intervals apart by chance.
         return False
     for apart in (1, 2, 4, 16, 64, 256):
         if len(places) <= apart:
@@ -209,7 +209,7 @@ def _on_rate(places: Floats, counting: bool) -> bool:
         distance = float(np.median(places[apart:] - places[:-apart])) / apart
         if abs(distance - 1) < tolerance:
             return True
-    # Where samples are dropped in turn, no number of messages apart is as many intervals.
+    # If samples are dropped regularly, messages n apart never span n intervals.
     one = np.rint(np.diff(places)) == 1
     _, length = group_phases(places)
     return len(places) < 2 or bool(np.mean(one) > 0.3 and np.mean(length) > FIRM_PHASE
@@ -217,7 +217,7 @@ def _on_rate(places: Floats, counting: bool) -> bool:
 
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:
-    """Message nearest to `near` that parts one interval from the other rate."""
+    """Locate the message near number `near` at which the rate changes."""
     first, last = max(near - _RATE_NEAR, 0), min(near + _RATE_NEAR, len(places) - 1)
     steps = np.diff(places[first:last + 1])
     other = float(np.median(steps[-_RATE_NEAR // 2:] if to_other else steps[:_RATE_NEAR // 2]))

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The first part of a timeline, in one class because all of it rests on one decision.
+The first stage of a timeline: the choice of the clock and of the usable messages.
 
-Which clock counts, and which messages can be used? The clock, the axes that are there and the pace
-are decided on the first messages. Of the others those with unusable values, and those that came
-twice, are left out.
+The clock, the axes present and the pace are decided from the first messages. After that, messages
+with unusable values and duplicates are left out. This is one class because everything rests on
+that first decision.
 """
 
 from dataclasses import replace
@@ -40,25 +40,26 @@ from imu_allan.timeline.pace import (
 import numpy as np
 
 _OTHER_GRID = 0.01
-"""Share by which two grids differ that are no speeds of two clocks. A judgment."""
+"""Grids whose intervals differ by a larger share cannot be one grid by two clocks. Chosen by
+judgment."""
 _FARTHEST_NS = 2**61
-"""Differences of stamps so far from zero do not overflow."""
+"""Stamps are clipped to this magnitude, so that their differences do not overflow."""
 _FEWEST_FOR_RATE = 64
-"""Stamps from which a rate is known well enough to contradict the stated one."""
+"""Fewest stamps that give the rate well enough to contradict the stated one."""
 
 
 class NoAxes(ImuAllanError):
-    """None of the first messages has a value; those that come later may."""
+    """Raised if none of the first messages has a value; later ones may."""
 
 
 class Intake(Record):
     """
-    Decides what the messages are, and gives the usable ones.
+    Chooses the clock and passes on the usable messages.
 
     Parameters
     ----------
     memory : Memory
-        What is decided, where messages and faults are counted, and which axes are alive.
+        Decisions, counts of messages and faults, and the axes that are alive.
 
     """
 
@@ -68,11 +69,11 @@ class Intake(Record):
         self.presence = memory.presence
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
-        """Stamps of the chosen clock, and of the other one."""
+        """Return the stamps of the chosen clock, and those of the other one."""
         decision = self.decision
         if decision.counted_only:
             interval = SECOND / (self._options.rate_hz or 1.0)
-            # Messages of another frame are no samples of this one.
+            # Messages with another frame_id are not samples of this sensor.
             first = self._counts.messages - sum(self._counts.other_frames.values())
             place = np.arange(first, first + len(window.header_ns))
             return np.rint(place * interval).astype(np.int64), window.receive_ns
@@ -81,7 +82,7 @@ class Intake(Record):
         return window.receive_ns, window.header_ns
 
     def is_clean(self, window: Window) -> bool:
-        """Return whether every value of every axis is there and usable, as is usual."""
+        """Return whether every value of every axis is present and usable, the usual case."""
         return bool(not window.absent.any()
                     and self.presence.goes_on(window.samples[:window.consumed])
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
@@ -89,7 +90,7 @@ class Intake(Record):
                     and self.content.is_tame(window.samples))
 
     def count_even(self, window: Window) -> None:
-        """Count messages with nothing wrong, whose own clock needs no look any more."""
+        """Count faultless messages; the clock in use is known to be even and needs no check."""
         counts, c = self._counts, window.consumed
         if self.decision.clock == 'header':
             counts.receive.add(window.receive_ns[:c])
@@ -101,9 +102,9 @@ class Intake(Record):
 
     def usable(self, window: Window) -> Messages:
         """
-        Leave out messages that came twice or stand still, and mark those with unusable values.
+        Drop duplicate and frozen messages, and mark those with unusable values.
 
-        The clock is chosen on the first ones, and given up where it becomes unusable.
+        The clock is chosen from the first messages, and replaced if it becomes unusable.
         """
         window = replace(window, header_ns=np.clip(window.header_ns, -_FARTHEST_NS, _FARTHEST_NS),
                          receive_ns=np.clip(window.receive_ns, -_FARTHEST_NS, _FARTHEST_NS))
@@ -125,7 +126,7 @@ class Intake(Record):
             begins = int(stamps[np.argmax(repeats.frozen)])
             self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
         self._count(window)
-        # A value that cannot be used at all is no wild one.
+        # Unusable values are not counted as spikes.
         counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
         void = repeats.spikes | unusable
         twice &= ~(void | repeats.frozen)
@@ -190,7 +191,7 @@ class Intake(Record):
                     '(analyze --clock), or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher, unless numbers show that there is none."""
+        """Look for a second publisher, unless publication numbers show that there is none."""
         decision = self.decision
         if decision.numbered:
             return
@@ -198,7 +199,7 @@ class Intake(Record):
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
         seen: list[str] = [alternates(samples)]
-        # Stamps as even as one sensor's are those of one, or of two in turn.
+        # Even stamps come from one sensor, or from two in strict alternation, found above.
         if 'noise' not in seen and (decision.first_interval_ns is None
                                     or not _is_nearly_full(decision.pace, clocks[0])):
             seen += [takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
@@ -217,12 +218,12 @@ class Intake(Record):
                 decision.remarks['receive_clock'] = {'flaw': flaws['header']}
                 choice = 'receive'
             elif not flaw_of(window.header_ns, repeats, bursts=True):
-                # Ticks with several messages each are poor, and better than nothing.
+                # A coarse clock with several messages per tick is poor, but better than none.
                 flaws['header'] = None
         if flaws[choice]:
             if options.rate_hz is None:
                 if np.array_equal(window.header_ns, window.receive_ns):
-                    # A table or a log has one time for each sample, and no clock to choose.
+                    # A table or a log has one time per sample, so there is no clock to choose.
                     raise ImuAllanError(f'the times of the samples are {flaws[choice]}: '
                                         'mend them, or state the sample rate (analyze --rate)')
                 what = (f'{choice} stamps are {flaws[choice]}: choose the other clock '
@@ -234,7 +235,7 @@ class Intake(Record):
             decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
         decision.clock = choice
         if choice == 'header' and not decision.counted_only:
-            # Different messages with one stamp: more than a slip of the driver now and then.
+            # Different messages share a stamp more often than by an occasional driver fault.
             tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
             decision.ticks = int(np.count_nonzero(tied)) > max(2, 1e-3 * len(tied))
             decision.overlaps = overlaps(window.header_ns)
@@ -247,16 +248,16 @@ class Intake(Record):
         -------
         Pace or None
         int
-            Stamps it rests on.
+            Number of stamps used.
 
         """
         decision = self.decision
-        # Of a polled sensor only the messages with new values show its pace.
+        # For a polled sensor, only messages with new values show the pace.
         twice = self._twice(window, self.stamps(window)[0])
         rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
         numbers = window.numbers
-        # Those of the samples rise, but where a driver begins to number anew, once.
+        # Numbers of samples increase, except where a driver restarts its count, once.
         decision.numbered = numbers is not None and not (
             len(numbers) < _FEWEST_FOR_RATE or repeats.held.any() or self._counts.other_frames
             or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1)
@@ -265,7 +266,7 @@ class Intake(Record):
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
-        # Ticks hide less than three of ten, and the other clock would not show the loss either.
+        # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
                 or pace.hidden > 0.3):
@@ -274,32 +275,32 @@ class Intake(Record):
             return pace, count
         second, seen = _pace_of(other, own, numbers, bursts=True)
         if second is not None and pace.counting and second.counting:
-            # What either clock may hide is hidden.
+            # Either clock may hide losses, so the larger bound holds.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
-        # With a wider spread a clock is too near the limit to show single losses.
+        # With a wider spread, a clock is too close to the limit to show single losses.
         if second is None or second.counting or second.spread > 0.2:
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
-        # Where as much time passes on both, they stamp the same samples, and the even one shows
-        # which of them are missing.
+        # If the clocks run equally fast, they stamp the same samples, and the even one shows which
+        # of them are missing.
         speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-        # Clocks that disagree by more do not stamp the same samples.
+        # Clocks that disagree by more than 12 % do not stamp the same samples.
         if abs(ratio - 1) > 0.12 < abs(speed - 1):
             return pace, count
-        # Where one of three is dropped, stamps lie .17 off a grid of one and a half intervals:
-        # a tenth, and three times the spread about the clock's own grid, are judgments.
+        # With one of three dropped, stamps lie 0.17 off a grid of 1.5 intervals. The limits of 0.1
+        # and of three times the clock's spread about its own grid are chosen by judgment.
         if not pace.counting and not (
                 abs(ratio - 1) > _OTHER_GRID
                 and spread_about(other, pace.interval_ns) > max(0.1, 3 * second.spread)):
-            # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
+            # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
-        # Header stamps could be used, but less well.
+        # Header stamps have no flaw, but are less suitable.
         decision.remarks['receive_clock'] = {'flaw': None}
         return second, seen
 
     def _replace_header_clock(self, window: Window) -> None:
-        """Go on by receive stamps, in a new run, where header stamps have become unusable."""
+        """Switch to receive stamps, in a new run, if header stamps have become unusable."""
         repeats, cursor = _repeats(window.samples), self._memory.cursor
         flaw = flaw_of(window.header_ns, repeats, bursts=False)
         if not flaw or flaw_of(window.receive_ns, repeats, bursts=True):
@@ -312,7 +313,7 @@ class Intake(Record):
         cursor.fresh_run = True
 
     def _twice(self, window: Window, stamps: Stamps) -> Bools:
-        """Messages that came twice, by a clock on which different messages share stamps."""
+        """Find duplicate messages, on a clock where different messages may share a stamp."""
         counts = self._counts
         same = np.zeros(len(stamps), dtype=bool)
         if not self.decision.unties:
@@ -333,7 +334,8 @@ class Intake(Record):
         """
         Find values that are NaN, infinite or absurd, or whose field is declared absent.
 
-        Gives the axes that are gone, and messages of which others, or all, cannot be used.
+        Returns the axes that are gone for a while, and the messages in which other axes, or all,
+        are unusable.
         """
         counts, presence, c = self._counts, self.presence, window.consumed
         with np.errstate(invalid='ignore'):
@@ -346,14 +348,14 @@ class Intake(Record):
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
         asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
         if asleep[:, 3:].any():
-            # What a dead accelerometer measured is no gravity.
+            # The output of a dead accelerometer is not gravity.
             counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
         return gone | asleep, spoilt
 
 
 def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
              ) -> tuple[Pace | None, int]:
-    """Measure the pace on the longest run of the clock at one rate; give the stamps used too."""
+    """Measure the pace on the longest run at one rate; also return the number of stamps used."""
     since = place_in_burst(stamps, None, 0) if bursts else None
     if since is not None:
         stamps = stamps + since
@@ -369,7 +371,7 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
         stamps, other = stamps[run], other[run]
         place = None if place is None else place[run]
     if place is not None:
-        # Known losses are no change of rate.
+        # Losses known from the numbers are not a change of rate.
         pace, numbered = measure_pace(stamps, other), pace_by_numbers(stamps, place)
         if (pace is not None and numbered is not None and place[-1] - place[0] >= len(place)
                 and (pace.counting
@@ -380,14 +382,14 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
 
 
 def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
-    """Return whether stamps lie close to a grid of which hardly a place is empty."""
+    """Return whether stamps lie close to a grid that has hardly any empty places."""
     places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
     return (not pace.counting and pace.spread < 0.05
             and abs(len(stamps) - places) < 0.01 * places)
 
 
 def _repeats(samples: Floats) -> Bools:
-    """Whether each sample but the first equals the one before, axes without a value too."""
+    """Return whether each sample but the first equals the one before, absent axes included."""
     same: Bools = np.all((samples[1:] == samples[:-1])
                          | (np.isnan(samples[1:]) & np.isnan(samples[:-1])), axis=1)
     return same

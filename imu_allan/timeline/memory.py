@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""All that a timeline remembers: what it counted, what it decided, where it stands."""
+"""The state of a timeline: its counts, its decisions, and its position on the grid."""
 
 from dataclasses import dataclass, field
 from math import sqrt
@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 Clock = Literal['header', 'receive']
 
 LISTED_GAPS = 1000
-"""Gaps that are listed one by one; more are only counted."""
+"""Gaps that are listed individually; further ones are only counted."""
 
 
 @dataclass
 class StampCounts(Record):
     """
-    The stamps of one clock.
+    Counts of the stamps of one clock.
 
     Attributes
     ----------
     first_ns : int
-        That of the first message.
+        Stamp of the first message.
     last_ns : int or None
-        The newest, with which the next one is compared.
+        Newest stamp, with which the next one is compared.
     repeats, backward : int
-        Stamps equal to, or before, the one before.
+        Stamps equal to, or earlier than, the one before.
 
     """
 
@@ -59,43 +59,44 @@ class StampCounts(Record):
 @dataclass
 class Counts(Record):
     """
-    Messages by their fate, and the faults of their stamps.
+    Messages by what became of them, and the faults of their stamps.
 
     Attributes
     ----------
     messages : int
-        Decided on so far.
+        Messages decided on so far.
     samples : int
-        Found their place on the grid.
+        Messages that found their place on the grid.
     missing, interpolated : int
-        Empty places, and those of them that a local mean fills.
+        Empty places, and how many of them a local mean fills.
     duplicates, out_of_order, rejected : int
-        Why the other messages found none.
+        The other messages, by the reason for which they have no place.
     spikes : int
-        Those of the rejected that are single wild values.
+        Rejected messages that are isolated outliers.
     absent : int
-        Those of the rejected that declare a field as not provided which others have.
+        Rejected messages that declare a field as not provided which others have.
     header, receive : StampCounts
     clock_jumps : int
         Jumps of the clock in use.
     gaps, gaps_ns : int
         Gaps that are not interpolated, and their total duration.
     longest_gap_ns : int
-        Duration of the longest one.
+        Duration of the longest gap.
     listed_gaps : list of (float, float)
-        Start and duration in seconds of the first ones.
+        Start and duration in seconds of the first gaps.
     other_frames : dict
-        Messages rejected for their frame_id, by frame_id.
+        Messages rejected because of their frame_id, by frame_id.
     at_other_rate : int
         Messages rejected because they came at another rate.
     rate_changed_s, changed_rate_hz : float
-        When the rate last changed, and to which.
+        When the rate first changed, and the new rate.
     lowest_rate_hz, highest_rate_hz : float
-        Of messages that went on at another rate than was measured, and are used; 0 if none did.
+        Range of rates if messages are used whose rate is not the measured one; 0 if there are
+        none.
     paced_ns, paced_steps : int
-        Time and places of all unbroken segments: their ratio is the rate.
+        Time and places of all unbroken segments; their ratio is the rate.
     gravity : list of float, gravity_samples : int
-        Sum of some accelerations, and how many.
+        Sum of a selection of accelerations, and their number.
 
     """
 
@@ -127,7 +128,7 @@ class Counts(Record):
     gravity_samples: int = 0
 
     def forget(self) -> None:
-        """Call all samples so far rejected: they were one value, repeated."""
+        """Reject all samples so far, because they were one repeated value."""
         self.rejected += self.samples
         self.samples = self.missing = self.interpolated = 0
         self.gaps = self.gaps_ns = self.longest_gap_ns = 0
@@ -135,7 +136,7 @@ class Counts(Record):
         self.listed_gaps, self.gravity = [], [0.0, 0.0, 0.0]
 
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
-        """Note a gap that is not interpolated."""
+        """Record a gap that is not interpolated."""
         self.gaps += 1
         self.gaps_ns += round(duration_ns)
         self.longest_gap_ns = max(self.longest_gap_ns, round(duration_ns))
@@ -143,10 +144,10 @@ class Counts(Record):
             self.listed_gaps.append((start_ns / SECOND, duration_ns / SECOND))
 
     def reject_frame(self, frame_id: str, messages: int) -> None:
-        """Note messages of another frame_id than the first."""
+        """Count messages whose frame_id is not that of the first."""
         self.messages += messages
         self.rejected += messages
-        # A fault can make any number of frame_ids: nine are named.
+        # Only nine frame_ids are named, as a fault may produce any number.
         known = frame_id in self.other_frames or len(self.other_frames) < 9
         name = frame_id if known else '...'
         self.other_frames[name] = self.other_frames.get(name, 0) + messages
@@ -160,32 +161,32 @@ class Decision(Record):
     Attributes
     ----------
     frame_id : str or None
-        Of the first message: others are another sensor's.
+        Of the first message; messages with another one belong to another sensor.
     clock : {'header', 'receive'} or None
-        Whose stamps are used; None before the first messages were seen.
+        Clock whose stamps are used; None before the first messages were seen.
     counted_only : bool
-        No stamps are usable: samples are counted at the stated rate.
+        Whether no stamps are usable, so that samples are counted at the stated rate.
     present : list of bool or None
-        Whether each axis was ever there.
+        Whether each axis was ever present.
     not_finite : list of bool
-        Which were not, without being declared absent, in the first messages.
+        Axes not finite in the first messages without being declared absent.
     pace : Pace
-        How stamps advance, with the clock's slow drift followed; an interval of one nanosecond
-        stands for one not yet known.
+        How stamps advance, following the slow drift of the clock; an interval of one nanosecond
+        means not yet known.
     first_interval_ns : float or None
-        As first measured: it sets how many samples are judged together. None before.
+        Interval as first measured, which sets how many samples are judged together. None before.
     ticks : bool
-        Header stamps come in ticks, and messages that share one are different.
+        Whether header stamps come in ticks, so that different messages share a stamp.
     overlaps : bool
-        Batches of header stamps reach back into those before.
+        Whether successive batches of header stamps overlap.
     numbered : bool
-        Publication numbers show which messages were lost on the way.
+        Whether publication numbers show which messages were lost in transit.
     repeated : int
-        Of the numbers so far those of messages that came twice: they are no samples.
+        How many of the publication numbers so far belong to duplicates, which are not samples.
     restart : bool
-        The next samples given make those before void.
+        Whether the next samples returned invalidate those before.
     remarks : dict
-        Why it was decided so, where the user should know: figures by the code of a finding.
+        Reasons for decisions that the user should know: figures by the code of a finding.
 
     """
 
@@ -204,12 +205,12 @@ class Decision(Record):
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Refuse a pace at which nothing advances."""
+        """Reject a pace at which time does not advance."""
         if not self.pace.interval_ns > 0:
             raise ValueError('an interval is not positive')
 
     def rate_error(self, steps: int) -> float:
-        """Bound the relative error of a rate over steps: stamps lie evenly within a batch."""
+        """Bound the relative error of a rate over `steps`: stamps are uniform within a batch."""
         return sqrt(12) * self.pace.spread / max(steps, 1)
 
     @property
@@ -220,7 +221,7 @@ class Decision(Record):
 
     def take_pace(self, pace: Pace) -> None:
         """
-        Go on with a measured pace.
+        Adopt a measured pace.
 
         Raises
         ------
@@ -237,7 +238,7 @@ class Decision(Record):
         self.set_pace(pace)
 
     def set_pace(self, pace: Pace) -> None:
-        """Go on with a pace, whatever it is."""
+        """Adopt a pace without checking it."""
         self.pace = pace
         self.first_interval_ns = self.first_interval_ns or pace.interval_ns
 
@@ -245,30 +246,31 @@ class Decision(Record):
 @dataclass
 class Cursor(Record):
     """
-    Where on the grid a timeline stands.
+    The position of a timeline on the grid.
 
     Attributes
     ----------
     first_ns, last_ns : int or None
-        Stamps of the first sample placed and of the last.
+        Stamps of the first and of the last sample placed.
     other_ns : int
-        The last one's stamp of the other clock.
+        Stamp of the last sample on the other clock.
     late_ns : float
         How far the last stamp lies behind its place.
     jitter : float or None
         Standard deviation of the latest stamps about their places, in intervals.
     tied_to : int or None, ties : int
-        Last receive stamp, and how many messages before shared it.
+        Last stamp on a clock with equal stamps, and the number of messages before with the same
+        one.
     index : int
-        Place of the last sample.
+        Grid place of the last sample.
     elapsed_ns : int
-        Time since the first sample, which goes on where the clock jumps.
+        Time since the first sample, which continues across jumps of the clock.
     fresh_run, jumped : bool
-        The next sample begins a new run; because the clock jumped.
+        Whether the next sample begins a new run, and whether because the clock jumped.
     other_rate : bool
-        The messages come at another rate than the first ones.
+        Whether messages come at another rate than the first ones.
     number : int or None
-        Publication number of the last message, where it shows how many were lost behind it.
+        Publication number of the last message, if it can show losses after it.
 
     """
 
@@ -300,11 +302,11 @@ class Memory(Record):
     Attributes
     ----------
     tail : ndarray, shape (t, 6)
-        The last samples placed in this run.
+        The last samples placed in this run, as context for interpolation.
     motion : MotionDetector or None
         None before the first sample.
     pending : Pending
-        Messages that wait.
+        Messages not yet processed.
 
     """
 
@@ -320,6 +322,6 @@ class Memory(Record):
 
     @property
     def excursions(self) -> list[list[float]]:
-        """Slow turns that were not cut out, where motion is not to be kept."""
+        """Slow turns that were not cut out, unless motion is to be kept."""
         return ([] if self.motion is None or self.options.motion == 'keep'
                 else self.motion.excursions)

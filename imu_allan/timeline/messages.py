@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the parts of a timeline hand on: messages that wait, then those that are usable."""
+"""Messages as the stages of a timeline pass them on: first pending, then usable."""
 
 from dataclasses import dataclass, field
 
@@ -15,21 +15,21 @@ NONE_VOID: Bools = np.empty(0, dtype=bool)
 
 @dataclass(frozen=True)
 class Window(ImuBlock):
-    """Messages as they came; the first `consumed` are worked off now, the others seen again."""
+    """Raw messages: the first `consumed` are processed now, the rest again in the next window."""
 
     consumed: int = 0
 
 
 @dataclass
 class Pending(Record):
-    """Messages that wait, in the order they came, until enough are there to be worked off."""
+    """Messages in order of arrival, held until there are enough to process."""
 
     blocks: list[ImuBlock] = field(default_factory=list)
-    # Counted once: asking each block for its length again costs more than its messages.
+    # A running count, as asking each block for its length costs more than its messages do.
     messages: int = 0
 
     def check(self) -> None:
-        """Refuse messages whose parts are not as many."""
+        """Reject blocks whose arrays differ in length."""
         for block in self.blocks:
             n = len(block)
             if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
@@ -40,12 +40,12 @@ class Pending(Record):
             raise ValueError('messages are missing')
 
     def append(self, block: ImuBlock) -> None:
-        """Let the messages of a block wait behind the others."""
+        """Append the messages of a block."""
         self.blocks.append(block)
         self.messages += len(block)
 
     def join(self) -> None:
-        """Put all messages in one block, if there are any; axis after axis numpy is faster."""
+        """Join all messages into one block, each axis contiguous, which is faster in numpy."""
         if len(self.blocks) > 1:
             blocks = self.blocks
             numbers = [block.numbers for block in blocks if block.numbers is not None]
@@ -58,7 +58,7 @@ class Pending(Record):
                 np.concatenate(numbers) if len(numbers) == len(blocks) else None)]
 
     def take(self, n: int, consumed: int) -> Window:
-        """Give the first `n` messages and let go of `consumed` of them."""
+        """Return the first `n` messages and discard the first `consumed` of them."""
         self.join()
         [block] = self.blocks
         first = block.part(slice(n))
@@ -71,18 +71,18 @@ class Pending(Record):
 @dataclass(frozen=True)
 class Messages:
     """
-    Messages that are to find their places.
+    Messages to be placed on the grid.
 
     Attributes
     ----------
     stamps, other : ndarray of int64, shape (n,)
-        Stamps of the clock in use, and of the other one.
+        Stamps of the clock in use, and of the other clock.
     samples : ndarray of float64, shape (n, 6)
         NaN only where an axis is absent.
     consumed : int
-        The first so many are to be placed; the others only show what comes next.
+        Number of leading messages to place; the others only show what follows.
     void : ndarray of bool, shape (n,)
-        Those whose values are unusable: they have a place, which stays empty.
+        Messages with unusable values: they have a grid place, which stays empty.
     numbers : ndarray of int64, shape (n,), or None
         As in `ImuBlock`.
 
@@ -96,7 +96,7 @@ class Messages:
     numbers: Ints | None = None
 
     def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
-        """Give some of the messages, `consumed` of them to be placed."""
+        """Return the selected messages, of which `consumed` are to be placed."""
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
                         self.void[rows],
                         None if self.numbers is None else self.numbers[rows])

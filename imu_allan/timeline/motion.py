@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Motion and knocks are found and left out.
+Detection and removal of motion and knocks.
 
-Windows go into segments, are measured, judged against the level of rest with their neighbours
-known, and given or cut with a margin.
+Rows are collected in segments and measured in windows. When the neighbours of a window are known,
+it is judged against the level of rest, and then kept, or cut out with a margin.
 """
 
 from dataclasses import dataclass, field
@@ -19,14 +19,14 @@ from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
 START_WINDOWS = 128
-"""Windows held back at the start, of which the quieter ones make the first baseline."""
+"""Windows held back at the start, the quieter of which make the first baseline."""
 LISTED_SPANS = 1000
-"""Spans that are listed one by one."""
+"""Most spans that are listed individually."""
 
 _MARGIN = 2
-"""Windows cut on each side of one in motion: a second, to settle. A judgment."""
+"""Windows cut on each side of one in motion: one second, to settle. Chosen by judgment."""
 _LATELY_S = 5.0
-"""The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
+"""Motion is reported for this long, so that "moving" does not flicker as somebody walks by."""
 
 
 @dataclass
@@ -37,11 +37,11 @@ class Spans(Record):
     Attributes
     ----------
     listed : tuple of (float, float)
-        Start and duration in seconds of the first ones.
+        Start and duration in seconds of the first spans.
     count, rows, total_s, longest_s : int, int, float, float
-        Of all: their number, rows and duration, and that of the longest.
+        Number, rows and duration of all spans, and duration of the longest.
     end, end_s, lasts_s : int, float, float
-        Grid place and time at which the newest ends, and its duration.
+        Grid place and time at which the newest span ends, and its duration.
 
     """
 
@@ -55,7 +55,7 @@ class Spans(Record):
     lasts_s: float = 0.0
 
     def add(self, first: int, rows: int, start_s: float, duration_s: float) -> None:
-        """Note rows, as part of the span before if they follow it."""
+        """Record rows, as part of the span before if they follow it directly."""
         if first == self.end and self.count:
             self.lasts_s += duration_s
             if self.count == len(self.listed):
@@ -74,21 +74,21 @@ class Spans(Record):
 @dataclass
 class MotionSummary(Record):
     """
-    What was cut out as motion, what was kept as rest, and how much louder the one is.
+    What was cut out as motion, what was kept as rest, and how much louder motion is.
 
     Attributes
     ----------
     cut, kept : Spans
-        Of motion, with its margins, and of rest.
+        Spans of motion, with their margins, and of rest.
     struck : int
-        Rows in windows that moved, without the margins.
+        Rows in windows in motion, without the margins.
     moving : bool
-        The newest span ended less than five seconds before the newest row.
+        Whether the newest motion ended less than five seconds before the newest row.
     louder : float, compared : int
-        By how much the windows that moved are louder than rest, as a sum of logarithms, and how
-        many these are.
+        Sum of the logarithms by which windows in motion are louder than rest, and number of these
+        windows.
     changes : tuple of (float, float)
-        When the noise level changed for good, and the ratio of new to old standard deviation.
+        When the noise level changed for good, and ratio of new to old standard deviation.
 
     """
 
@@ -107,11 +107,11 @@ class MotionSummary(Record):
 
     @property
     def contrast(self) -> float:
-        """Mean logarithm by which windows that moved are louder than rest."""
+        """Mean logarithm by which windows in motion are louder than rest."""
         return self.louder / max(self.compared, 1)
 
     def all_cut(self, end: int, windows: int) -> 'MotionSummary':
-        """Call all rows so far motion, up to a grid place: rest begins only now."""
+        """Return a summary with all rows up to a grid place as motion: rest begins only there."""
         total_s = self.cut.total_s + self.kept.total_s
         cut = Spans(((0.0, total_s),), 1, self.seen, total_s, total_s, end, self.cut.end_s,
                     total_s)
@@ -122,14 +122,14 @@ class MotionSummary(Record):
 @dataclass
 class MotionDetector(Record):
     """
-    Leaves out motion and knocks, some windows late, in constant memory.
+    Removes motion and knocks, with a delay of some windows, in constant memory.
 
     Attributes
     ----------
     interval_s : float
-        Sample interval; a window is half a second, 25 rows at least.
+        Sample interval; a window is half a second, at least 25 rows.
     axes : tuple of bool
-        Those it judges by.
+        Axes by which motion is judged.
     held : list of Segment
         Rows not yet decided on.
 
@@ -146,7 +146,7 @@ class MotionDetector(Record):
     _void: bool = False
 
     def __post_init__(self) -> None:
-        """Begin without windows."""
+        """Set up empty windows."""
         self._windows = Windows(self.interval_s)
 
     @property
@@ -155,11 +155,11 @@ class MotionDetector(Record):
         return self._excursions.found
 
     def forget_means(self) -> None:
-        """Hold the means that come against none before: the sensor may have others now."""
+        """Compare later means with none from before, as the sensor may have other ones now."""
         self._excursions = Excursions(found=self._excursions.found)
 
     def of_axes(self, axes: tuple[bool, ...]) -> 'MotionDetector':
-        """Give a detector of other axes that goes on from the state of this one, flushed."""
+        """Return a detector for other axes that continues from this one, after a flush."""
         other = MotionDetector(self.interval_s, axes)
         other.summary = self.summary
         other._excursions.found = self._excursions.found
@@ -167,7 +167,7 @@ class MotionDetector(Record):
         return other
 
     def push(self, block: EvenBlock) -> list[EvenBlock]:
-        """Take even rows, give those decided to be at rest."""
+        """Take even rows, and return those decided to be at rest."""
         last = self.held[-1] if self.held else None
         if last is None or block.new_run or last.closed or (
                 block.first_index
@@ -186,7 +186,7 @@ class MotionDetector(Record):
         return self._decide(final=False)
 
     def flush(self) -> list[EvenBlock]:
-        """Decide on all that is held back."""
+        """Decide on all rows held back, and return those at rest."""
         if self.held:
             self.held[-1].closed = True
         return self._decide(final=True)
@@ -243,11 +243,11 @@ class MotionDetector(Record):
         if not short:
             time_s = windows.time(segment, segment.base + last)
             for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
-                # A sensor whose noise changes more often has no level at all.
+                # A sensor whose noise changes more than ten times has no level at all.
                 self.summary.changes = (*self.summary.changes[:9], (time_s, ratio))
 
     def _begin_at_rest(self, segment: Segment, level: RestLevel, first: int, last: int) -> None:
-        """Take windows from number `first` of the arrays on for rest, all before for motion."""
+        """Take windows from array index `first` on as rest, and all before as motion."""
         level.begin_at(segment, first, last)
         self._void = True
         self._excursions = Excursions()
@@ -260,7 +260,7 @@ class MotionDetector(Record):
             max(self.summary.seen // self._windows.size, 1))
 
     def _give(self, segment: Segment) -> list[EvenBlock]:
-        """Give the rows at rest of the windows whose margin is known."""
+        """Return the rows at rest of the windows whose margin is known."""
         size = self._windows.size
         judged = segment.base + len(segment.moving)
         upto = judged if segment.closed else judged - _MARGIN
@@ -298,7 +298,7 @@ class MotionDetector(Record):
         segment.rows = [rows[length:]]
         segment.held -= length
         segment.given = upto
-        # Those kept are held against the next ones.
+        # The next windows are compared with those that are kept here.
         drop = max(upto - _MARGIN - self._windows.farthest - 1 - segment.base, 0)
         segment.base += drop
         segment.means = segment.means[drop:]

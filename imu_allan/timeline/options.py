@@ -1,13 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the user may decide about the timeline."""
+"""Options of the timeline that the user can set."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 RATE_TOLERANCE = 0.02
-"""A stated rate may be rounded, and a clock off: rates that differ by more are two. Messages at
-another one are left out of the timeline; where they last, the node begins another run."""
+"""Rates that differ by a larger share are different: a stated rate may be rounded, and a clock
+slightly off. Messages at another rate are left out; if they persist, the node begins another
+run."""
 
 
 @dataclass(frozen=True)
@@ -20,11 +21,11 @@ class TimelineOptions:
     clock : {'auto', 'header', 'receive'}
         Which stamps to use; 'auto' takes header stamps unless they are unusable.
     rate_hz : float or None
-        Stated sample rate, which overrides the measured one.
+        Sample rate stated by the user, which overrides the measured one.
     force_rate : bool
         Use the stated rate even if the measured one differs by more than 2 %.
     gap_tolerance : int
-        Gaps of up to so many samples are interpolated by the local mean.
+        Longest gap, in samples, that is interpolated by the local mean.
     motion : {'exclude', 'keep'}
         Whether motion and knocks are cut out.
 
@@ -37,7 +38,7 @@ class TimelineOptions:
     motion: Literal['exclude', 'keep'] = 'exclude'
 
     def __post_init__(self) -> None:
-        """Refuse what no code path knows: options also come from a state file."""
+        """Reject unknown values, which a state file may contain."""
         if self.clock not in ('auto', 'header', 'receive'):
             raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
         if self.motion not in ('exclude', 'keep'):

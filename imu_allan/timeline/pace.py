@@ -1,16 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The pace of a sensor, in one module because two ways of reading its stamps compete.
+The pace of a sensor: how far apart samples are, and how surely stamps show a lost one.
 
-It is how far apart samples are, and how surely stamps show a lost one.
+This is one module because two ways of reading the stamps compete.
 
-Stamps are read in one of two ways. On a *grid* every stamp lies near a multiple of the interval,
-and a distance of two intervals is a lost sample. On a *line* every message is one sample however
-uneven its stamp: they come in ticks, in batches, or back-dated by an interval that is not the true
-one, and only a lasting jump is a loss. Both can explain the same stamps: one in ten messages
-dropped looks like a tick of nine tenths of the interval. The other clock decides, for in a true
-loss time passes on it too; where there is none, losses that come too regularly are none.
+On a *grid*, every stamp lies near a multiple of the interval, and a step of two intervals is a
+lost sample. On a *line*, every message is one sample, however uneven its stamp. Such stamps come
+in ticks, in batches, or back-dated by a wrong interval, and only a lasting jump is a loss. Both
+can explain the same stamps: one in ten messages dropped looks like a tick of nine tenths of the
+interval. The other clock decides, since time passes on it, too, during a true loss. Without
+another clock, losses that come too regularly are not taken for losses.
 """
 
 from dataclasses import dataclass, replace
@@ -20,26 +20,28 @@ from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
 import numpy as np
 
 PHASE_GROUP = 64
-"""Messages whose phases are averaged: long against a burst, short against drift."""
+"""Messages whose phases are averaged: many compared with a burst, few compared with drift."""
 COUNTING_SPREAD = 0.27
-"""Spread of the phase beyond which a lost sample, a phase of one, looks like jitter."""
+"""Spread of the phase, in intervals, beyond which a lost sample (one interval) looks like
+jitter."""
 FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
-"""The mean resultant length that goes with it."""
+"""The corresponding mean resultant length."""
 
 _FEW_LOSSES = 8
-"""So few move the rate by no more than its error."""
+"""Fewer losses change the rate by no more than its error."""
 _STRAIGHT = 0.75
-"""Intervals from a line within which a tick or a dropping counter keeps every message."""
+"""Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
-"""Messages to a median: with 8, ticks as long as the interval pass for losses (a test)."""
+"""Messages per median: with 8, ticks as long as the interval pass for losses (a test)."""
 _GROUPS = 8
-"""A jump lasts if 8 medians of 16 messages lie above the 8 before: a stall is over by then."""
+"""A jump lasts if 8 medians of 16 messages all exceed the 8 before. A stall is over by then."""
 _LEAP = 16
-"""Missing samples: with 8, jumps that losses add up to are unambiguous; 32 does as well."""
+"""Jumps by this many samples are outages. With 8, sums of random losses pass for outages; 32 works
+as well."""
 _HIDDEN_LAGS = np.array([32, 64, 96, 128])
-"""Messages: longer than a batch, and short enough for many of them in a window."""
+"""Lags in messages: longer than a batch, and short enough to fit often into a window."""
 _MOST_HIDDEN = 0.9
-"""Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
+"""Largest share reported as hidden: if more than nine in ten are lost, a bound says nothing."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,14 @@ class Pace:
     Attributes
     ----------
     interval_ns : float
-        Mean distance of two samples.
+        Mean interval between samples.
     spread : float
         Standard deviation of the stamps about the grid, in intervals.
     counting : bool
-        The stamps are too uneven to see a single missing sample: messages are counted, and only
-        a lasting jump of the phase is taken for missing samples.
+        Whether stamps are too uneven to show a single missing sample. Then messages are counted,
+        and only a lasting jump of the phase is taken for missing samples.
     hidden : float
-        Share of all samples, those lost included, that may be lost without the stamps showing it.
+        Share of all samples, lost ones included, that may be lost without showing in the stamps.
 
     """
 
@@ -71,8 +73,8 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     """
     Measure the sample interval of rising stamps.
 
-    The interval of a grid is the one whose phases fit best, whatever share of its places is empty
-    and however late single stamps are.
+    On a grid, it is the interval whose phases fit best, whatever share of its places is empty and
+    however late single stamps are.
 
     Parameters
     ----------
@@ -97,9 +99,9 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     overall = _even_with_outages(steps)
     if overall is None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
-        # Bursts fit the grid of every interval that divides their distance.
+        # Bursts fit every grid whose interval divides their distance.
         short = steps < 0.5 * overall
-        # Half of the steps of pairs are short, more of longer bursts.
+        # Of the steps of pairs, half are short; of longer bursts, more.
         if np.mean(short) > 0.55:
             return _in_batches(time, ~short) or _on_a_line(time)[0]
         grid = _best_grid(time, steps, overall)
@@ -107,7 +109,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         grid = _on_grid(time, steps, overall)
     if grid is None or _is_tick(stamps, steps, grid.interval_ns):
         return _on_a_line(time)[0]
-    # With 0.4 of the places taken the bound on interpolation holds, with 0.3 it does not.
+    # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
     if grid.interval_ns < 0.37 * overall:
         # Too many places are empty to be interpolated.
         line, _ = _on_a_line(time)
@@ -116,28 +118,28 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
 
 
 def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
-    """Find the interval whose phases fit best, by a spectrum of the stamps."""
+    """Find the interval whose phases fit best, from a spectrum of the stamps."""
     size = min(len(time), PHASE_GROUP)
     groups = time[:len(time) // size * size].reshape(-1, size)
-    # In the shortest all wait for a late one, the longest have an outage in them.
+    # In the shortest groups all messages wait for a late one; the longest contain an outage.
     order = np.argsort(np.ptp(groups, axis=1))
     groups = groups[order[len(order) // 5:][:16]]
-    # The sensor's rate is sought from a little below that of the messages on.
+    # The sensor's rate is at least that of the messages: search from slightly below that.
     rates = np.arange(0.9, 2.9, 0.25 / size) / overall
     circle = np.exp(2j * pi * rates[:, None, None] * (groups - groups[:, :1]))
     power = np.abs(circle.mean(axis=2)).mean(axis=1)
     peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
     if not len(peaks):
         return None
-    # A grid of half the interval fits exact stamps as well.
+    # Take the lowest rate, as a grid of half the interval fits exact stamps equally well.
     return _on_grid(time, steps, 1 / float(
         rates[peaks[power[peaks] > 0.9 * power[peaks].max()][0]]))
 
 
 def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
-    """Give the pace on a grid of about this interval, None where stamps are not on one."""
+    """Return the pace on a grid of about this interval, or None if stamps fit no such grid."""
     whole = np.rint(steps / interval)
-    # Of receive stamps some are a little late: a judgment.
+    # Some receive stamps are slightly late. Chosen by judgment.
     near = (np.abs(steps / interval - whole) < 0.15) & (whole > 0) & (whole < PHASE_GROUP)
     if near.any():
         interval = float(steps[near].sum() / whole[near].sum())
@@ -147,7 +149,7 @@ def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
 
 def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
     """
-    Measure the sample interval of stamps whose places are known.
+    Measure the sample interval of stamps whose grid places are known.
 
     Parameters
     ----------
@@ -166,17 +168,17 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
         return None
     time, numbers = (stamps - stamps[0]).astype(np.float64), place.astype(np.float64)
     line, _ = _on_a_line(time, numbers)
-    # A batch may lie on the places of its own grid: what counts is how late it is.
+    # Batches may lie on a grid of their own, so the lateness decides.
     return Pace(line.interval_ns, line.spread, counting=line.spread > COUNTING_SPREAD)
 
 
 def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
     """
-    Return whether the places of a grid are whole milliseconds, or tens or tenths of them.
+    Return whether the interval of a grid is a tick of 0.1, 1 or 10 ms.
 
-    Of a sensor with such stamps, whatever is dropped in turn, two would follow each other.
+    If such a grid had been thinned by regular drops, some stamps would still be one place apart.
     """
-    # Clocks of drivers count in tenths of a millisecond, milliseconds, and Linux's jiffies.
+    # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
     tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
                  if abs(interval / tick - 1) < 1e-3), None)
     if tick is None or np.any(stamps % tick):
@@ -186,7 +188,7 @@ def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
 
 
 def _in_batches(time: Floats, begins: Bools) -> Pace | None:
-    """Take every message of a batch for a sample; an outage makes one batch late for good."""
+    """Measure the pace of batches, each message a sample, without outages between batches."""
     first = np.flatnonzero(np.append(True, begins))
     if len(first) < _FEW_LOSSES:
         return None
@@ -201,11 +203,11 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
                 - np.arange(len(time)) + np.repeat(first, sizes))
     leaps = lasts / interval - size
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
-    # Beginnings have no sawtooth, so that shorter distances decide, and more surely.
+    # Starts of batches have no sawtooth, so shorter lags are enough, and more certain.
     hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, 2.0)
-    # Less than one in 200 changes nothing that counts.
+    # Less than one in 200 affects no result.
     if hidden > 0.005:
-        # Something is lost. Of equal batches the sizes are binomial then, and say it more surely.
+        # After losses, the sizes of equal batches are binomial, which shows the share better.
         single = size[size < 1.5 * np.median(size)]
         share = float(single.var() / single.mean()) * (1 + 2 * sqrt(2 / len(single)))
         hidden = min(max(hidden, share), _MOST_HIDDEN)
@@ -213,7 +215,7 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
 
 
 def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
-    """Decide whether the samples that the grid calls missing are."""
+    """Decide whether samples that are missing on the grid are truly lost, and return the pace."""
     steps = np.rint(np.diff(time) / grid.interval_ns)
     short = steps < PHASE_GROUP
     lost = float(np.sum(steps[short & (steps > 1)] - 1))
@@ -222,21 +224,21 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
         return grid
     line, worst = _on_a_line(time)
     apart = abs(line.interval_ns / grid.interval_ns - 1)
-    # What a line takes for ticks are the places of the grid that it has not got. So few of them
-    # may be losses that come evenly by chance, beside others that the line sees as well.
-    # Paces that differ by a fifth of the losses may still be the same.
+    # A line explains the empty places of the grid by ticks. If they are few, they may be losses
+    # that are evenly spaced by chance, among others that the line shows as well. Intervals that
+    # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:
         return grid if truly > 0.5 else line
     if worst > _STRAIGHT or grid.spread > 0.05:
-        # Ticks are exact, and nothing is late on top of them.
+        # Ticks are exact, and no delays are added to them.
         return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
-    # Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two
-    # are kept and two dropped in turn they lie within 1, of three kept and two dropped within
+    # Stamps rounded to ticks lie within less than one tick, 16 in a row within about 0.94. With
+    # two kept and two dropped in turn they lie within 1, with three kept and two dropped within
     # 1.33.
     if wide > 0.99 * grid.interval_ns:
         return grid
@@ -244,13 +246,13 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
 
 
 def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
-    """How many intervals pass by the other clock where the grid misses one; None if unknown."""
+    """Return the intervals that pass on the other clock per place missing; None if unknown."""
     passed = np.diff(other).astype(np.float64)
     if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
             or np.max(np.abs(passed - own)) < 0.02 * interval):
-        # A clock that stands still, or jumps, is no witness, nor is one written down twice.
+        # A clock that stops, jumps, or copies the first one shows nothing.
         return None
-    # Where no single one is missed, two at a time may be: the commonest numbers decide.
+    # Losses may always come in twos, so the two most common numbers of steps decide.
     counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
     few, many = np.sort(np.argsort(counts)[-2:]).tolist()
     one, more = (np.sort(passed[steps == count]) for count in (few, many))
@@ -259,8 +261,8 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
     if (float(one.std()) > _STRAIGHT * interval
             or abs(float(one.mean()) / interval - few) > 0.5 * few):
-        # Nor is one that is read in batches, or in whole seconds: what a batch hands over shows
-        # little of the moment.
+        # Nor does one that is read in batches or whole seconds: the time of a batch shows little
+        # of the time of its samples.
         return None
     error = sqrt(float(one.var()) / len(one) + float(more.var()) / len(more)) / interval
     return (None if error > 0.2 * (many - few) else
@@ -268,7 +270,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
 
 
 def _even_with_outages(steps: Floats) -> float | None:
-    """Median step, where messages are evenly apart but for pauses of any length."""
+    """Return the median step if messages are even except for pauses of any length, else None."""
     usual = float(np.median(steps))
     # No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO.
     if usual < 1e5:
@@ -279,12 +281,11 @@ def _even_with_outages(steps: Floats) -> float | None:
     if not len(pauses):
         return None
     lasting = float(np.median(pauses))
-    # Of a few messages between two outages there may be fewer steps.
-    # Losses of single messages leave shorter pauses. A FIFO overflows after some tenths of a
-    # second.
+    # With few messages between two outages, the share of even steps is smaller. Losses of single
+    # messages cause shorter pauses, and a FIFO overflows after some tenths of a second.
     longest_batch_ns = 5e8
     few = lasting > max(longest_batch_ns, 4.0 * usual)
-    # Even segments take up a tenth of the time at least, bursts a few percent.
+    # Even segments take at least a tenth of the time, bursts a few percent.
     if np.mean(near) > (0.5 if few else 0.75) and (
             on > 0.1 or len(steps) > PHASE_GROUP * len(pauses) or lasting > longest_batch_ns):
         return usual
@@ -293,21 +294,21 @@ def _even_with_outages(steps: Floats) -> float | None:
 
 def _overfull(time: Floats, interval: float) -> bool:
     """
-    Return whether messages are more than the places of a grid, as those of its batches are.
+    Return whether there are more messages than grid places, as when batches fit a grid.
 
-    Those that wait for a late one come together, too, but none comes before its time.
+    Messages that wait for a late one also arrive together, but none of them early.
     """
     groups = len(time) // _GROUP
     phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
     falls = np.diff(phase.min(axis=1)) < -0.9
-    # Where they all wait there is no place to find.
+    # A group in which all messages wait shows no place.
     goes_on = phase[:, -1] - phase[:, 0] > -_GROUP / 2
-    # Where 60 % are lost from pairs .08 of them do, on a grid none.
+    # With pairs of which 60 % are lost, the share is 0.08; on a grid, it is zero.
     return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > 0.06)
 
 
 def _refine(time: Floats, interval: float) -> Pace:
-    """Adjust the interval until the phase stands still, and measure the spread about it."""
+    """Adjust the interval until the phase is constant, and measure the spread about it."""
     spread = 1.0
     for _ in range(4):
         phase = time / interval - np.arange(len(time))
@@ -320,20 +321,20 @@ def _refine(time: Floats, interval: float) -> Pace:
 
 
 def spread_about(stamps: Stamps, interval_ns: float) -> float:
-    """Give the standard deviation of rising stamps about a grid, in intervals."""
+    """Return the standard deviation of rising stamps about a grid, in intervals."""
     time = (stamps - stamps[0]).astype(np.float64)
     _, length = group_phases(time / interval_ns - np.arange(len(time)))
     return _spread(length)
 
 
 def _spread(length: Floats) -> float:
-    """Give the standard deviation of phases by the resultant lengths of their groups."""
+    """Return the standard deviation of phases, from the resultant lengths of their groups."""
     mean_length = float(np.mean(length))
     return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
 def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float]:
-    """Take every message, or number, for a sample; give how far they lie off, in intervals."""
+    """Fit a line with one sample per message, or number; also return how far stamps lie off it."""
     n = len(time)
     apart = max(min(n // 4, PHASE_GROUP), 1)
     if numbers is None:
@@ -341,7 +342,7 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
         interval = median_interval(time, apart) or float(time[-1]) / (n - 1)
     else:
         place = numbers - numbers[0]
-        # Messages some number apart are as many batches and a part of one: many numbers even out.
+        # A distance in messages is some batches and a fraction of one: many distances average it.
         interval = float(np.median(np.concatenate([
             (time[far:] - time[:-far]) / (place[far:] - place[:-far])
             for far in range(apart, 2 * apart, 3)])))
@@ -352,29 +353,29 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
         interval = float(middle @ (time - time.mean()) / (middle @ middle))
     residual = time / interval - counted
     residual -= float(np.median(residual))
-    # A single loss is seen some messages early or late: up to there they lie off.
-    # All lags but strays: a judgment.
+    # A loss is located some messages early or late, and those in between lie off. The percentile
+    # ignores them. Chosen by judgment.
     worst = float(np.percentile(np.abs(residual), 95))
-    # Small jumps may be what random losses add up to.
+    # Small jumps may be sums of random losses.
     leaps = np.diff(counted - place, prepend=0.0)
-    # The line takes some of the wander with it: of 60 windows each of 2048 and 4096 messages with
-    # 2, 10 and 40 % lost the bound held for all but 0 to 5 %.
+    # The fit absorbs some of the random walk. In 60 windows each of 2048 and 4096 messages with 2,
+    # 10 and 40 % lost, the bound held for all but 0 to 5 %.
     hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS, 5.0)
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
 def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
     """
-    Share of the samples that may be lost unseen.
+    Bound the share of the samples that may be lost unseen.
 
-    Random losses let the phase wander as a random walk whose variance grows by that share with
-    every message; jitter, ticks and batches do not. `errors` are standard deviations of a variance
-    of so few segments as fit into a window.
+    Random losses turn the phase into a random walk, whose variance grows by their share with every
+    message; jitter, ticks and batches do not. `errors` is the number of standard deviations to
+    add, those of a variance from the few segments that fit into a window.
     """
     if len(residual) < 3 * lags[-1]:
         return 0.0
-    # Averaged over a batch: it has most of its own at half a batch, and nothing at a whole one.
-    # A FIFO is read at least every twenty messages.
+    # Averaged over 20 lags, at least one batch, since a FIFO is read that often. A batch adds most
+    # variance at half its length, and none at its full length.
     variances = [float(np.mean([np.var(residual[at:] - residual[:-at])
                                 for at in range(lag, lag + 20)]))
                  for lag in lags.tolist()]
@@ -385,19 +386,19 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
 
 def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
     """
-    Count samples missing before each message, where only jumps that last are seen.
+    Count all samples missing before each message, by jumps of the phase that last.
 
     Parameters
     ----------
     phase : ndarray, shape (n,)
-        Stamps in intervals less the number of the message.
+        Stamps in intervals, minus the number of the message.
     before : float, optional
-        Level of the phase before, where it is known.
+        Level of the phase before, if known.
 
     Returns
     -------
     ndarray of int64, shape (n,)
-        Not falling.
+        Nondecreasing counts.
 
     """
     missing = np.zeros(len(phase), dtype=np.int64)
@@ -408,11 +409,11 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
     lead = 0 if before is None else _GROUPS
     if before is not None:
         level = np.concatenate([np.full(_GROUPS, before), level])
-    # Each costs a pass over the levels, and the largest come first.
+    # Each jump costs a pass over the levels, and the largest come first.
     for _ in range(64):
         rise = _lasting_rise(level)
         at = int(np.argmax(rise))
-        # Half an interval is the least that rounds to a lost sample.
+        # Half an interval is the smallest jump that rounds to a lost sample.
         if rise[at] < 0.5:
             break
         left, right = level[max(at - _GROUPS, 0):at], level[at:at + _GROUPS]
@@ -426,7 +427,7 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
 
 
 def _lasting_rise(level: Floats) -> Floats:
-    """By how much the next levels all lie above those before, by place."""
+    """Return, for each place, by how much all of the next levels exceed those before."""
     windows, beyond = np.lib.stride_tricks.sliding_window_view, np.full(_GROUPS, np.inf)
     lowest = windows(np.concatenate([level, beyond]), _GROUPS).min(axis=1)
     highest = windows(np.concatenate([-beyond, level]), _GROUPS).max(axis=1)
@@ -439,10 +440,10 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     """
     Find the longest part of rising stamps in which the rate stays the same.
 
-    Parts of 128 messages are compared by the median distance of messages 16 apart, which neither
-    a lost message nor a tick moves by 12 %.
+    Parts of 128 messages are compared by the median distance of messages 16 apart, which neither a
+    lost message nor a tick changes by 12 %.
     """
-    # Long beside a batch, short beside a recording.
+    # Long compared with a batch, short compared with a recording.
     part = 128
     parts, whole = len(stamps) // part, slice(0, len(stamps))
     if parts < 4:
@@ -450,19 +451,18 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     time = (stamps - stamps[0]).astype(np.float64)
     table = time[:parts * part].reshape(parts, part)
     pace = np.maximum(np.median(table[:, 16:] - table[:, :-16], axis=1) / 16, 1.0)
-    # The median of three: a part with an outage in it is no change of rate.
+    # The median of three, so that a part with an outage is not a change of rate.
     smooth = np.median([np.append(pace[:1], pace[:-1]), pace, np.append(pace[1:], pace[-1:])],
                        axis=0)
     edges = [0]
     for at in range(1, parts):
         so_far = float(np.median(smooth[edges[-1]:at]))
-        # Neither a lost message nor a tick moves a part by 12 %.
         if np.all(np.abs(np.log(smooth[at:at + 2] / so_far)) > 0.12):
             edges.append(at)
     edges.append(parts)
     lengths = np.diff(edges)
     if len(lengths) == 1 or len(lengths) > 4:
-        # Many changes are the unevenness of the stamps themselves.
+        # Many changes mean that the stamps themselves are uneven.
         return whole
     at = int(np.argmax(lengths))
     last = len(stamps) if at + 2 == len(edges) else edges[at + 1] * part
@@ -470,20 +470,20 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
 
 
 def median_interval(time: Floats, apart: int) -> float:
-    """Interval by the median distance of messages `apart`."""
+    """Return the interval from the median distance of messages that are `apart` messages apart."""
     return float(np.median(time[apart:] - time[:-apart])) / apart
 
 
 def group_phases(phase: Floats) -> tuple[Floats, Floats]:
     """
-    Mean phase, modulo one place, of every group of 64 messages.
+    Return the mean phase, modulo one place, of every group of 64 messages.
 
     Returns
     -------
     turn : ndarray, shape (groups,)
-        Unwrapped: neighbours differ by less than half a place.
+        Mean phase in places, unwrapped: neighbours differ by less than half a place.
     length : ndarray, shape (groups,)
-        Resultant length: 1 without jitter, 0 where the phase is arbitrary.
+        Resultant length: 1 without jitter, 0 for an arbitrary phase.
 
     """
     circle = np.exp(2j * pi * phase)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The second part of a timeline, in one class because every step moves the same cursor.
+The second stage of a timeline: usable messages find their places on the even grid.
 
-Usable messages find their places on the even grid. They are put in order and split where the clock
-jumps; segments at another rate are left out; steps on the grid are counted; short gaps are
-interpolated, long ones listed.
+Messages are put in order and split where the clock jumps. Segments at another rate are left out,
+steps on the grid are counted, short gaps interpolated, and long ones listed. This is one class
+because every step moves the same cursor.
 """
 
 from collections.abc import Iterator
@@ -40,23 +40,24 @@ from imu_allan.timeline.pace import measure_pace, Pace
 import numpy as np
 
 _NEVER_NS = 5 * 365 * 86400 * SECOND
-"""No recording lasts five years: such a leap is a fault of the stamps whatever the other says."""
+"""No recording lasts five years: a longer step is a stamp fault, whatever the other clock
+shows."""
 _LATELY = 128
-"""Messages from which lateness and jitter are measured: some seconds at common rates."""
+"""Latest messages, from which lateness and jitter are measured: some seconds at common rates."""
 _FOLLOWED = 0.01
-"""A change of the interval by more within a window is another rate, no drift."""
+"""A larger change of the interval within a window is another rate, not drift."""
 _MOST_LOST = 64
-"""Messages within a batch: where more are lost, time passes between two stamps."""
+"""Most messages lost within a batch: if more are lost, time passes between two stamps."""
 
 
 class Placing(Record):
     """
-    Puts usable messages on the grid.
+    Places usable messages on the grid.
 
     Parameters
     ----------
     memory : Memory
-        Where it stands, counts the fate of messages, and follows the pace.
+        Position on the grid, counts of messages, and the pace.
 
     """
 
@@ -66,7 +67,7 @@ class Placing(Record):
         self._decision, self.cursor = memory.decision, memory.cursor
 
     def is_even(self, stamps: Stamps, consumed: int) -> bool:
-        """Return whether the stamps are one interval apart, as is usual."""
+        """Return whether the stamps are one interval apart, the usual case."""
         cursor, decision = self.cursor, self._decision
         interval = decision.pace.interval_ns
         if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate
@@ -82,7 +83,7 @@ class Placing(Record):
             < 4 * interval)
 
     def place_even(self, messages: Messages) -> list[EvenBlock]:
-        """Put messages on the grid of which `is_even` holds: as `place` does, sooner."""
+        """Fast path of `place` for messages that `is_even` accepts."""
         cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
         assert cursor.last_ns is not None
         if self._decision.unties:
@@ -103,7 +104,7 @@ class Placing(Record):
         Raises
         ------
         ImuAllanError
-            If they come at no pace of an IMU.
+            If the pace of the messages is not that of an IMU.
 
         """
         if len(messages.stamps):
@@ -138,14 +139,14 @@ class Placing(Record):
             end = next((s for s in starts if s >= last), len(jumps))
             run = messages.pick(slice(first, end), last - first)
             if cursor.begins and run.void.any():
-                # Before the first sample nothing is missed.
+                # Unusable messages before the first sample are not missing.
                 empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
                 run = run.pick(slice(empty, None), max(run.consumed - empty, 0))
             if run.consumed:
                 yield run
 
     def _untie(self, stamps: Stamps, consumed: int) -> Stamps:
-        """Let messages received together follow each other by a nanosecond."""
+        """Separate messages with equal stamps by one nanosecond each."""
         cursor = self.cursor
         if self._decision.overlaps:
             stamps = in_order(stamps, cursor.tied_to, self._decision.pace.interval_ns)
@@ -157,11 +158,11 @@ class Placing(Record):
         return stamps + since
 
     def _forward_jumps(self, stamps: Stamps, other: Stamps) -> Bools:
-        """Messages before which this clock, but not the other one, leapt ahead."""
+        """Find messages before which this clock, but not the other one, jumped ahead."""
         cursor = self.cursor
         jumps = np.zeros(len(stamps), dtype=bool)
         interval = self._decision.pace.interval_ns
-        # A leap of one clock alone by more than a second is a step of that clock.
+        # A jump of one clock alone by more than a second is a step of that clock.
         limit = max(SECOND, min(200 * interval, _NEVER_NS))
         last = cursor.last_ns if cursor.last_ns is not None else int(stamps[0])
         steps = np.diff(stamps, prepend=last)
@@ -175,7 +176,7 @@ class Placing(Record):
         return jumps
 
     def _at_one_rate(self, messages: Messages) -> Iterator[EvenBlock]:
-        """Leave out segments at another rate than the first one; place the others."""
+        """Leave out segments whose rate is not the first one, and place the others."""
         cursor, decision = self.cursor, self._decision
         if decision.first_interval_ns is None:
             pace = measure_pace(messages.stamps)
@@ -195,7 +196,7 @@ class Placing(Record):
         yield from self._put(messages, steps)
 
     def _as_before(self, messages: Messages) -> bool:
-        """Return whether messages have the rate so far: batches with outages hide it in parts."""
+        """Return whether messages as a whole have the previous rate, if parts do not show it."""
         pace = measure_pace(messages.stamps[:messages.consumed])
         return pace is not None and abs(
             pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
@@ -227,7 +228,7 @@ class Placing(Record):
         cursor.other_rate, cursor.number = True, None
 
     def _places(self, messages: Messages, lost: Ints) -> Floats:
-        """Stamps in intervals from the last sample placed, those of lost messages left out."""
+        """Return stamps in intervals since the last sample placed, minus known lost messages."""
         cursor, interval = self.cursor, self._decision.pace.interval_ns
         if cursor.fresh_run or cursor.last_ns is None:
             since, late = messages.stamps - messages.stamps[0], interval
@@ -237,24 +238,24 @@ class Placing(Record):
         return places - np.cumsum(lost) if lost.any() else places
 
     def _steps(self, messages: Messages, lost: Ints) -> Ints:
-        """Count places from each message to the one before."""
+        """Count grid steps to each message from the one before."""
         cursor, pace = self.cursor, self._decision.pace
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
         return lost + count_steps(self._places(messages, lost), pace, late, cursor.begins)
 
     def _lost(self, messages: Messages) -> Ints:
-        """Messages lost before each one, by their numbers; 0 where stamps alone decide."""
+        """Count messages lost before each one by their numbers; 0 where stamps alone decide."""
         numbers, cursor, decision = messages.numbers, self.cursor, self._decision
         if numbers is None or not (decision.numbered and decision.pace.counting):
             return np.zeros(len(messages.stamps), dtype=np.int64)
         known = None if cursor.begins else cursor.number
         lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
-        # Behind another publisher numbers may leap, but time does not.
+        # After a message of another publisher numbers may jump, but time does not.
         passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
                          else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
         leaps = (lost > sqrt(12) * decision.pace.spread) & (passed < 0.5 * lost)
         for at in np.flatnonzero(leaps).tolist():
-            # Within a batch no time passes at once, but before the next ones.
+            # In a batch, the time of lost messages passes only before the next batches.
             ahead = np.cumsum(1 + lost - passed)[max(at - _MOST_LOST, 0):at + _MOST_LOST]
             before = min(at, _MOST_LOST)
             usual = float(np.mean(ahead[:before])) if before else 0.0
@@ -263,7 +264,7 @@ class Placing(Record):
         return lost
 
     def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
-        """Intervals that pass between messages without a gap, places counted, and messages."""
+        """Return intervals elapsed, places counted, and messages, all without gaps."""
         pace, steps = self._decision.pace, steps[1:]
         passed = np.diff(stamps)
         short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
@@ -271,20 +272,20 @@ class Placing(Record):
                 int(np.count_nonzero(short)))
 
     def _disagree(self, passed: float, counted: int, messages: int) -> bool:
-        """Return whether stamps pass by other intervals than were counted; jitter makes a few."""
+        """Return whether elapsed and counted intervals differ by more than jitter explains."""
         pace = self._decision.pace
         width = sqrt(12) * pace.spread if pace.counting else 0.0
         return abs(passed - counted) > 4 + width + 0.003 * messages
 
     def _note_uneven(self, messages: Messages, steps: Ints) -> None:
-        """Note the rate of messages that differs too little, or too briefly, to cut it out."""
+        """Record rates that differ too little, or too briefly, for messages to be left out."""
         counts, c = self._counts, messages.consumed
         stamps, steps = messages.stamps[:c], steps[:c]
         whole = self._uneven_rate(stamps, steps)
         if whole is None:
             return
-        # What differs for some seconds is little of the whole. `_LATELY` of 256 pass without a
-        # gap.
+        # A difference for some seconds is small in the whole, so parts of 256 messages are
+        # checked, too. At least `_LATELY` of these must be free of gaps.
         parts = [self._uneven_rate(stamps[first:first + 256], steps[first:first + 256])
                  for first in range(0, c, 128)]
         rates = [SECOND / self._decision.pace.interval_ns, whole, *filter(None, parts)]
@@ -292,7 +293,7 @@ class Placing(Record):
         counts.highest_rate_hz = max(counts.highest_rate_hz, *rates)
 
     def _uneven_rate(self, stamps: Stamps, steps: Ints) -> float | None:
-        """Give the rate of messages, None where it is that so far, or they are too few."""
+        """Return the rate of messages, or None if it is unchanged or they are too few."""
         passed, counted, unbroken = self._passed(stamps, steps)
         if counted < _LATELY or passed <= 0 or not self._disagree(passed, counted, unbroken):
             return None
@@ -305,12 +306,12 @@ class Placing(Record):
         passed, counted, unbroken = self._passed(messages.stamps[:c], steps[:c])
         if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
             return True
-        # Half the rate for a part of the messages looks like every second one lost.
+        # Half the rate for some of the messages looks like every second one lost.
         blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
         return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
-        """Put messages on the grid and bring the counts up to date."""
+        """Put messages on the grid and update the counts."""
         cursor, counts = self.cursor, self._counts
         empty = 0
         if messages.void.any():
@@ -358,7 +359,7 @@ class Placing(Record):
 
     def _advance(self, messages: Messages, late: Floats, passed_ns: int, places: int,
                  paced_ns: int, paced_steps: int) -> None:
-        """Bring the counts up to date; `late`: the latest stamps against the last, in places."""
+        """Update counts and cursor; `late` are the latest stamps against the last, in places."""
         cursor, counts, c = self.cursor, self._counts, messages.consumed
         interval = self._decision.pace.interval_ns
         counts.samples += c
@@ -378,19 +379,20 @@ class Placing(Record):
             some = messages.samples[:c:SPARSE, 3:]
             gone = np.flatnonzero(np.isnan(some).any(axis=1))
             if len(gone):
-                # For a while an axis is not there, and may have been dead before.
+                # An axis was absent for a while, and may have been dead before.
                 some = some[int(gone[-1]) + 1:]
             counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
             counts.gravity_samples += len(some)
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < _FOLLOWED:
-                # An oscillator drifts slowly, jitter does not.
+                # Only a part of the change is followed: an oscillator drifts slowly, jitter does
+                # not.
                 self._decision.pace = replace(
                     self._decision.pace, interval_ns=interval + 0.2 * (lately_ns - interval))
 
     def _begin_run(self, stamp: int, other: int, interval: float) -> None:
-        """Let time go on at the first message of a run, by the clock that did not jump."""
+        """Continue the time at the first message of a run, by the clock that did not jump."""
         cursor = self.cursor
         cursor.fresh_run, jumped = False, cursor.jumped
         cursor.jumped = False
@@ -408,21 +410,21 @@ class Placing(Record):
 
 
 def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
-    """Distinguish long gaps from single messages that came as late as a gap is long."""
+    """Find long gaps, as opposed to single messages that are as late as a gap is long."""
     far: Bools = steps > tolerated
-    # Where its end is late, the time of what is no gap is off its places by three intervals.
+    # If only the message is late, time and places differ by three intervals or more.
     return far if pace.counting else far & (
         np.abs(passed / pace.interval_ns - steps) < 3.0)
 
 
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """Give nanoseconds and places that the rate leaves out: gaps, and what is beside them."""
-    # Over 64 steps places are counted rightly at any rate near the true one, and show it.
+    """Return the time and places to exclude from the rate: gaps, and places beside them."""
+    # Up to 64 steps are counted correctly at any rate near the true one, and help to measure it.
     gaps = _gaps(passed, steps, tolerated if pace.counting else 64, pace)
     if not pace.counting and np.count_nonzero(gaps) * SPARSE < len(gaps):
-        # With jitter one place of a gap may be taken for one beside it, up to three steps away.
+        # With jitter, a place of a gap may be counted up to three steps beside it.
         beside = np.flatnonzero(gaps)[:, None] + np.arange(-3, 4)
         gaps[np.clip(beside, 0, len(gaps) - 1)] = True
-    # Where stamps are uneven, the pause before a batch is no part of the gap.
+    # With uneven stamps, the pause before a batch is not part of the gap.
     time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
     return int(time[gaps].sum()), int(steps[gaps].sum())

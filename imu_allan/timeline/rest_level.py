@@ -1,12 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The level of rest, in one class because what is found first is what then follows the sensor.
+The noise level at rest, from which motion is distinguished.
 
 A window is judged by three statistics of each axis: the power within parts of 20 ms, that of the
 differences of their means, and the second difference of window means. These keep noise of every
-term stationary and nearly Gaussian however far it drifts, so thresholds follow from the median and
-the spread of the past and need no tuning to rate, noise level, quantization or steady vibration.
+term stationary and nearly Gaussian, however far it drifts. Thresholds follow from the median and
+the spread of the past, without tuning to rate, noise level, quantization or steady vibration. This
+is one class because the first baseline is the one that then follows the sensor.
 """
 
 from dataclasses import dataclass, field, replace
@@ -19,32 +20,35 @@ from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
 _FEWEST_WINDOWS = 8
-"""Below, the spread of loudness is not measured."""
+"""Fewest windows from which the spread of loudness is measured."""
 _REST_WINDOWS = 6
-"""Three seconds in a row: between two bumps of a road there is less."""
+"""Quiet windows in a row that are rest: between two bumps of a road there are fewer."""
 _QUIET_PERCENT = 12.5
-"""The quietest eighth is taken for rest: with less rest than that, motion enters the baseline."""
+"""The quietest windows are taken for rest: with less rest than that, motion enters the
+baseline."""
 _SIGMAS = 8.0
-"""Far beyond chance: fewer would cut noise out that is not quite normal. A judgment."""
+"""Far beyond chance: a lower threshold would cut out noise that is not quite normal. Chosen by
+judgment."""
 QUIETER = 3.0 ** (2 / 3)
-"""Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
+"""Ratio of loudness for a third of the noise: no driving is that quiet, and no drift that
+large."""
 _FINE = 0.7
-"""Noise over a step from which on the step hides nothing: below, an output may rest for long."""
+"""Noise over step above which the step hides no noise; below, an output may rest for long."""
 
 
 @dataclass(frozen=True)
 class Baseline:
     """
-    What the windows of a sensor at rest look like.
+    Statistics of the windows of a sensor at rest.
 
     Attributes
     ----------
     loudness, spread : ndarray, shape (12,)
-        Median and robust standard deviation of the loudness of a window, as `describe` gives it.
+        Median and robust standard deviation of the loudness of a window, as `describe` returns it.
     wander : ndarray, shape (6,)
         Robust standard deviation of the second difference of window means.
     resolution : ndarray, shape (6,)
-        Smallest change between two samples that was seen; infinite while constant.
+        Smallest change seen between two samples; infinite while constant.
 
     """
 
@@ -54,11 +58,12 @@ class Baseline:
     resolution: Floats
 
     def loudest(self, shorter: float = 1.0) -> Floats:
-        """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
-        # Loudness is the cube root of a variance: noise 1.6 times as large is no motion.
+        """Return the largest loudness at rest; `shorter` is window length over rows available."""
+        # Loudness is the cube root of a variance, so noise up to 1.6 times as large is not motion.
         excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
                             0.35 * self.loudness)
-        # An output of whole steps that flips between two has about a quarter of a squared step.
+        # A coarse output that flips between two values has a variance of up to a quarter of a
+        # squared step.
         stepping = np.cbrt(0.75 * self._steps() ** 2)
         loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
@@ -70,11 +75,11 @@ class Baseline:
 
     @cached_property
     def far_quieter(self) -> Floats:
-        """Loudness below which a window is no rest of this kind, but a deeper one."""
+        """Loudness below which a window belongs to a deeper level of rest than this one."""
         return self.loudness / QUIETER
 
     def _steps(self) -> Floats:
-        """Resolution where the noise does not dither it: there whole steps are no motion."""
+        """Resolution where the noise does not dither it: there, whole steps are not motion."""
         coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
         return np.where(coarse, self.resolution, 0.0)
 
@@ -82,19 +87,19 @@ class Baseline:
 @dataclass
 class RestLevel(Record):
     """
-    What the sensor at rest looks like, as far as it was seen.
+    The noise level at rest, as learned so far.
 
     Attributes
     ----------
     baseline : Baseline
     first : ndarray, shape (12,), or None
-        Loudness when the noise was last reported.
+        Loudness when the noise level was last reported.
     past, news : ndarray, shape (windows, 18)
-        Loudness and wander of the windows at rest of the baseline, and of those since.
+        Loudness and wander of the windows at rest that make the baseline, and of those since.
     lately : ndarray, shape (windows, 19)
         The same of all windows since motion began, with the verdict.
     quieter : int
-        Windows in a row that are far quieter than the baseline.
+        Number of windows in a row that are far quieter than the baseline.
 
     """
 
@@ -113,11 +118,11 @@ class RestLevel(Record):
 
     @classmethod
     def of(cls, held: list[Segment], windows: Windows) -> 'RestLevel':
-        """Find the first baseline in the windows held back."""
+        """Determine the first baseline from the windows held back."""
         full = [segment for segment in held if segment.held >= windows.size]
         if not full:
-            # Between frequent gaps no segment may last a window: then each is one, but for the
-            # shorter ones. One sample has no noise, and two may be equal by chance.
+            # With frequent gaps no segment may fill a window. Then each one of at least median
+            # length serves as a window: one sample has no noise, and two may be equal by chance.
             full = [segment for segment in held if len(segment.loudness) == 1]
             usual = np.median([segment.held for segment in full]) if full else 0
             full = [segment for segment in full if segment.held >= usual]
@@ -131,15 +136,16 @@ class RestLevel(Record):
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         loudness, wander = loudness[still], wander[still]
-        # The quietest eighth of fewer is less than four windows, whose spread says nothing.
+        # The quietest eighth of fewer is less than four windows, too few to give a spread.
         if len(loudness) >= 32:
             baseline, rest = settle(loudness, wander, resolution)
         else:
-            # Of so few the quietest eighth is one or two, whose spread says nothing: it is that
-            # of the quieter half, as surely as their samples measure it.
+            # Here the quieter half is used, with the spread that follows from the number of
+            # samples.
             quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
             centre = np.median(loudness[quieter], axis=0)
-            # The cube root of a variance from 25 samples spreads by a third of sqrt(2 / 25).
+            # Over 25 samples, the cube root of a variance has a relative spread of sqrt(2 / 25) /
+            # 3.
             baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
             if len(loudness) < _FEWEST_WINDOWS:
                 return cls(baseline)
@@ -151,20 +157,20 @@ class RestLevel(Record):
         return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
 
     def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
-        """Find windows too loud for rest; `shorter`: a window over the rows at hand."""
+        """Find windows whose loudness or wander exceeds rest; `shorter` as in `loudest`."""
         loudest, widest = self.baseline.limits
         if shorter > 1:
             loudest = self.baseline.loudest(shorter)
-        # NaN, where a window has no neighbour, compares as not wide.
+        # Without a neighbour the wander is NaN, which compares as not wide.
         unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
         return np.asarray(unlike)
 
     def refine_resolution(self, segment: Segment, windows: Ints, size: int) -> bool:
         """
-        Look for smaller steps in the rows of `windows`; return whether there are any.
+        Look for smaller steps in the rows of `windows`; return whether any were found.
 
-        A change by one step of a coarse output is no motion, and some outputs rest for minutes
-        before they show how small their step is.
+        A change by one step of a coarse output is not motion. Some outputs are constant for
+        minutes before they show how small their step is.
         """
         rows = segment.joined()
         known = self.baseline.resolution
@@ -183,7 +189,7 @@ class RestLevel(Record):
         return np.asarray(changes.any(axis=1))
 
     def contrast(self, loudness: Floats) -> Floats:
-        """Give the logarithm by which each window is louder, none where no axis shows it."""
+        """Return the logarithm by which each window is louder; empty if no axis shows it."""
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
         if not known.any():
@@ -193,9 +199,9 @@ class RestLevel(Record):
 
     def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
         """
-        Find where windows far quieter than the baseline begin, which are the rest.
+        Find the start of windows far quieter than the baseline, which are the actual rest.
 
-        A recording may begin while its vehicle drives: then the first baseline is that of driving.
+        If a recording begins while its vehicle drives, the first baseline is that of driving.
         """
         if not (segment.loudness[first:last] < self.baseline.far_quieter).any():
             self.quieter = 0
@@ -203,7 +209,7 @@ class RestLevel(Record):
         loud, windows = self.baseline.loudness, segment.loudness[first:last]
         known = (loud > 0) & np.isfinite(loud)
         quiet, alive = windows < self.baseline.far_quieter, (windows > 0) & known
-        # A coarse or constant axis may be as it was, and one that stands still has died.
+        # Coarse or constant axes may be unchanged, and an axis that has become constant is dead.
         judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
         quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest(), axis=1)
@@ -214,10 +220,10 @@ class RestLevel(Record):
         return None
 
     def begin_at(self, segment: Segment, first: int, last: int) -> None:
-        """Begin anew with the windows from number `first` of the arrays on."""
+        """Start a new baseline from the windows from array index `first` on."""
         found = baseline_of(segment.loudness[first:last], segment.wander()[first:last],
                             self.baseline.resolution)
-        # A few windows measure a spread to a factor of two.
+        # A few windows give a spread only to within a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
                                 wander=2 * found.wander)
         self.first = found.loudness
@@ -226,16 +232,17 @@ class RestLevel(Record):
 
     def learn(self, windows: Floats, moving: Bools, beyond: Bools) -> list[float]:
         """
-        Let the baseline follow the windows at rest, or a level that has changed for good.
+        Update the baseline from windows at rest, or to a level that has changed for good.
 
-        Returns ratios of new to old noise where it has become much louder or quieter.
+        Returns ratios of new to old noise if it has become much louder or quieter.
         """
         changes: list[float] = []
         inner = ~np.isnan(windows[:, 12])
         self.news = np.concatenate([self.news, windows[inner & ~moving]])
-        # Two minutes are half of the next baseline, which follows temperature, not a slow turn.
+        # The newest two minutes are half of the next baseline, which thus follows temperature, but
+        # not a slow turn.
         if len(self.news) >= 256:
-            # Of less than four minutes at rest the threshold scatters.
+            # With less than four minutes at rest, the threshold scatters.
             self.past, self.news = np.concatenate([self.past, self.news])[-512:], self.news[:0]
             changes += self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
                                                self.baseline.resolution))
@@ -243,25 +250,25 @@ class RestLevel(Record):
             verdict = np.where(beyond, 2.0, moving)
             self.lately = np.concatenate(
                 [self.lately, np.column_stack([windows, verdict])[inner]])
-            # After a minute a new level may be the sensor's own: a judgment.
+            # After a minute, a new level may be the sensor's own. Chosen by judgment.
             if len(self.lately) >= 128:
                 changes += self._accept_change()
                 self.lately = self.lately[:0]
         return changes
 
     def _accept_change(self) -> list[float]:
-        """Take a new steady level for the sensor's own, if it is not much louder."""
+        """Accept a new steady level as the sensor's own, if it is not much louder."""
         verdict = self.lately[:, 18]
         share = float(np.mean(verdict))
-        # Of a new level one window in twenty at least was called motion.
+        # At a new level, at least one window in twenty is classified as motion.
         if np.any(verdict > 1) or share < 0.05:
             return []
         baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
                                  self.baseline.resolution)
-        # Three times louder than rest is an engine, not the sensor: a judgment.
+        # Three times louder than rest is an engine, not the sensor. Chosen by judgment.
         little = 3.0 ** (2 / 3) * self.baseline.loudest()
-        # Where less than a quarter was called motion, what was seen is knocks, unless all windows
-        # are similar, as where a single axis has become louder. Those of motion are not.
+        # If less than a quarter was classified as motion, it was knocks. The exception is that all
+        # windows are similar, as when a single axis has become louder; windows of motion are not.
         if (share < 0.25 and not still.all()) or (
                 np.mean(still) <= 0.9 or np.any(baseline.loudness >= little)):
             return []
@@ -269,14 +276,14 @@ class RestLevel(Record):
         return self._adopt(baseline)
 
     def _adopt(self, baseline: Baseline) -> list[float]:
-        """Take a new baseline; give the ratio if the noise has become much louder or quieter."""
+        """Adopt a new baseline; return the ratio if noise has become much louder or quieter."""
         self.baseline = baseline
         if self.first is None:
             self.first = baseline.loudness
         known = (self.first > 0) & (baseline.loudness > 0)
         ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
         most = max(ratio.tolist(), key=lambda ratio: abs(log(ratio)), default=1.0)
-        # Noise that has become three times louder or quieter is reported: a judgment.
+        # Noise that has become three times louder or quieter is reported. Chosen by judgment.
         if abs(log(most)) <= log(3.0):
             return []
         self.first = baseline.loudness
@@ -285,10 +292,10 @@ class RestLevel(Record):
 
 def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
     """
-    Find the windows at rest, and the baseline that they make.
+    Find the windows at rest, and their baseline.
 
-    Their set grows from the quietest eighth as far as the distribution of loudness has no hole of
-    many standard deviations. Wander is NaN at the ends of a segment.
+    The set grows from the quietest eighth until there is a hole of many standard deviations in the
+    distribution of loudness. Wander is NaN at the ends of a segment.
     """
     dead = _dead(loudness, resolution)
     percentile = np.nanpercentile if dead.any() else np.percentile
@@ -298,7 +305,7 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
     if noisy.any():
         louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
         if not dead.any(axis=1).all():
-            # Fewer axes are quieter by chance, and say nothing of those that are dead.
+            # The maximum over fewer axes is lower by chance, and says nothing of the dead ones.
             louder[dead.any(axis=1)] = np.inf
         rest = louder <= np.percentile(louder[np.isfinite(louder)], _QUIET_PERCENT)
     for _ in range(50):
@@ -321,7 +328,7 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
     spread = 1.4826 * median(np.abs(loudness - centre), axis=0)
     inner = wander[~np.isnan(wander).all(axis=1)]
     wide = np.full(6, np.inf)
-    # Of fewer windows with neighbours on both sides the wander is not known.
+    # Fewer windows with neighbours on both sides do not give the wander.
     known = np.count_nonzero(~np.isnan(inner), axis=0) >= 4
     if known.any():
         wide[known] = 1.4826 * median(np.abs(inner[:, known]), axis=0)
@@ -330,9 +337,10 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
 
 def _dead(loudness: Floats, resolution: Floats) -> Bools:
     """
-    Find windows in which an axis stood still, shape (n, 6).
+    Find windows in which an axis is dead, shape (n, 6).
 
-    A fine one never does while others live. One that never lived, and coarse steps, are left.
+    A fine axis is never constant while others change. Axes that never changed, and coarse ones,
+    are not included.
     """
     still = loudness[:, :6] == 0
     dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
@@ -343,7 +351,7 @@ def _dead(loudness: Floats, resolution: Floats) -> Bools:
 
 
 def resolution_of(samples: Floats) -> Floats:
-    """Smallest change between neighbours of each axis, infinite where there is none."""
+    """Return the smallest change between neighbours of each axis, infinite if there is none."""
     change = np.abs(np.diff(samples, axis=0))
     change[change == 0] = np.inf
     smallest: Floats = np.min(change, axis=0, initial=np.inf)

@@ -3,9 +3,9 @@
 """
 The timeline as one streaming stage, shared by the node and by recordings.
 
-Messages are worked off in windows of a fixed number, each seen together with the messages that
-follow it, so that the outcome does not depend on the blocks they came in. Three parts work one
-after the other: intake decides what the messages are, placing puts them on the even grid, and the
+Messages are processed in windows of a fixed number, each seen together with the messages that
+follow. The outcome therefore does not depend on the blocks they came in. Three parts work one
+after the other. Intake chooses the usable messages, placing puts them on the even grid, and the
 motion detector leaves out what is not at rest.
 """
 
@@ -29,24 +29,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 WINDOW = 4096
-"""Messages seen together; the last `LOOK_AHEAD` of them are worked off with the next window."""
+"""Messages seen together; the last `LOOK_AHEAD` of them are processed in the next window."""
 
 _DEFAULTS = TimelineOptions()
 
 
 class TimelineStage(Record):
     """
-    Even samples out of messages as they came, in constant memory.
+    Converter of messages, in order of arrival, to even samples, in constant memory.
 
     Parameters
     ----------
     options : TimelineOptions
-        What the user decided.
+        Options set by the user.
 
-    Notes
-    -----
-    `push` gives what is decided, up to some thousand messages late; `flush` gives the rest. For a
-    look at a running stream flush a `copy`.
+    `push` returns what is decided, up to some thousand messages late; `flush` returns the rest. To
+    look at a running stream, flush a `copy`.
 
     """
 
@@ -59,7 +57,7 @@ class TimelineStage(Record):
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """
-        Take messages, give the even samples that are decided by now.
+        Take messages, and return the even samples that are decided by now.
 
         Raises
         ------
@@ -73,7 +71,7 @@ class TimelineStage(Record):
         if block.frame_id != decision.frame_id:
             if decision.frame_id is not None:
                 self._memory.counts.reject_frame(block.frame_id, len(block))
-                # The numbers are those of all messages of a publisher.
+                # Publication numbers also count messages of other frames.
                 decision.numbered = False
                 return []
             decision.frame_id = block.frame_id
@@ -85,7 +83,7 @@ class TimelineStage(Record):
 
     def flush(self) -> list[EvenBlock]:
         """
-        Give what is still held back, at the end of a recording.
+        Return what is still held back, at the end of a recording.
 
         Raises
         ------
@@ -102,12 +100,12 @@ class TimelineStage(Record):
 
     def break_run(self) -> list[EvenBlock]:
         """
-        Let the next sample begin a new run, after an interruption of unknown length.
+        Begin a new run with the next sample, after an interruption of unknown length.
 
         Returns
         -------
         list of EvenBlock
-            What was still held back, as by `flush`.
+            What was still held back, as from `flush`.
 
         Raises
         ------
@@ -120,26 +118,26 @@ class TimelineStage(Record):
         return blocks
 
     def power_on(self) -> list[EvenBlock]:
-        """Let the next sample begin a run whose mean may be another; return as `break_run`."""
+        """Begin a run with the next sample, whose mean may differ; return as `break_run` does."""
         blocks = self.break_run()
         if self._memory.motion is not None:
             self._memory.motion.forget_means()
         return blocks
 
     def to_state(self) -> State:
-        """Everything needed to go on later, as a flat dict of arrays."""
+        """Return everything needed to continue later, as a flat dict of arrays."""
         self._pending.join()
         return state_of(self._memory)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
         """
-        Go on from `to_state`.
+        Restore a stage from the result of `to_state`.
 
         Raises
         ------
         ImuAllanError
-            If `state` is not what `to_state` gave.
+            If `state` is not a result of `to_state`.
 
         """
         try:
@@ -151,7 +149,7 @@ class TimelineStage(Record):
         return stage
 
     def summary(self) -> TimelineSummary:
-        """Summarize every message so far, those still held back included."""
+        """Summarize all messages so far, including those still held back."""
         stage = self
         if self._pending.blocks or (self._memory.motion is not None and self._memory.motion.held):
             stage = self.copy()
@@ -163,7 +161,7 @@ class TimelineStage(Record):
 
     @property
     def epoch_ns(self) -> int | None:
-        """Stamp of the clock in use at time zero; another one after the clock has jumped."""
+        """Stamp of the clock in use at time zero; it changes if the clock jumps."""
         cursor = self._placing.cursor
         if cursor.last_ns is None or self._intake.decision.counted_only:
             return None
@@ -171,12 +169,12 @@ class TimelineStage(Record):
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:
-        """Stamps in use; None as long as none are chosen for good."""
+        """Clock whose stamps are used; None until it is finally chosen."""
         return self._intake.decision.clock
 
     @property
     def interval_ns(self) -> float | None:
-        """Time from one sample to the next, by the clock."""
+        """Sample interval by the clock in use; None until it is measured."""
         decision = self._intake.decision
         return None if decision.first_interval_ns is None else decision.pace.interval_ns
 
@@ -191,7 +189,7 @@ class TimelineStage(Record):
         return self._at_rest(placing.place(intake.usable(window)))
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
-        """Leave out motion, or only look for it; not before a window has a length."""
+        """Leave out motion, or only detect it; pass blocks on until an interval is known."""
         memory, decision = self._memory, self._memory.decision
         given: list[EvenBlock] = []
         for block in self._with_the_same_axes(blocks):
@@ -206,7 +204,7 @@ class TimelineStage(Record):
             if memory.motion is None:
                 memory.motion = MotionDetector(decision.first_interval_ns / SECOND, axes)
             elif memory.motion.axes != axes:
-                # What is known of the rest of some axes is not that of others.
+                # The level of rest of some axes is not that of others.
                 at_rest += memory.motion.flush()
                 memory.motion = memory.motion.of_axes(axes)
             at_rest += memory.motion.push(block)
@@ -214,7 +212,7 @@ class TimelineStage(Record):
         return given
 
     def _with_the_same_axes(self, blocks: Iterable[EvenBlock]) -> Iterator[EvenBlock]:
-        """Split blocks where an axis comes or goes, and leave out what no axis has."""
+        """Split blocks where an axis comes or goes, and leave out samples without any axis."""
         interval_s = self._memory.decision.pace.interval_ns / SECOND
         for block in blocks:
             if not self._memory.presence.changed:

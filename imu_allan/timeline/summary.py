@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What was seen of the messages, as numbers.
+Summary of the messages so far.
 
 The result, `imu_allan info` and the node's /diagnostics all describe one
 `TimelineSummary`.
@@ -18,23 +18,23 @@ from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
 
 _EPOCH_CLOCK_NS = 20 * 365 * 86400 * SECOND
-"""Stamps below count from a boot, not from 1970."""
+"""Smaller stamps count from a boot, not from 1970."""
 
 
 @dataclass(frozen=True)
 class TimelineSummary:
     """
-    What was seen of the messages so far.
+    Summary of the messages so far.
 
     Attributes
     ----------
     timeline : Timeline
-        The part that goes into the result. `samples` counts the messages that found their place
-        on the grid, those in motion among them; `missing` counts all empty places between them,
-        interpolated or in a listed gap, but for those of messages with unusable values. `samples`,
+        The part that goes into the result. `samples` counts the messages that have a place on the
+        grid, those in motion included. `missing` counts all empty places between them,
+        interpolated or in a listed gap, except those of messages with unusable values. `samples`,
         `duplicates`, `out_of_order` and `rejected` add up to the messages decided on.
     clock : {'header', 'receive'} or None
-        None before a message came, and where samples are only counted (no usable stamps).
+        None before the first message, and if samples are only counted (no usable stamps).
     frame_id : str or None
         header.frame_id of the messages used.
     start_time : str or None
@@ -42,9 +42,9 @@ class TimelineSummary:
     remarks : tuple of Finding
         Findings the user should know about.
     present : tuple of bool, length 6
-        Whether each axis was ever there; the others are NaN in every block.
+        Whether each axis was ever present; the others are NaN in every block.
     messages : int
-        Messages seen, those still held back included.
+        Messages seen, including those still held back.
     interpolated : int
         Missing samples that were interpolated by the local mean.
     gaps, gaps_s, longest_gap_s : int, float, float
@@ -52,25 +52,25 @@ class TimelineSummary:
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
     stamps_read : tuple of {'counted', 'placed', 'ticks', 'batches'}
-        Whether each message is taken for a sample or its stamp for its place; several messages
-        to a tick; batches that overlap. Empty without a clock.
+        How stamps are read: each message is one sample, or its stamp gives its place. With 'ticks'
+        several messages share a tick, with 'batches' batches overlap. Empty without a clock.
     jitter_s : float or None
-        Standard deviation of the stamps about the grid, lately.
+        Standard deviation of the latest stamps about the grid.
     header_repeats, header_backward, receive_repeats, receive_backward : int
-        Stamps equal to, or before, the stamp of the message before, on either clock.
+        Stamps equal to, or earlier than, that of the message before, on either clock.
     clock_jumps : int
-        Jumps of the clock, and changes from one clock to the other.
+        Jumps of the clock in use.
     motions, excluded_s : int, float
         Number and total duration of the spans of motion cut out, listed or not.
     moving : bool
-        Motion was seen within the last seconds.
+        Whether motion was seen within the last seconds.
     mostly_motion : bool
-        More than half of the samples are motion, and no segment of five seconds is at rest: this
-        is no recording at rest.
+        Whether more than half of the samples are motion and no segment of five seconds is at rest.
+        Then this is not a recording at rest.
     turned : tuple of str
-        Axes whose mean went away and came back, as in a slow turn.
+        Axes whose mean moved away and came back, as in a slow turn.
     density_error : tuple of (float, float)
-        Largest shares by which noise densities may be too low, and too high, beside chance.
+        Largest relative errors, too low and too high, of noise densities, in addition to chance.
 
     """
 
@@ -102,13 +102,13 @@ class TimelineSummary:
 
 
 def summarize(memory: Memory) -> TimelineSummary:
-    """Summarize what was seen by what the timeline remembers."""
+    """Summarize the state of a timeline."""
     counts, decision, cursor = memory.counts, memory.decision, memory.cursor
     options, excursions = memory.options, memory.excursions
     remarks = remarks_of(memory)
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     if options.motion == 'keep':
-        # It was only looked for.
+        # Motion was only detected, not cut out.
         motion = MotionSummary()
     measured = _measured_rate(counts, decision, cursor.late_ns)
     rate = options.rate_hz or measured
@@ -153,25 +153,26 @@ def summarize(memory: Memory) -> TimelineSummary:
 
 
 def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float | None:
-    """Return samples per second of all unbroken segments; the last stamp is so late."""
-    # By whole places, as behind a gap that passed for lateness: less may be a rate that drifts.
+    """Return samples per second of all unbroken segments; the last stamp is late by `late_ns`."""
+    # Only whole places are corrected, as after a gap taken for lateness: less may be a drifting
+    # rate.
     interval = decision.pace.interval_ns
     passed = counts.paced_ns - max(int(late_ns / interval), 0) * interval
     if passed <= 0 or not counts.paced_steps:
         return None
     rate = counts.paced_steps / passed * SECOND
     if decision.pace.counting and decision.first_interval_ns:
-        # A short record begins or ends within a batch; the first interval is of whole batches.
+        # A short record begins or ends within a batch; the first interval is from whole batches.
         first = SECOND / decision.first_interval_ns
         error = decision.rate_error(counts.paced_steps)
-        # Below a thousandth the ends of a record do not matter: a judgment.
+        # Below a thousandth the ends of a record do not matter. Chosen by judgment.
         if error > 1e-3 and abs(first / rate - 1) < error:
             return first
     return rate
 
 
 def _how_read(decision: Decision) -> tuple[str, ...]:
-    """Return how stamps are read, and thus how surely a lost sample is seen."""
+    """Return how stamps are read, and thus how reliably lost samples are detected."""
     if decision.counted_only or decision.first_interval_ns is None:
         return ()
     return ('counted' if decision.pace.counting else 'placed',

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Even rows in windows of half a second: what is measured of them, and how far their means move.
+Windows of half a second of even rows: their statistics, and how far their means move.
 
-A test that knows physics needs no learning: no sensor at rest changes its mean by 3 deg/s or
-0.5 m/s^2 within two seconds, unless its white noise does it.
+A test by physics needs no learning: no sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2
+within two seconds, except through its white noise.
 """
 
 from dataclasses import dataclass, field
@@ -15,21 +15,22 @@ from imu_allan.timeline.clock import Bools, Floats, Ints
 import numpy as np
 
 PART_S = 0.02
-"""Loudness is measured within such parts of a window, fast noise, and between them, slow noise."""
+"""Duration of the parts of a window. Loudness is measured within them, fast noise, and between
+them, slow noise."""
 
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
-"""rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
+"""In rad/s and m/s^2 within two seconds: a smaller change is judged by the noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
-"""A noisy sensor's mean changes as much by chance: so many standard deviations it does not."""
+"""The mean of a noisy sensor changes by chance, but not by this many standard deviations."""
 
 
 @dataclass
 class Segment(Record):
     """
-    Even rows without a gap between them, of which the verdict is still open.
+    Even rows without a gap, not yet decided on.
 
-    Windows are numbered from the start of the segment. `rows` begins with window `given`; the
-    arrays of windows begin with window `base`, a few before, which are needed as context.
+    Windows are numbered from the start of the segment. `rows` begins with window `given`. The
+    arrays of windows begin with window `base`, a few earlier, as context.
     """
 
     first_index: int
@@ -46,20 +47,20 @@ class Segment(Record):
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
     def check(self) -> None:
-        """Refuse rows and windows that do not belong together."""
+        """Reject rows and windows that do not belong together."""
         if (sum(map(len, self.rows)) != self.held or len(self.means) != len(self.loudness)
                 or len(self.moving) > len(self.means) or any(
                     rows.ndim != 2 or rows.shape[1] != 6 for rows in self.rows)):
             raise ValueError('rows are missing')
 
     def joined(self) -> Floats:
-        """Give all rows held, as one array."""
+        """Return all rows held, as one array."""
         if len(self.rows) > 1:
             self.rows = [np.concatenate(self.rows)]
         return self.rows[0]
 
     def wander(self) -> Floats:
-        """Second difference of window means, NaN for the first and the last window."""
+        """Return the second differences of window means, NaN for the first and the last window."""
         second = np.full(self.means.shape, np.nan)
         second[1:-1] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
         return second
@@ -68,18 +69,18 @@ class Segment(Record):
 @dataclass
 class Windows(Record):
     """
-    How rows are cut into windows, and what is known of their means.
+    The division of rows into windows, and what is known of the window means.
 
     Attributes
     ----------
     interval_s : float
         Sample interval; a window is half a second, 25 rows at least.
     recent : ndarray, shape (windows, 14)
-        Place, rows, means and noise of the newest windows of segments that are closed.
+        Grid place, number of rows, means and noise of the newest windows of closed segments.
     part, size : int
         Rows in a part of a window, and in a window.
     lags : tuple of int
-        Windows apart whose means are held against each other.
+        Distances, in windows, at which means are compared.
 
     """
 
@@ -87,22 +88,22 @@ class Windows(Record):
     recent: Floats = field(default_factory=lambda: np.empty((0, 14)))
 
     def __post_init__(self) -> None:
-        """Work out how many rows a window has."""
+        """Compute the number of rows in a window."""
         self.part = max(round(PART_S / self.interval_s), 1)
-        # A shorter window than half a second knows its noise worse, a longer one cuts more for a
-        # knock.
+        # A window shorter than half a second gives its noise less accurately; a longer one cuts
+        # out more for a knock.
         self.size = 25 * self.part
-        # A jerk, and a slow turn of two seconds. Windows of a slow sensor are longer: beyond 6 s
-        # drift is no motion. A judgment.
+        # Lag 1 is for a jerk, lag 4 for a slow turn of two seconds. Windows of a slow sensor are
+        # longer: a change over more than 6 s is drift. Chosen by judgment.
         self.lags = tuple(lag for lag in (1, 4) if lag * self.size * self.interval_s < 6.0)
         self.farthest = max(self.lags, default=0)
 
     def time(self, segment: Segment, window: int) -> float:
-        """Give when a window of a segment begins, in seconds."""
+        """Return the start of a window of a segment, in seconds."""
         return max(segment.start_s + window * self.size * self.interval_s, 0.0)
 
     def measure(self, segment: Segment) -> None:
-        """Work out mean and loudness of the windows that are complete by now."""
+        """Compute mean and loudness of the windows completed since the last call."""
         rows, size = segment.joined(), self.size
         done = (segment.base + len(segment.means) - segment.given) * size
         complete = done + (segment.held - done) // size * size
@@ -114,7 +115,7 @@ class Windows(Record):
                 segment.loudness = np.concatenate([segment.loudness, loudness])
 
     def implausible(self, segment: Segment, first: int) -> Bools:
-        """Find windows from number `first` of the arrays on whose mean moved implausibly far."""
+        """Find windows, from array index `first` on, whose mean moved implausibly far."""
         means = segment.means
         beyond = np.zeros(len(means), dtype=bool)
         for lag in self.lags:
@@ -128,7 +129,7 @@ class Windows(Record):
         return beyond[first:]
 
     def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
-        """Find windows whose mean is implausible beside those of segments just before."""
+        """Find windows whose mean is implausibly far from those of the segments just before."""
         beyond = np.zeros(last - first, dtype=bool)
         reach, size = self.farthest * self.size, self.size
         begins = segment.first_index + (segment.base + first) * size
@@ -147,7 +148,7 @@ class Windows(Record):
             count = last - newest
             places = begins + (np.arange(newest, last) - first) * size
             rows = np.full((count, 1), float(min(size, max(segment.held, 1))))
-            # Those behind a gap are held against 64 windows before it.
+            # Windows after a gap are compared with up to 64 windows before it.
             self.recent = np.concatenate([self.recent, np.hstack([
                 places[:, None], rows, segment.means[newest:last],
                 segment.loudness[newest:last, :6] ** 1.5])])[-64:]
@@ -156,11 +157,11 @@ class Windows(Record):
 
 def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     """
-    Give means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6).
+    Return means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6).
 
-    Loudness is the cube root of the variance within parts, and of that of their means as the
-    differences of neighbouring ones measure it: a cube root makes a chi-square nearly normal
-    whatever its degrees of freedom. Axes without values count as zero.
+    Loudness is the cube root of a variance: of that within parts, and of that of their means, as
+    the differences of successive parts give it. The cube root makes a chi-square variable nearly
+    normal, whatever its degrees of freedom. Axes without values count as zero.
     """
     windows, size, _ = rows.shape
     axes, parts = rows.transpose(2, 0, 1), size // part
@@ -175,8 +176,8 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
         slow = _square_sums(coarse[:, :, 1:] - coarse[:, :, :-1]) * (0.5 / (parts - 1))
         means = coarse.mean(axis=2)
     means, power = means.T.copy(), np.concatenate([within, slow]).T.copy()
-    # The mean of equal values is that value but for rounding, which is no noise.
-    # A sum of some hundred equal values is off by less of its mean, any noise is larger.
+    # The mean of equal values is that value up to rounding, which is not noise. For some hundred
+    # values the rounding error is less than this share of the mean, and any noise is more.
     power[power < (1e-13 * np.tile(means, 2)) ** 2] = 0.0
     if np.isnan(means[-1]).any():
         np.nan_to_num(means, copy=False)
