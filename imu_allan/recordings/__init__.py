@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Recordings: files that robots write, to blocks of samples in constant memory.
+Reading of recorded files as blocks of IMU samples, in constant memory.
 
 >>> with open_recording('my_bag') as recording:                          # doctest: +SKIP
 ...     for block in read_blocks(recording, choose_topic(recording)):

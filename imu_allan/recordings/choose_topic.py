@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The choice of an Imu topic in a recording, and what there is where the choice fails."""
+"""Choose an Imu topic of a recording, or report what the recording holds if none fits."""
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.recording import Recording
@@ -9,21 +9,21 @@ from imu_allan.wording import counted
 
 def choose_topic(recording: Recording, topic: str | None = None) -> str:
     """
-    Name the topic to read.
+    Choose the topic to read and return its name.
 
     Parameters
     ----------
     recording : Recording
         An open recording.
     topic : str, optional
-        The user's choice, with or without a leading slash. It may be left out where the recording
-        has exactly one Imu topic.
+        The user's choice, with or without a leading slash. May be omitted if the recording has
+        exactly one Imu topic.
 
     Raises
     ------
     ImuAllanError
-        If there is no such topic, it is of another type, it has no messages, or there are
-        several to choose from.
+        If the topic does not exist, is of another type or has no messages. Also if `topic` is
+        omitted and there are several Imu topics.
 
     """
     path = printable(recording.path)
@@ -68,7 +68,7 @@ def _what_there_is(recording: Recording) -> str:
 
 
 def _reason(recording: Recording, topics: list[str]) -> str:
-    """Return why the first of `topics` with a reason is not read."""
+    """Return why the first of `topics` that has a reason is not read."""
     for topic in topics:
         if topic in recording.reasons:
             named = '' if len(topics) == 1 else f'{_shown(topic)}: '

@@ -1,12 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sensors that come in halves, and the marks that every way of uniting them leaves.
+IMUs whose gyroscope and accelerometer, here called halves, have different rates.
 
-Gyroscope and accelerometer then have rates of their own.
-RealSense and OAK cameras publish them on two topics, the other half of each message being zero;
-PX4 logs them as two types. United into one topic, the slower half is either repeated until its
-next sample or interpolated between two.
+RealSense and OAK cameras publish the halves on two topics and fill the other half of each message
+with zeros. PX4 logs them as two message types. Drivers that merge them into one topic either
+repeat the slower half until its next sample or interpolate it. This module recognizes each case.
 """
 
 from collections.abc import Iterable, Iterator
@@ -26,27 +25,28 @@ Half = Literal['gyro', 'accel']
 _COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
 _OTHER: dict[Half, Half] = {'gyro': 'accel', 'accel': 'gyro'}
 _ENOUGH = 64
-"""Messages: the share of repeats is known to 0.06 (one sigma), a fifth of `_REPEATED`."""
+"""Fewest messages to judge by. The share of repeats then has a standard error of 0.06, a fifth
+of `_REPEATED`."""
 _REPEATED = 0.3
-"""Share of messages that repeat a half: 400 Hz over 250 Hz, the closest pair of a RealSense,
-repeats 0.38 of them."""
+"""Share of repeated messages from which a half counts as repeated. The closest pair of rates of
+a RealSense, 400 Hz and 250 Hz, repeats 0.38 of them."""
 _BAND = 64
-"""Bins of a spectrum that share one level; lines that stand sixteen times above it are cut out."""
+"""Frequency bins that share one noise level. Lines more than 16 times above it are removed."""
 
 
 @dataclass(frozen=True)
 class Stream:
     """
-    What is read of a topic.
+    The part of a topic that is read.
 
     Attributes
     ----------
     topic : str
-        Its name among the topics of the recording.
+        Name of the topic in the recording.
     half : {'gyro', 'accel'} or None
-        The only half that is taken from it; None for both.
+        The only half to read; None for both.
     only_new : bool
-        Whether messages that repeat the half of the one before are left out.
+        Whether to skip messages whose half equals that of the message before.
 
     """
 
@@ -55,7 +55,7 @@ class Stream:
     only_new: bool = False
 
     def taken(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
-        """Give of `blocks` what belongs to the stream."""
+        """Yield the part of `blocks` that belongs to the stream."""
         last: NDArray[np.float64] | None = None
         for block in blocks:
             if self.half is None:
@@ -75,24 +75,25 @@ class Stream:
 
 def choose_streams(recording: Recording, topic: str | None = None) -> list[Stream]:
     """
-    Choose what to read of a recording as one IMU: a topic, or two halves of different rates.
+    Choose what to read as one IMU: one topic, or two halves with different rates.
 
     Parameters
     ----------
     recording : Recording
-        Open.
+        An open recording.
     topic : str, optional
-        The user's choice; may be left out where one topic, or one pair of halves, is there.
+        The user's choice. May be omitted if there is only one topic, or one pair of halves.
 
     Returns
     -------
     list of Stream
-        One, or the gyroscope and the accelerometer.
+        One stream, or the gyroscope and then the accelerometer.
 
     Raises
     ------
     ImuAllanError
-        As `choose_topic`; where one half is named without the other, and where two are apart.
+        As in `choose_topic`. Also if only one half is named, or if two halves do not overlap in
+        time.
 
     """
     gyro, accel = recording.options.gyro_topic, recording.options.accel_topic
@@ -112,7 +113,7 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
         if len(recording.preferred) == 2:
             return _two(*recording.preferred)
         [topic] = recording.preferred
-    # A robot has fewer IMUs.
+    # A robot has no more than a few IMUs, so a longer list is not searched for halves.
     if topic is None and 1 < len(recording.topics) <= 16:
         halves = [(half_of(recording, imu.name) or '', imu.name) for imu in recording.topics
                   if imu.count != 0]
@@ -130,10 +131,11 @@ def _two(gyro: str, accel: str) -> list[Stream]:
 
 def _report_filtered(recording: Recording, topic: str) -> None:
     """
-    Say so where samples have passed an orientation filter that changes them.
+    Report a topic whose samples were changed by an orientation filter.
 
-    By REP 145 ``imu/data_raw`` comes from the sensor and ``imu/data`` from the filter behind it.
-    Most hand the samples through; imu_complementary_filter subtracts the bias that it estimates.
+    By REP 145, ``imu/data_raw`` comes from the sensor and ``imu/data`` from the orientation
+    filter. Most filters pass the samples on unchanged; imu_complementary_filter subtracts its bias
+    estimate.
     """
     raw = f'{topic}_raw'
     if not topic.endswith('/data') or raw not in recording.by_name:
@@ -151,7 +153,7 @@ def _report_filtered(recording: Recording, topic: str) -> None:
 
 
 def _report_choice(recording: Recording) -> None:
-    """Name what else could have been chosen than what is preferred."""
+    """Report which topics were preferred and which others could have been chosen."""
     chosen = recording.preferred
     others = [imu.name for imu in recording.topics if imu.name not in chosen]
     if others:
@@ -161,7 +163,7 @@ def _report_choice(recording: Recording) -> None:
 
 
 def half_of(recording: Recording, topic: str) -> Half | None:
-    """Return which half a topic holds where the other is exactly zero; None for both."""
+    """Return the half that a topic holds if the other is exactly zero; None for both."""
     known = recording.imu(topic).messages.half
     if known is not None:
         return known
@@ -173,7 +175,7 @@ def half_of(recording: Recording, topic: str) -> Half | None:
 
 
 def _united(recording: Recording, topic: str) -> list[Stream]:
-    """Take apart what a driver united from two rates; say so where it cannot be."""
+    """Separate halves that a driver merged from two rates; report those that were interpolated."""
     count = recording.imu(topic).count
     blocks = [] if count is not None and count < _ENOUGH else list(_beginning(recording, topic))
     if sum(map(len, blocks)) < _ENOUGH:
@@ -186,7 +188,7 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
                               for how in ('interpolated', 'repeated'))
     if len(interpolated) == 1:
         recording.remark('interpolated', topic=printable(topic), half=interpolated[0])
-    # Of a sensor that is polled faster than it samples both halves repeat at once.
+    # If both halves repeat at once, the driver merely polls the sensor faster than it samples.
     if not repeated or (len(repeated) == 2 and not _alternate(samples)):
         return [Stream(topic)]
     recording.remark('repeated_half', topic=printable(topic),
@@ -195,21 +197,21 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
 
 
 def _alternate(samples: NDArray[np.float64]) -> bool:
-    """Whether a message has news of one half alone, as realsense2_camera united until 2019."""
+    """Return whether each message updates only one half, as in realsense2_camera before 2019."""
     new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
            for columns in _COLUMNS.values()]
-    # All messages have news of one half alone, unless one is lost or both come at once.
+    # The share is below 1 only if a message is lost or both halves are updated at once.
     return bool((new[0] != new[1]).mean() > 0.9)
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
-    """Read the first messages of a topic; the reading itself reports what is wrong there."""
+    """Read the first messages of a topic; damage is reported later, by the actual reading."""
     seen = 0
     with recording.again() as apart, suppress(ImuAllanError, OSError):
         for block, _ in apart.decoded(topic):
             yield block
             seen += len(block)
-            # Some seconds show two rates plainly.
+            # A few seconds are enough to recognize two rates.
             if seen >= 4096:
                 break
 
@@ -218,11 +220,11 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
 def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
                ) -> Literal['repeated', 'interpolated'] | None:
     """
-    Find how a half was made of fewer samples: many then follow from those beside them.
+    Detect whether a half was upsampled from fewer samples, and how.
 
-    A sample that is held is held for k or k + 1 messages; a coarse sensor at rest repeats itself,
-    too, but as chance will have it. One that is interpolated lies on the line between two others,
-    where three fit between two samples of the sensor; else its variance goes up and down.
+    A repeated sample is held for k or k + 1 messages. A coarse sensor at rest also repeats values,
+    but for irregular times. Interpolated samples lie on straight lines if at least three fit
+    between two samples of the sensor; otherwise their variance varies periodically.
     """
     news = np.diff(half, axis=0)
     same = (news == 0).all(axis=1)
@@ -234,8 +236,9 @@ def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
     if not same.any() and (steps > 0).all():
         bends = np.abs(np.diff(news / steps[:, np.newaxis], axis=0)).max(axis=1)
         usual = np.percentile(bends, 90)
-        # Next to no bend is a line: 400 Hz over 100 Hz leaves half of all triples straight. Three
-        # samples span two steps, so of two rates closer than 2 : 1 none is.
+        # Almost no change of slope means a straight line. Upsampling from 100 to 400 Hz leaves
+        # half of all triples straight. Three samples span two steps, so no triple is straight if
+        # the ratio of the rates is below 2.
         if usual > 0 and (bends < 1e-4 * usual).mean() >= 0.2:
             return 'interpolated'
     return 'interpolated' if _is_cyclostationary(half) else None
@@ -244,38 +247,38 @@ def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')
 def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     """
-    Whether the variance of the samples goes up and down with one period, as of two rates.
+    Return whether the variance of the samples varies periodically, as after interpolation.
 
-    A sample on a fraction f of the way from one sample of the sensor to the next has the part
-    (1 - f)^2 + f^2 of its variance: all of it on the samples, half of it between two. At twice the
-    rate f takes two values, half apart, of which the variances may be the same; then the
-    covariance of neighbours goes up and down, between f (1 - f) and more.
+    A sample interpolated at fraction f between two sensor samples has (1 - f)^2 + f^2 times their
+    variance. That is 1 at a sensor sample and 1/2 midway. At twice the sensor rate, f takes two
+    values that differ by 1/2, and both may give the same variance. Then the covariance of
+    neighbours varies instead, between f (1 - f) and a larger value.
     """
     noise = _without_lines(half)
     if noise is None:
         return False
     correlation = np.atleast_2d(np.corrcoef(noise.T))[np.triu_indices(3, 1)]
-    # Two axes that beat together are one vibration: the correlation is the part of its power that
-    # beats. That of a sensor interpolated from 63 to 400 Hz is 0 +- 0.06.
+    # Correlated axes mean a vibration: the correlation is the share of power that is modulated. A
+    # sensor interpolated from 63 to 400 Hz gives 0 +- 0.06.
     if np.abs(correlation).max() > 0.2:
         return False
     variance, covariance = _spectrum_of_products(noise, 0), _spectrum_of_products(noise, 1)
     last = len(variance) - 1
     peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
-    # A vibration at a quarter of the rate beats there, too, but leaves the upper band as it is.
-    # The amplitude of the beat, relative to the mean square, 2 (1 - f + f^2) - 1 of a phase f that
-    # takes all values, is 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4.
-    # In white noise the beat of 4096 samples reaches seven times its level by chance.
+    # A vibration at a quarter of the rate is modulated at that frequency too, but leaves the upper
+    # band intact. Relative to the mean square, the modulation is 2 (1 - f + f^2) - 1. If f takes
+    # all values, its amplitude is 3 / pi^2 = 0.30; at simple ratios of the rates, 0.2 to 0.4. In
+    # 4096 samples of white noise the largest amplitude reaches seven times the level by chance.
     beats = _stands_out(variance, peak, (0.17, 0.43), 16.0)
-    # At twice the rate, where f is decides whether variance or covariance goes up and down, one at
-    # least by 0.15; 0.09 where f wanders. This is twice the amplitude there.
-    # One frequency alone, which is not searched for, reaches ten times once in 100,000.
+    # At twice the rate, f decides whether the variance or the covariance alternates. At least one
+    # does so by 0.15, or 0.09 if f drifts; the bounds are for twice that amplitude. Only this one
+    # frequency is tested: it exceeds ten times the level by chance once in 100,000.
     twice = any(_stands_out(each, last, (0.1, 0.8), 10.0) for each in (variance, covariance))
     return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 
 def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Leave out vibrations, and what is slow; None where the samples are too few."""
+    """Remove vibrations and low frequencies; return None if there are too few samples."""
     n = len(half) // (2 * _BAND) * 2 * _BAND
     if n < 1024 or not np.isfinite(half).all():
         return None
@@ -284,7 +287,8 @@ def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
     level = np.median(power.reshape(-1, _BAND, 3), axis=1).repeat(_BAND, axis=0) / np.log(2)
     line = power > 16 * level
     for shift in (-2, -1, 1, 2):
-        # What the window spreads a line over, whose square would beat, too.
+        # Include neighbouring bins, into which the window spreads a line: its square would be
+        # modulated too.
         line |= np.roll(power > 16 * level, shift, axis=0)
     spectrum[:-1][line] = 0
     spectrum[:n // _BAND] = 0
@@ -292,14 +296,14 @@ def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 
 def _lacks_upper_band(noise: NDArray[np.float64]) -> bool:
-    """Whether the upper quarter of the band holds next to nothing: half the rate has none."""
+    """Return whether the upper quarter of the band is nearly empty, as after upsampling."""
     power = (np.abs(np.fft.rfft(noise, axis=0)) ** 2).sum(axis=1)
     quarter = len(power) // 4
     return bool(power[-quarter:].sum() < power[:quarter].sum() / 4)
 
 
 def _spectrum_of_products(noise: NDArray[np.float64], lag: int) -> NDArray[np.complex128]:
-    """Return amplitudes of what the products of samples do, over their mean square."""
+    """Return the amplitude spectrum of lagged products, relative to their mean square."""
     products = noise * np.roll(noise, -lag, axis=0)
     beat: NDArray[np.complex128] = 2 * np.fft.rfft(products, axis=0)[8:] / (noise ** 2).sum(axis=0)
     return beat
@@ -307,10 +311,10 @@ def _spectrum_of_products(noise: NDArray[np.float64], lag: int) -> NDArray[np.co
 
 def _stands_out(beat: NDArray[np.complex128], at: int, bounds: tuple[float, float],
                 clear: float) -> bool:
-    """Whether one frequency, of all axes together, is clear of all others."""
+    """Return whether one frequency, over all axes, exceeds all others and lies within bounds."""
     total = (np.abs(beat) ** 2).sum(axis=1)
     amplitude = np.abs(beat[at])
-    # A vibration whose frequency wanders beats broadly.
+    # A vibration with a varying frequency gives a broad peak, so nearby bins must be low.
     beside = np.concatenate([total[max(at - 16, 0):max(at - 3, 0)], total[at + 4:at + 17]])
     return bool(total[at] > clear * np.median(total) and total[at] > 4 * beside.max()
                 and bounds[0] < amplitude.min() and amplitude.max() < bounds[1]

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""An IMU in the messages of a topic, and the account of those that are none."""
+"""An IMU in the messages of a topic, and a count of malformed messages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ class ImuTopic:
     Attributes
     ----------
     name : str
-        Topic name; with the field behind it where the messages hold several IMUs.
+        Topic name, followed by the field if the messages hold several IMUs.
     count : int or None
-        Messages in the recording; None where the file does not say.
+        Number of messages in the recording; None if the file does not state it.
     messages : ImuMessages
-        How they are read; by default as sensor_msgs/msg/Imu.
+        How the messages are read; by default as sensor_msgs/msg/Imu.
     source : str
-        Topic that is recorded; empty where it is `name`.
+        Recorded topic; empty if it equals `name`.
 
     """
 
@@ -36,12 +36,12 @@ class ImuTopic:
 
     @property
     def topic(self) -> str:
-        """Return the topic that is recorded."""
+        """Return the name of the recorded topic."""
         return self.source or self.name
 
 
 class MalformedMessages:
-    """Counts what is not an Imu message on an Imu topic, and keeps the first reason."""
+    """Counter of malformed messages on an Imu topic that keeps the first reason."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -52,7 +52,7 @@ class MalformedMessages:
         self.reason = self.reason or str(error)
 
     def report(self, imu: ImuTopic, remark: Callable[..., None]) -> None:
-        """Hand a finding to `remark` where there were any in the messages of a topic."""
+        """Pass a finding to `remark` if any message of the topic was malformed."""
         if self.count:
             kind = imu.messages.type_name
             kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opening a recording by what it is, whatever its name."""
+"""Opening a recording by its content, whatever its name."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,16 +24,16 @@ def open_recording(
     ----------
     path : path-like
         A rosbag2 directory, a .mcap or .db3 file (also compressed as a whole with zstd), a ROS 1
-        .bag, a PX4 .ulg, an ArduPilot .bin, a CSV file, or a folder with one for each sensor.
+        .bag, a PX4 .ulg, an ArduPilot .bin, a CSV file, or a folder with one CSV file per sensor.
     rate_hz : float, optional
         Sample rate in Hz of a CSV file without a time column.
     options : RecordingOptions, optional
-        What else the user says about it.
+        Further options of the user.
 
     Returns
     -------
     Recording
-        To be used as a context manager.
+        The recording, to be used as a context manager.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def open_recording(
     except ValueError as error:
         if isinstance(error, ImuAllanError):
             raise
-        # A path with a null byte.
+        # The path contains a null byte.
         raise ImuAllanError(f'{printable(path)}: {printable(error)}') from error
 
 
@@ -80,18 +80,18 @@ def _result_given(given: Path, file: Path) -> ImuAllanError:
 
 def recordings_in(path: Path | str) -> list[Path]:
     """
-    Name the recordings in a folder of several, by growing numbers in their names.
+    List the recordings in a folder, in natural order of their names (2 before 10).
 
     Parameters
     ----------
     path : path-like
-        A recording, or a folder that is none itself and holds rosbag2 directories, or
-        ``.bag``, ``.ulg`` or ``.bin`` files.
+        A recording, or a folder of recordings: rosbag2 directories, or ``.bag``, ``.ulg`` or
+        ``.bin`` files.
 
     Returns
     -------
     list of Path
-        `path` itself where it is no such folder.
+        The recordings; `path` itself if it is not a folder of recordings.
 
     """
     folder = Path(path)
@@ -101,13 +101,13 @@ def recordings_in(path: Path | str) -> list[Path]:
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
     except (OSError, ValueError):
-        # What is wrong with it is reported when it is opened.
+        # The error is reported when the path is opened.
         return [folder]
     return sorted(found, key=lambda item: natural(item.name)) or [folder]
 
 
 def holds_recording(folder: Path) -> bool:
-    """Whether a folder is a rosbag2 directory, if without metadata, or holds ROS 1 bags."""
+    """Return whether a folder is a rosbag2 directory, even without metadata, or has ROS 1 bags."""
     return folder.is_dir() and (_is_bag(folder) or any(folder.glob('*.bag')))
 
 
@@ -117,13 +117,13 @@ def _is_bag(folder: Path) -> bool:
 
 
 def read_head(path: Path) -> bytes:
-    """Read the first bytes of a file; ImuAllanError says what is wrong with it."""
+    """Read the first bytes of a file; raise ImuAllanError if it cannot hold a recording."""
     if not path.exists():
         raise ImuAllanError(f'{printable(path)}: no such file or directory')
     if not path.is_file():
         raise ImuAllanError(f'{printable(path)}: not a file')
     with path.open('rb') as file:
-        # The longest mark, that of git-LFS, has 40 bytes.
+        # Long enough for the longest signature, the 40 bytes of git-LFS.
         head = file.read(64)
     if not head:
         raise ImuAllanError(f'{printable(path)}: the file is empty')
@@ -135,7 +135,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
-    """Open a file by its first bytes; `stored` is another one where `path` is compressed."""
+    """Open a file by its first bytes; `stored` is the unpacked file if `path` is compressed."""
     head = read_head(stored)
     if head.startswith(b'\x89MCAP'):
         from imu_allan.recordings.formats.mcap_file import McapRecording

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the user may say about a recording."""
+"""Options with which the user describes a recording."""
 
 from dataclasses import dataclass
 import math
@@ -15,29 +15,29 @@ RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
 @dataclass(frozen=True)
 class RecordingOptions:
     """
-    What the user may say about a recording; all of it can be left out.
+    Options with which the user describes a recording; all are optional.
 
     Attributes
     ----------
     rate_hz : float or None
         Sample rate in Hz of a CSV file without a time column.
     definitions : tuple of path-like
-        ``.msg`` files, or folders with them, of types that the recording does not define.
+        ``.msg`` files, or folders of them, for types that the recording does not define.
     gyro, accel : str or None
-        Field of the messages that holds the vector, and its unit: ``imu.gyro[0:3] deg/s``.
+        Message field that holds the vector, and its unit: ``imu.gyro[0:3] deg/s``.
     stamp : str or None
         Field that holds the time: seconds and nanoseconds, or a number with its unit (``t us``).
     gyro_unit, accel_unit : str or None
         Unit of the samples, instead of rad/s and m/s^2.
     gyro_topic, accel_topic : str or None
-        The two topics of an IMU that comes in halves.
+        The two topics of an IMU whose gyroscope and accelerometer are published separately.
     columns : tuple of (str, str)
-        Pairs of axis (or ``time``) and name of the column of a CSV file, or its number from 1,
-        with the unit behind it if it has another one: ``('gyro_x', '2 deg/s')``.
+        Pairs of an axis (or ``time``) and a CSV column. The column is given by name or by number
+        from 1, followed by its unit if that differs from SI: ``('gyro_x', '2 deg/s')``.
     accel_rate_hz : float or None
-        Sample rate in Hz of an accelerometer on a topic of its own.
+        Sample rate in Hz of an accelerometer on a separate topic.
     temperature : str or None
-        Topic, field of the messages, or column with the temperature of the IMU.
+        Topic, message field or CSV column that holds the temperature of the IMU.
 
     """
 
@@ -55,7 +55,7 @@ class RecordingOptions:
     temperature: str | None = None
 
     def __post_init__(self) -> None:
-        """Raise ImuAllanError if a unit is not one of the quantity, or the rate is no rate."""
+        """Raise ImuAllanError if a unit does not fit its quantity, or a rate is not positive."""
         for rate_hz in (self.rate_hz, self.accel_rate_hz):
             if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
                 raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')
@@ -63,13 +63,13 @@ class RecordingOptions:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Return what samples of gyroscope and accelerometer are multiplied by."""
+        """Return the factors that convert gyroscope and accelerometer samples to SI units."""
         return (factor('--gyro unit', self.gyro_unit, RAD_PER_S),
                 factor('--accel unit', self.accel_unit, M_PER_S2))
 
 
 def factor(option: str, unit: str | None, si_unit: str) -> float:
-    """Return how many SI units one `unit` is; 1 for None; raises ImuAllanError."""
+    """Return the number of SI units in one `unit`, 1 for None; raise ImuAllanError if unknown."""
     if unit is None or unit == si_unit:
         return 1.0
     try:

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every kind of recording offers."""
+"""The interface that every kind of recording implements."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -27,50 +27,50 @@ from imu_allan.recordings.messages.imus_in import (
 from imu_allan.recordings.options import RecordingOptions
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
-"""How the names of the files in a rosbag2 directory end."""
+"""Suffixes of the files in a rosbag2 directory."""
 _MOST_REMARKS = 10
-"""Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
+"""Most remarks of one kind to keep; a folder may hold thousands of damaged files."""
 _KEPT_BYTES = 1 << 26
-"""Names and definitions that are kept; the largest definition of ROS itself has 40,000 bytes. A
-few kilobytes of zstd hold hundreds of megabytes of them."""
+"""Most bytes of names and definitions to keep. The largest ROS definition has 40,000 bytes, but
+a few kilobytes of zstd can expand to hundreds of megabytes of them."""
 
 
 class Recording(ABC):
     """
-    An open recording; a context manager.
+    An open recording, used as a context manager.
 
     Attributes
     ----------
     path : Path
-        What was opened.
+        Path that was opened.
     topics : list of ImuTopic
         The Imu topics.
     other_topics : dict of str to str
         Names and types of the other topics.
     reasons : dict of str to str
-        Why others of them are not read although they might hold an IMU.
+        Why some other topics are not read although they might hold an IMU.
     options : RecordingOptions
-        What the user says about it.
+        The user's description of the recording.
     thermometers : list of ImuTopic
         Temperatures, decoded like Imu topics, with degrees Celsius in the first column. Those
         called ``TOPIC:FIELD`` are part of the messages of an Imu topic.
     preferred : tuple of str
-        The topic, or gyroscope and accelerometer, that is read where none is named; empty where
-        the user is asked.
+        The topic, or the gyroscope and accelerometer topics, to read if the user names none. Empty
+        if the user has to choose.
     preferred_for : str
-        Why, for the user who might prefer another.
+        Why they are preferred, in words for the user.
     apart : str
-        Why what looks like the two halves of an IMU is not read as one; empty where nothing does.
+        Why two topics that look like the halves of an IMU are not read as one; else empty.
     size_bytes : int
-        Bytes that `decoded` goes through, for progress.
+        Bytes that `decoded` processes, to report progress.
     untimed : bool
-        Whether its samples have no times, and are counted at the stated rate.
+        Whether the samples have no times and are timed by the sample rate that the user gives.
     remarks : list of Finding
-        What the user should know about the file; grows while it is read.
+        Remarks on the file for the user; the list grows while the file is read.
 
     Notes
     -----
-    It holds paths and numbers, no open file: a large one is pickled for the process that reads it.
+    A recording holds no open file, so that it can be pickled for the process that reads it.
 
     """
 
@@ -94,13 +94,15 @@ class Recording(ABC):
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks as the file has them, each with the bytes consumed so far."""
+        """Yield blocks in file order, each with the number of bytes consumed so far."""
 
     def close(self) -> None:  # noqa: B027
-        """Release files; those that each reading opens and closes itself need nothing."""
+        """Release resources; does nothing for formats whose readers close their own files."""
 
     def again(self) -> 'AbstractContextManager[Recording]':
-        """Lend it, open, for one topic of several, with remarks of its own; nothing is closed."""
+        """
+        Return this open recording to read another topic, with its own remarks; close nothing.
+        """
         lent = copy(self)
         lent.remarks = [*self.remarks]
         lent._withheld = {code: set(reported) for code, reported in self._withheld.items()}
@@ -108,11 +110,11 @@ class Recording(ABC):
 
     @property
     def by_name(self) -> Mapping[str, ImuTopic]:
-        """Return `topics` by their names."""
+        """Return `topics` by name."""
         return {imu.name: imu for imu in self.topics}
 
     def imu(self, name: str) -> ImuTopic:
-        """Return one of `topics`, or of `thermometers`, by its name."""
+        """Return the Imu topic or thermometer of this name."""
         known = self.by_name
         return known[name] if name in known else next(
             heat for heat in self.thermometers if heat.name == name)
@@ -121,11 +123,12 @@ class Recording(ABC):
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
         definition: Definition | None,
     ) -> bool:
-        """Enter a topic among `topics` and return True where it holds an IMU, else the others."""
+        """Add a topic to `topics` if it holds an IMU, else to `other_topics`; return which."""
         found: dict[str, ImuMessages] = {}
         if definition is not None and is_parsed(topic, type_name, definition, self.options):
             self._searched_characters += len(definition.text)
-            # They take seconds: fifty times the largest of ROS itself. A robot has a dozen.
+            # Limit the time for parsing to seconds. A robot has a dozen such definitions, and the
+            # limit is 50 times the largest one of ROS.
             if self._searched >= 1000 or self._searched_characters > 1 << 21:
                 self.reasons[topic] = f'not looked into, after {self._searched} others'
                 self.other_topics[topic] = type_name
@@ -140,7 +143,7 @@ class Recording(ABC):
         for name, messages in found.items():
             self.topics.append(ImuTopic(name, count, messages, topic))
             self.list_own_thermometer(self.topics[-1])
-        # A robot has a few topics that may hold the temperature.
+        # A robot has only a few topics that may hold the temperature.
         if normal_name(type_name) in TEMPERATURE_TYPES and len(self.thermometers) < 64:
             with suppress(ImuAllanError):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
@@ -148,14 +151,14 @@ class Recording(ABC):
         return bool(found)
 
     def keeps(self, size: int) -> bool:
-        """Whether a description of so many bytes is kept; where not, that is reported."""
+        """Return whether a description of `size` bytes can be kept; add a remark if not."""
         self._kept_bytes += size
         if self._kept_bytes > _KEPT_BYTES:
             self.remark('many_definitions')
         return self._kept_bytes <= _KEPT_BYTES
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
-        """Enter the temperature that the messages of an Imu topic hold, if they do."""
+        """Add the temperature that the messages of an Imu topic contain, if any."""
         fields = imu.messages.fields
         if fields is not None and (heat := fields.thermometer()) is not None:
             self.thermometers.append(ImuTopic(
@@ -163,16 +166,16 @@ class Recording(ABC):
                 replace(imu.messages, fields=heat, factors=(1.0, 1.0)), imu.topic))
 
     def remark(self, code: str, **values: Any) -> None:
-        """Add a finding about this recording, once."""
+        """Add a finding about this recording unless it is already there."""
         self._keep_remark(finding(code, recording=printable(self.path), **values))
 
     def keep_remarks_of(self, part: 'Recording') -> None:
-        """Add the remarks on a recording of which this one is made."""
+        """Add the remarks on a recording that is part of this one."""
         for remark in part.remarks:
             self._keep_remark(remark)
 
     def _keep_remark(self, remark: Finding) -> None:
-        """Add a remark, once; of the same kind ten are kept, and the others counted."""
+        """Add a remark unless known; keep ten of each kind and count the rest."""
         same = [kept.code for kept in self.remarks].count(remark.code)
         if remark in self.remarks:
             return
@@ -200,7 +203,7 @@ class Recording(ABC):
 
 
 class FileRecording(Recording):
-    """A recording in one file, `stored`, which each reading opens and closes itself."""
+    """A recording in one file, `stored`, which is opened and closed for each reading."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether two recordings hold the same messages, as a copy, another container or a part of it does.
+Detection of recordings that hold the same messages: copies, conversions or parts of each other.
 
-Given twice, the same data would count as new: intervals become narrower than they are.
+The same data given twice would count as new data and make the intervals too narrow.
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,18 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 _MOST = 1 << 15
-"""Messages that are kept before only half of them are, 1.8 MB: of an hour at 200 Hz one in 32, so
-that 1.3 s in common are seen."""
+"""Messages (1.8 MB) above which half are dropped. Of an hour at 200 Hz one in 32 is kept, which
+reveals a common part of 1.3 s."""
 _FEWEST = 8
-"""Messages in common from which on it is no chance: coarse steps make one value come again."""
+"""Fewest common messages to rely on: with coarse resolution, single values can coincide."""
 
 
 def files_digest(path: str | Path) -> str | None:
     """
-    Return 16 hexadecimal digits that another recording under the same name does not have.
+    Return 16 hexadecimal digits that tell a recording from another one of the same name.
 
-    Of names, sizes and times of change: a copy that keeps the times has the same. None where the
-    files cannot be looked at; whoever opens the recording says why.
+    They are a hash of file names, sizes and modification times; a copy that keeps the times has
+    the same digits. Returns None if the files cannot be accessed; opening the recording reports
+    why.
 
     Examples
     --------
@@ -50,12 +51,12 @@ def files_digest(path: str | Path) -> str | None:
 
 class Fingerprint:
     """
-    Some of the messages of a recording, chosen by their stamps: of a copy they are the same.
+    A sample of a recording's messages, chosen by stamp so that a copy yields the same ones.
 
     Attributes
     ----------
     kept : int
-        How many.
+        Number of messages kept.
 
     Examples
     --------
@@ -75,23 +76,23 @@ class Fingerprint:
         self._samples: list[NDArray[np.float64]] = []
 
     def watch(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
-        """Hand on blocks and keep what is needed of them."""
+        """Pass blocks through and keep the chosen messages."""
         for block in blocks:
-            # A driver that stamps nothing leaves what the recorder knows.
+            # If the driver sets no stamps, use the receive stamps of the recorder.
             stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
-            # At most 15 MB: stamps that are all equal are chosen all or none.
+            # Limit the memory to 15 MB: equal stamps are all kept or all dropped.
             if self.kept < 1 << 18:
                 chosen = is_kept(stamps, self._bits)
                 self._stamps.append(stamps[chosen])
                 self._samples.append(block.samples[chosen])
                 self.kept += len(self._stamps[-1])
-            # One message of 2^10 is kept at least: 5 MB of 100 million.
+            # Keep at least one message in 2^10: 5 MB for 100 million messages.
             while self.kept > _MOST and self._bits < 10:
                 self._thin()
             yield block
 
     def _thin(self) -> None:
-        """Keep half as many."""
+        """Drop about half of the kept messages."""
         self._bits += 1
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
         chosen = is_kept(stamps, self._bits)
@@ -99,7 +100,7 @@ class Fingerprint:
         self.kept = len(self._stamps[0])
 
     def shares_messages_with(self, other: 'Fingerprint') -> bool:
-        """Whether both hold the same values at nearly all times that both have."""
+        """Return whether nearly all messages at common stamps have equal values."""
         if not (self.kept and other.kept):
             return False
         times, mine = self._rows()
@@ -107,15 +108,15 @@ class Fingerprint:
         both = np.intersect1d(times, other_times)
         mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
         common = int(np.count_nonzero(np.isin(mine, others)))
-        # A part may begin within a batch, or have lost some.
+        # A part may begin within messages of one stamp, or have lost some.
         return (common >= min(_FEWEST, self.kept, other.kept)
                 and common >= 0.9 * min(len(mine), len(others)))
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-        """Give times, without those that too many messages share, and times and values."""
+        """Return stamps and (stamp, sample) rows, without stamps of more than 8 messages."""
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
         _, which, count = np.unique(stamps, return_inverse=True, return_counts=True)
-        # Among many messages of one time one of coarse values is found by chance.
+        # Where many messages share one stamp, coarse values coincide by chance.
         few = count[which] <= 8
         stamps, samples = stamps[few], samples[few]
         rows = np.column_stack((stamps, (samples + 0.0).view(np.int64)))
@@ -123,10 +124,11 @@ class Fingerprint:
 
 
 def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
-    """Choose one message of 2^bits by its stamp; those of more bits are among those of fewer."""
+    """Choose one message in 2^bits by stamp; more bits choose a subset of what fewer choose."""
     if bits == 0:
         return np.ones(len(stamps), np.bool_)
-    # 2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly.
+    # Multiply by 2^64 over the golden ratio (Knuth, volume 3, section 6.4) to spread regular
+    # stamps evenly.
     spread = stamps.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     kept: NDArray[np.bool_] = spread >> np.uint64(64 - bits) == 0
     return kept

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The temperature beside an IMU: which of a recording's thermometers is its own, and when."""
+"""Choice and reading of the temperature that belongs to an IMU."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -20,20 +20,20 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     Parameters
     ----------
     recording : Recording
-        Open.
+        An open recording.
     topic : str
-        An Imu topic of it.
+        One of its Imu topics.
 
     Returns
     -------
     ImuTopic or None
-        What the user names; else a field of the messages, the one topic in the same namespace, or
-        with the same frame_id.
+        The temperature that the user names. Otherwise a field of the messages, or the only
+        temperature topic in the same namespace or with the same frame_id.
 
     Raises
     ------
     ImuAllanError
-        If there is none of the name that the user gives.
+        If the user names a temperature that does not exist.
 
     """
     own = [heat for heat in recording.thermometers if heat.name.startswith(f'{topic}:')]
@@ -63,12 +63,12 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
 
 def beside(topic: str, thermometer: str) -> bool:
     """
-    Whether two topics lie in the same namespace; those in the root share none.
+    Return whether two topics share a namespace; the root namespace does not count.
 
     Parameters
     ----------
     topic, thermometer : str
-        Full names.
+        Full topic names.
 
     Examples
     --------
@@ -88,29 +88,29 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     Parameters
     ----------
     recording : Recording
-        Open.
+        An open recording.
     topic : str
-        An Imu topic of it.
+        One of its Imu topics.
     clock : {'header', 'receive'} or None
         Which stamps of the IMU are used.
 
     Yields
     ------
     stamps : ndarray of int64, shape (n,)
-        In nanoseconds on that clock.
+        Time stamps in nanoseconds on that clock.
     celsius : ndarray of float64, shape (n,)
 
     Raises
     ------
     ImuAllanError
-        As `thermometer_of`.
+        As in `thermometer_of`.
 
     """
     heat = thermometer_of(recording, topic)
     if heat is None or clock is None:
         return
     try:
-        # What is wrong with the file was reported when the IMU was read.
+        # Problems of the file were reported when the IMU was read, so remarks are discarded here.
         with recording.again() as apart:
             for block, _ in apart.decoded(heat.name):
                 usable = clock == 'header' and (block.header_ns > 0).all()
@@ -124,13 +124,13 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
 
 def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Turn readings in kelvin, which some drivers publish, into degrees Celsius.
+    Convert readings in kelvin, which some drivers publish, to degrees Celsius.
 
     Parameters
     ----------
     readings : ndarray, shape (n,)
-        In degrees Celsius or kelvin. Each decides by itself in which, as no IMU is at 180 degrees
-        of either; so it does not matter how many come at once, nor which of them are missing.
+        Readings in degrees Celsius or kelvin. The unit of each is inferred separately, so the
+        result does not depend on how many come at once or which are missing.
 
     Examples
     --------
@@ -138,11 +138,11 @@ def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
     [26.850000000000023, nan, 21.5]
 
     """
-    # More degrees Celsius than an IMU stands, and fewer kelvin than it meets.
+    # No IMU survives 180 degrees Celsius or is used at 180 K.
     return np.where(readings > 180.0, readings - 273.15, readings)
 
 
 def _frame_id(recording: Recording, name: str) -> str:
-    """Return the frame_id of the first message."""
+    """Return the frame_id of the first message, or an empty string."""
     with recording.again() as apart:
         return next((block.frame_id for block, _ in apart.decoded(name) if len(block)), '')

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A part of a recording: what lies between two times."""
+"""Selection of the part of a recording between two times."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -8,25 +8,25 @@ from imu_allan.block import ImuBlock
 import numpy as np
 
 _LATEST_NS = 2**63 - 1
-"""The latest stamp that 64 bits of nanoseconds hold."""
+"""Latest stamp that fits into 64 bits of nanoseconds."""
 
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
             ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
     """
-    Cut a part out of a recording by receive time.
+    Yield the part of a recording within a window of receive time.
 
     Parameters
     ----------
     blocks : iterable of ImuBlock
-        In the order of the recording.
+        Blocks in the order of the recording.
     start_s : float
-        Seconds after the first message.
+        Start of the window in seconds after the first message.
     duration_s : float or None
-        Seconds from there; None for all the rest.
+        Length of the window in seconds; None for the rest of the recording.
     ended : callable, optional
-        Called where the recording ends before the part does, with the seconds from its first
-        message and from the beginning of the part.
+        Called if the recording ends before the window does. Its arguments are the seconds from the
+        first message and from the start of the window to the last message.
 
     Yields
     ------
@@ -56,5 +56,5 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
 
 
 def _later(stamp_ns: int, seconds: float) -> int:
-    """Add seconds to a stamp; what no stamp can hold is the latest that there is."""
+    """Add seconds to a stamp; limit the sum to the latest stamp that can be represented."""
     return min(stamp_ns + round(min(seconds, _LATEST_NS * 1e-9) * 1e9), _LATEST_NS)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writing Imu samples as a rosbag2 directory, block by block in constant memory."""
+"""Writing of Imu samples as a rosbag2 directory, block by block in constant memory."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import closing
@@ -35,18 +35,18 @@ def write_recording(
     """
     Write a rosbag2 directory.
 
-    It appears under its name only when it is complete: an exception or Ctrl-C leaves nothing.
+    The directory appears under its name only when complete; an exception or Ctrl-C leaves nothing.
 
     Parameters
     ----------
     path : path-like
         The directory to create.
     blocks : iterable of ImuBlock
-        The messages.
+        Messages to write.
     topic : str
-        The topic they are recorded from.
+        Topic name of the messages.
     storage : {'mcap', 'sqlite3'}
-        Container.
+        Storage format.
     compression : {'', 'lz4', 'zstd'}
         Compression of MCAP chunks.
 
@@ -58,7 +58,8 @@ def write_recording(
     Raises
     ------
     ImuAllanError
-        If `path` exists already, or cannot be created or written, as on a full disk.
+        If `path` exists already, or cannot be created or written, for example because the disk is
+        full.
 
     """
     path = Path(path)
@@ -95,7 +96,7 @@ def write_recording(
 
 
 class _Extent:
-    """Count and time span of what was written."""
+    """Message count and time span of what was written."""
 
     count = start = end = 0
 
@@ -108,7 +109,7 @@ class _Extent:
 
 def _metadata(file: str, topic: str, storage: Storage, extent: _Extent) -> str:
     def span() -> dict[str, Any]:
-        # Not one object for both places: YAML would write the second as an alias.
+        # Create a new object for each place: YAML would write a shared one as an alias.
         return {
             'duration': {'nanoseconds': extent.end - extent.start},
             'starting_time': {'nanoseconds_since_epoch': extent.start},
@@ -140,7 +141,7 @@ def _metadata(file: str, topic: str, storage: Storage, extent: _Extent) -> str:
 
 @cache
 def _imu_type() -> tuple[str, str]:
-    """Message definition and RIHS01 hash of sensor_msgs/msg/Imu."""
+    """Return the message definition and RIHS01 hash of sensor_msgs/msg/Imu."""
     from rosbags.typesys import get_typestore, Stores
     store = get_typestore(Stores.ROS2_JAZZY)
     definition, _ = store.generate_msgdef(_IMU_TYPE, ros_version=2)
@@ -148,7 +149,7 @@ def _imu_type() -> tuple[str, str]:
 
 
 def _messages(blocks: Iterable[ImuBlock], extent: _Extent) -> Iterator[tuple[int, bytes]]:
-    """Serialize blocks, some thousand messages at a time; gives the receive stamp of each, too."""
+    """Yield receive stamps and serialized messages, encoding some thousand at a time."""
     for block in blocks:
         for start in range(0, len(block), 1 << 14):
             part = block.part(slice(start, start + (1 << 14)))
@@ -163,7 +164,7 @@ def _write_sqlite(
     extent = _Extent()
     definition, digest = _imu_type()
     with closing(sqlite3.connect(file)) as database:
-        # Nothing needs to survive a crash: the directory is unfinished until it is renamed.
+        # Durability is not needed: the directory counts as unfinished until it is renamed.
         database.execute('PRAGMA journal_mode = OFF')
         database.execute('PRAGMA synchronous = OFF')
         database.executescript(_SQLITE_SCHEMA)

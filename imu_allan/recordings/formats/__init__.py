@@ -1,3 +1,3 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The containers: one module for each kind of file, and what they share."""
+"""The file formats: one module for each, and what they share."""

@@ -1,16 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ArduPilot dataflash logs (.bin), whose messages are found by the pymavlink library.
+ArduPilot dataflash logs (.bin), read with the pymavlink library.
 
-The library finds every message of the file and reads their formats; those of IMUs are then
-gathered as arrays.
+The library locates all messages and parses their formats; IMU messages are then gathered as
+arrays.
 
 References
 ----------
 ArduPilot, libraries/AP_InertialSensor/LogStructure.h and BatchSampler.cpp: ACC, GYR and IMU are in
-SI units, stamped in microseconds since start; an ISBH announces a batch of raw samples, which the
-ISBD behind it hold, 32 each, as integers that are `mul` times the value.
+SI units, stamped in microseconds since start; an ISBH message announces a batch of raw samples.
+The ISBD messages after it hold 32 samples each, as integers that are `mul` times the value.
 
 """
 
@@ -37,8 +37,8 @@ from imu_allan.recordings.options import RecordingOptions
 import numpy as np
 from numpy.typing import NDArray
 
-_HEAD = 3    # bytes before each message: the mark and its kind
-_US = 1000   # ns in the microseconds of the log
+_HEAD = 3    # bytes before each message: marker and type
+_US = 1000   # ns per microsecond of the log
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
 _BATCH = Vector(('x', 'y', 'z'), scale='scale')
 _SAMPLED = (Stamp('SampleUS', _US), Stamp('TimeUS', _US))
@@ -51,19 +51,19 @@ _FIELDS = {
     'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
 _SAMPLE = np.dtype([('time_ns', np.int64), ('scale', np.float64),
                     *((axis, np.int16) for axis in 'xyz')])
-"""A sample of a batch."""
+"""One sample of a batch."""
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
-"""Topics of the batches by the type in their header."""
+"""Batch topics, indexed by the sensor type in the batch header."""
 _PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
 _ROWS = 1 << 14
-"""Messages that are gathered at a time."""
+"""Messages gathered at a time."""
 
 _Kind = tuple[NDArray[np.int64], np.dtype[Any]]
-"""Places of the whole messages of one type in the file, and their layout behind the head."""
+"""Offsets of the complete messages of one type, and their layout after the head."""
 
 
 class ArduPilotRecording(TableLog):
-    """An ArduPilot log; raises ImuAllanError where pymavlink is missing or cannot read it."""
+    """An ArduPilot log; raises ImuAllanError if pymavlink is missing or cannot read it."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -80,7 +80,8 @@ class ArduPilotRecording(TableLog):
                 f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
                 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at '
                 'the full rate')
-            # The other messages of a sensor hold no temperature; the thinnest IMU has enough.
+            # Only IMU messages hold a temperature, and even their lowest rate is high enough for
+            # it.
             source = f'IMU{dot}{number}'
             if source in rates:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
@@ -91,7 +92,7 @@ class ArduPilotRecording(TableLog):
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a topic, and of others like it."""
+        """Gather the messages of a topic and of topics of the same message type."""
         base = topic.partition('.')[0]
         yield from self._tables(self._kinds(), base)
         if base == 'IMU':
@@ -100,7 +101,7 @@ class ArduPilotRecording(TableLog):
             self.remark('batches', topic=printable(topic))
 
     def _kinds(self) -> dict[str, _Kind]:
-        """Find the messages of IMUs in the file."""
+        """Locate the IMU messages in the file."""
         try:
             from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
         except ImportError:
@@ -110,7 +111,7 @@ class ArduPilotRecording(TableLog):
 
         class Index(DFReader_binary):  # type: ignore[misc]
             def init_clock(self) -> None:
-                """Look for no time of day, for which all messages might be gone through."""
+                """Skip the search for the time of day, which may read all messages."""
 
         kinds = {}
         try:
@@ -135,21 +136,21 @@ class ArduPilotRecording(TableLog):
                         continue
                     self.reasons[form.name] = reason
                     self.other_topics[form.name] = f'ArduPilot {name}'
-        # The library raises what it meets in a damaged file.
+        # The library raises exceptions of many types on damaged files.
         except Exception as error:
             raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
                                 f'({printable(error)[:80]})') from error
         return kinds
 
     def _tables(self, kinds: dict[str, _Kind], base: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather messages: name of the topic, columns, bytes consumed."""
+        """Gather messages; yield topic name, records and bytes consumed."""
         if base in _BATCH_SENSORS:
             yield from self._batches(kinds, _BATCH_SENSORS.index(base))
             return
         for kind in kinds:
             if kind.rstrip('0123456789') != base:
                 continue
-            # Before version 4.1 the second IMU was another message, IMU2.
+            # Before version 4.1 the second IMU had a separate message type, IMU2.
             suffix = int(kind[len(base):] or 1) - 1
             for rows, position in self._rows(kinds[kind]):
                 numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
@@ -158,7 +159,7 @@ class ArduPilotRecording(TableLog):
                     yield _named(base, number), rows[numbers == number], position
 
     def _batches(self, kinds: dict[str, _Kind], sensor: int) -> Iterator[tuple[str, Records, int]]:
-        """Unroll the batches of one kind of sensor to the times of their samples."""
+        """Expand the batches of one sensor type into samples with individual times."""
         if not {'ISBH', 'ISBD'} <= kinds.keys():
             return
         heads = np.concatenate([rows for rows, _ in self._rows(kinds['ISBH'])])
@@ -185,7 +186,7 @@ class ArduPilotRecording(TableLog):
                 yield _named(_BATCH_SENSORS[sensor], number), records, position
 
     def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
-        """Gather messages, some thousand at a time, with the bytes consumed."""
+        """Gather messages, some thousand at a time; yield them with the bytes consumed."""
         data = np.memmap(self._stored, np.uint8, 'r')
         places, layout = kind
         for start in range(0, len(places), _ROWS):
@@ -196,7 +197,7 @@ class ArduPilotRecording(TableLog):
 
 @contextmanager
 def _hushed() -> Iterator[None]:
-    """Keep from the user what the library prints of damage, a line a byte, partly from C."""
+    """Hide what the library prints about damage, one line per byte, partly from C code."""
     sys.stderr.flush()
     kept = os.dup(2)
     try:
@@ -211,7 +212,7 @@ def _hushed() -> Iterator[None]:
 
 
 def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
-    """Return the first field that messages of an IMU need and have not, as numbers."""
+    """Return the first required field of an IMU message that is missing or not numeric."""
     if name in _FIELDS:
         return lacking(layout, _FIELDS[name])
     for field in (('N', 'type', 'instance', 'mul', 'SampleUS', 'smp_rate') if name == 'ISBH'
@@ -224,7 +225,7 @@ def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
 
 
 def _code(translation: tuple[str, object, object]) -> str:
-    """Return the code of a number or text for numpy."""
+    """Return the numpy type code of a number or text."""
     letters = translation[0]
     return f'S{letters[:-1]}' if letters.endswith('s') else f'<{letters}'
 
@@ -234,7 +235,7 @@ def _named(base: str, number: int) -> str:
 
 
 def _rate_hz(times: NDArray[np.int64]) -> float:
-    """Return the rate between pauses."""
+    """Return the sample rate from the median interval, which ignores pauses."""
     steps = np.diff(times)
     middle = float(np.median(steps)) if len(steps) else 0.0
     return 1e9 / middle if middle > 0 else 0.0

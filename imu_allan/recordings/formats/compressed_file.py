@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that rosbag2 compressed as a whole: unpacked into a temporary folder while in use."""
+"""Files that rosbag2 compressed as a whole; unpacked into a temporary folder while in use."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ from imu_allan.recordings.recording import Recording
 
 
 class CompressedRecording(Recording):
-    """A zstd-compressed file; raises ImuAllanError where there is no room to unpack it."""
+    """A zstd-compressed file; raises ImuAllanError if there is no room to unpack it."""
 
     def __init__(
         self, path: Path, open_stored: Callable[[Path, Path, RecordingOptions], Recording],
@@ -61,12 +61,12 @@ class CompressedRecording(Recording):
         written = 0
         reason = ''
         with self.path.open('rb') as file, stored.open('wb') as out:
-            # Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1).
+            # Magic number and frame header of zstd have at most 4 + 14 bytes (RFC 8878, 3.1.1.1).
             declared = declared_size(file.read(18))
             file.seek(0)
             read = decompressing(file)
             try:
-                # So much is held at a time, and written before a bound is seen to be overrun.
+                # Bytes held in memory at a time; a bound may be exceeded by at most this much.
                 while data := read(1 << 22):
                     written += len(data)
                     if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:
@@ -82,7 +82,7 @@ class CompressedRecording(Recording):
             except DamagedData as error:
                 reason = printable(error)
         if written < declared:
-            # The library ends a frame that is cut short without a word.
+            # The library reports no error for a truncated frame.
             reason = reason or f'{declared - written} of {declared} bytes are missing'
         if written == 0:
             raise ImuAllanError(

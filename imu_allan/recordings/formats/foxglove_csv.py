@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plot data exported from Foxglove (and Lichtblick, webviz): a CSV file with one number a line.
+Plot data exported from Foxglove (and Lichtblick, webviz): a CSV file with one number per line.
 
-A line is ``elapsed time,receive time,header.stamp,topic,value``, its topic a message path such as
-``/imu.angular_velocity.x``; the lines of a path follow each other, so a message is whole only when
-the file has been read to its end.
+A line is ``elapsed time,receive time,header.stamp,topic,value``, where the topic is a message path
+such as ``/imu.angular_velocity.x``. All lines of one path come together, so messages are complete
+only after the whole file has been read.
 """
 
 from array import array
@@ -25,13 +25,14 @@ from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
 _LONGEST_LINE = 4096
-"""Bytes: a value, two stamps and a message path; the rest of a longer line is another one."""
+"""Bytes, enough for a value, two stamps and a message path. The rest of a longer line is read
+as another line."""
 _BLOCK = 1 << 14
-"""Rows at a time, 1 MB: 16 s at 1 kHz."""
+"""Rows per block, 1 MB: 16 s at 1 kHz."""
 
 
 class FoxgloveCsv(FileRecording):
-    """Plot data; raises ImuAllanError where no path in it is an axis of an IMU."""
+    """Plot data; raises ImuAllanError if no path is an axis of an IMU."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -45,15 +46,17 @@ class FoxgloveCsv(FileRecording):
                 '/imu.angular_velocity.x and export them')
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Put the axes of a topic together by receive time; each block with its share of bytes."""
+        """
+        Join the axes of a topic by their times; yield blocks, each with its share of the bytes.
+        """
         series = {axis: [np.array(values) for values in found]
                   for (name, axis), found in self._series().items() if name == topic}
-        # Messages that came at once share a receive time, not a stamp.
+        # Messages that arrive together share a receive time, but not a header stamp.
         moments, rows = np.unique(
             np.concatenate([np.stack(found[:2], axis=1) for found in series.values()]),
             axis=0, return_inverse=True)
         receive, header = np.ascontiguousarray(moments.T)
-        rows = rows.reshape(-1)     # numpy 2.0 alone gives a column
+        rows = rows.reshape(-1)     # numpy 2.0 alone returns a column
         samples = np.full((len(receive), 6), np.nan)
         absent = np.ones((len(receive), 2), np.bool_)
         merged = 0
@@ -70,7 +73,7 @@ class FoxgloveCsv(FileRecording):
                    self.size_bytes * start // len(receive))
 
     def _series(self) -> 'dict[tuple[str, int], list[array[Any]]]':
-        """Read receive times, header stamps and values, by topic and number of the axis."""
+        """Read receive times, header stamps and values, keyed by topic and axis index."""
         series: dict[tuple[str, int], list[array[Any]]] = defaultdict(
             lambda: [array('q'), array('q'), array('d')])
         malformed = 0
@@ -93,7 +96,7 @@ class FoxgloveCsv(FileRecording):
 
 @lru_cache(maxsize=1000)
 def _place(path: bytes) -> tuple[str, int] | None:
-    """Split a message path into topic and number of the axis; None where it is no axis."""
+    """Split a message path into topic and axis index; return None if it is not an axis."""
     text = path.decode('utf-8', 'replace').strip('"')
     meaning = meaning_of(text)
     if meaning not in AXES or '.' not in text:
@@ -102,17 +105,17 @@ def _place(path: bytes) -> tuple[str, int] | None:
 
 
 def _nanoseconds(text: bytes) -> int:
-    """Read seconds with nine decimals exactly: a double has not enough digits."""
+    """Parse seconds with nine decimals exactly, since a double has too few digits."""
     seconds, _, fraction = text.strip(b'"').partition(b'.')
     number = int(seconds)
-    # Up to the year 2242 the nanoseconds of a stamp fit into 63 bits.
+    # Nanoseconds up to the year 2242 fit into 63 bits.
     if not 0 <= number < 1 << 33:
         raise ValueError('no time')
     return number * 10**9 + int(fraction[:9].ljust(9, b'0'))
 
 
 def is_foxglove(head: bytes) -> bool:
-    """Whether a file begins like one."""
-    # What stands before is the x axis of the plot.
+    """Return whether a file begins like plot data."""
+    # The name of the first column depends on the x axis of the plot.
     return head.partition(b'\n')[0].strip().replace(b'"', b'').endswith(
         b'receive time,header.stamp,topic,value')

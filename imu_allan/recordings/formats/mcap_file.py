@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-MCAP files, chunk by chunk; whole and damaged ones are read the same way.
+MCAP files, read chunk by chunk, whether complete or damaged.
 
-Records are read with the classes of the `mcap` library, except messages and message indexes: a
-chunk is decompressed whole and the messages of the topic are gathered from it as arrays. The file
-is read from its start, so that one whose end is missing is read like any other; the summary at
-its end serves to list the topics, to count, and to find the next chunk behind a damaged place.
+Records are parsed by the `mcap` library, except messages and message indexes: a chunk is
+decompressed as a whole, and the messages of the topic are gathered from it as arrays. The file is
+read from its start, so that a missing end makes no difference. The summary at its end is used to
+list topics, to count messages, and to find the next chunk after a damaged place.
 
 References
 ----------
@@ -52,25 +52,25 @@ MAGIC = b'\x89MCAP0\r\n'
 Record = TypeVar('Record')
 Index = Callable[[], NDArray[np.int64]]
 Gathered = Callable[..., tuple[list[ImuBlock], int]]
-"""Takes a buffer, and where its message index says that messages are; decodes and counts bytes."""
+"""Takes a buffer and optionally its message index; returns decoded blocks and bytes consumed."""
 
 _FRAME = Struct('<BQ')
 _CHUNK_HEAD = Struct('<QQQII')
 _CHUNK_INDEX_HEAD = Struct('<QQQ')
-_FOOTER_SIZE = _FRAME.size + 20    # two places and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
+_FOOTER_SIZE = _FRAME.size + 20    # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
 _LOOSE = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 _LONGEST_NAME = 4096
-"""DDS allows 255 characters; a much longer name is damage, and not kept in memory."""
+"""DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
 _LARGEST_DESCRIPTION = 1 << 22
-"""Bytes of a Channel or Schema record that are still taken for one."""
+"""Largest size in bytes of a plausible Channel or Schema record."""
 WINDOW = 1 << 22
-"""Bytes taken at a time of what stands outside of chunks."""
+"""Bytes read at a time outside of chunks."""
 
 
 class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
-    # Of a chunk of any size so many records are stepped through, in a fifth of a second.
+    # Records that may be read one by one in a chunk of any size; takes a fifth of a second.
     _effort = (100_000,)
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
@@ -95,15 +95,17 @@ class McapRecording(ChunkedRecording):
         if not part.is_chunk:
             yield from _stream(file, part.length, gathered)
             return
-        # No buffer is alive while the caller works: memory that is freed before the next buffer is
-        # asked for is used again, which spares a quarter of the time that decompression takes.
+        # Hold no buffer while the caller works. Memory freed before the next buffer is allocated
+        # is reused, which saves a quarter of the decompression time.
         blocks, rest = _chunk(file, part, gathered, effort)
         yield blocks
         if rest:
             raise DamagedData(f'{rest} bytes at its end are not whole records')
 
     def _read_index(self, file: BinaryIO) -> bool:
-        """Take channels, counts and chunk places from the summary; False where there is none."""
+        """
+        Read channels, counts and chunk offsets from the summary; return False if there is none.
+        """
         if file.read(len(MAGIC)) != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
         footer_at = self.size_bytes - _FOOTER_SIZE - len(MAGIC)
@@ -117,7 +119,8 @@ class McapRecording(ChunkedRecording):
         footer = _parsed(Footer.read, tail[_FRAME.size:_FOOTER_SIZE])
         if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
             return False
-        # Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead.
+        # Two million indexes of 100 bytes. A larger summary is not loaded; the file is scanned
+        # instead.
         if footer_at - footer.summary_start > 1 << 28:
             return False
         file.seek(footer.summary_start)
@@ -136,7 +139,8 @@ class McapRecording(ChunkedRecording):
                     self._counts = statistics.channel_message_counts
                     self._counted = bool(self._counts) or statistics.message_count == 0
             elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
-                # Of a ChunkIndex, which the library reads entry by entry, one number is needed.
+                # Only the offset is needed; the library would parse the whole ChunkIndex entry by
+                # entry.
                 *_, chunk_start = _CHUNK_INDEX_HEAD.unpack_from(body)
                 if chunk_start < self.size_bytes:
                     self._chunk_starts.append(chunk_start)
@@ -146,13 +150,13 @@ class McapRecording(ChunkedRecording):
         return bool(self._channels)
 
     def _describe(self, opcode: int, body: bytes) -> int | None:
-        """Remember a schema or channel record; returns the number of a new channel."""
+        """Store a schema or channel record; return the id of a new channel."""
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
         if number in known or len(body) > _LARGEST_DESCRIPTION:
             return None
         self._described += 1
-        # There are 65,536 numbers of channels, and of schemas.
+        # There are 65,536 ids each for channels and schemas.
         if self._described > 1 << 18 or not self.keeps(len(body)):
             return None
         if opcode == Opcode.SCHEMA:
@@ -172,7 +176,7 @@ class McapRecording(ChunkedRecording):
         return None
 
     def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
-        """Step through the data section: chunks, and segments of records outside of chunks."""
+        """Yield the parts of the data section: chunks, and runs of records outside of chunks."""
         at = len(MAGIC)
         part: Part | None = None
         while True:
@@ -212,7 +216,7 @@ class McapRecording(ChunkedRecording):
 
 def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
            ) -> tuple[list[ImuBlock], int]:
-    """Decode a chunk; returns also how many bytes at its end are no records."""
+    """Decode a chunk; also return the number of bytes at its end that are not records."""
     head = file.read(min(_CHUNK_HEAD.size, part.length))
     if len(head) < _CHUNK_HEAD.size:
         raise DamagedData('a chunk record without a header')
@@ -236,7 +240,7 @@ def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
 
 
 def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
-    """Read where the message indexes behind a chunk declare messages, if they are not absurd."""
+    """Read the message offsets declared by the indexes after a chunk, unless absurdly many."""
     places = [np.zeros(0, np.int64)]
     if sum(length for _, length in part.indexes) <= LARGEST_CHUNK:
         for start, length in part.indexes:
@@ -246,7 +250,7 @@ def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
 
 
 def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuBlock]]:
-    """Decode records outside of chunks, a window at a time."""
+    """Decode records outside of chunks, one window at a time."""
     kept = b''
     while left:
         window = file.read(min(WINDOW, left))
@@ -264,7 +268,7 @@ def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuB
             if missing <= 0 or missing > left:
                 break
             if missing > WINDOW:
-                # Too large for an Imu message: an image or a point cloud.
+                # Too large for an Imu message; probably an image or a point cloud.
                 kept = b''
                 left -= missing
                 file.seek(missing, SEEK_CUR)
@@ -273,7 +277,7 @@ def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuB
 
 
 def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | None:
-    """Read one record; None where its content is damaged."""
+    """Parse one record; return None if its content is damaged."""
     try:
         return read(ReadDataStream(BytesIO(body)))
     except (McapError, StructError, UnicodeDecodeError):

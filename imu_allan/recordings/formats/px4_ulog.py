@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-PX4 logs (.ulg), read some megabytes at a time.
+PX4 logs (.ulg), read one megabyte at a time.
 
-The fields of their IMU topics are those of px4_msgs, so
-`imu_allan.recordings.messages.known_types` says how they are read.
+IMU topics have the fields of px4_msgs, so they are read as
+`imu_allan.recordings.messages.known_types` specifies.
 
 References
 ----------
-PX4 Guide, ULog File Format: a head of 16 bytes, then messages of a size, a kind and a body.
-Formats (F) say what the fields of a topic are, subscriptions (A) which number it has, and data (D)
-begin with that number. A message with a mark (S) comes now and then, from which reading goes on
-behind what is damaged. Data may be appended after a crash, from places that the flags (B) name.
+PX4 Guide, ULog File Format: a header of 16 bytes, then messages with size, type and body. Formats
+(F) define the fields of a topic, subscriptions (A) assign its number, and data (D) begin with that
+number. Reading resumes after damage at synchronization messages (S), which occur now and then.
+Data may be appended after a crash, at offsets that the flags (B) list.
 
 """
 
@@ -42,10 +42,10 @@ _TYPES = {
     'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
 _PARTNER = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
 _HEAD, _FLAGS = 16, 40
-"""Bytes: mark, version and time; the body of the flags."""
+"""Sizes in bytes of the file header (magic, version, time) and of the body of the flags."""
 _MARK = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
 _MESSAGE = Struct('<HBH')
-"""Size, kind, and the beginning of the body, which is the number of a topic in data."""
+"""Size, type, and the first two bytes of the body, which in data are the number of the topic."""
 _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
           'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
           'bool': '?', 'char': 'S1'}
@@ -56,7 +56,7 @@ class UlogRecording(TableLog):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        # Messages, samples, times of the first and the last, and names of fields, by topic.
+        # By topic: messages, samples, times of the first and the last, and field names.
         seen: dict[str, tuple[int, int, int, int, tuple[str, ...]]] = {}
         reader = _LogReader(set(_TYPES))
         for name, records, _ in self._tables(reader):
@@ -82,23 +82,23 @@ class UlogRecording(TableLog):
                     fields, what='as logged',
                     temperature=fields.temperature if fields.temperature in names else None)))
             rates[name] = (samples - 1) * 1e9 / (last - first) if last > first else 0.0
-            # PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default.
+            # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
             self.list_at(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
                          'bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
             self.list_own_thermometer(imu)
         self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, _PARTNER)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a topic, and of others like it."""
+        """Gather the messages of a topic and of its other instances."""
         yield from self._tables(_LogReader({topic.partition('.')[0]}))
 
     def _tables(self, reader: '_LogReader') -> Iterator[tuple[str, Records, int]]:
-        """Gather messages: name of the topic, columns, bytes consumed."""
+        """Gather messages; yield topic name, records and bytes consumed."""
         with self._stored.open('rb') as file:
             for start, stop in _segments(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
                 file.seek(start)
                 rest, at = b'', start
-                # A megabyte is some 10,000 messages, and more than any message has.
+                # A megabyte holds some 10,000 messages, and is larger than any single one.
                 while at < stop and (more := file.read(min(1 << 20, stop - at))):
                     at += len(more)
                     data = rest + more
@@ -113,7 +113,7 @@ def _type_of(topic: str) -> str:
 
 
 def _segments(head: bytes, size: int) -> list[tuple[int, int]]:
-    """Return where the data stand: one segment, and each that was appended."""
+    """Return the byte ranges of the data: the main segment and each appended one."""
     places = [_HEAD]
     if len(head) >= _HEAD + 3 + _FLAGS and head[_HEAD + 2] == ord('B') and head[_HEAD + 11] & 1:
         places += [place for place in unpack_from('<3Q', head, _HEAD + 19)
@@ -123,7 +123,7 @@ def _segments(head: bytes, size: int) -> list[tuple[int, int]]:
 
 
 class _LogReader:
-    """Finds the messages of topics, and what they are, while a log is read."""
+    """Locates the messages of some topics, and learns their layouts, while a log is read."""
 
     def __init__(self, names: set[str]) -> None:
         self.reasons: dict[str, str] = {}
@@ -135,16 +135,16 @@ class _LogReader:
         self._found: dict[int, list[int]] = {}
 
     def through(self, data: bytes) -> int:
-        """Go from message to message; return where the first that is not whole begins."""
+        """Step through messages; return the offset of the first incomplete one."""
         at, size = 0, len(data)
         unpack, sizes = _MESSAGE.unpack_from, self._sizes
         while at + 5 <= size:
             length, kind, number = unpack(data, at)
             after = at + 3 + length
-            # A larger message is taken for damage, as pyulog does.
+            # Like pyulog, treat a larger message as damage.
             if not 0 < length <= 10_000 or not 65 <= kind <= 90:
                 mark = data.find(_MARK, at + 1)
-                # Its beginning may be the end of what is there.
+                # Keep the end of the data, where a mark may begin.
                 behind = mark if mark >= 0 else max(at + 1, size - len(_MARK) + 1)
                 self.damaged += behind - at
                 at = behind
@@ -167,7 +167,7 @@ class _LogReader:
         return at
 
     def taken(self, data: bytes) -> Iterator[tuple[str, Records]]:
-        """Give the columns of what was gone through, by topic."""
+        """Yield the records found so far, by topic."""
         content = np.frombuffer(data, np.uint8)
         for number, places in self._found.items():
             name, layout = self._layouts[number]
@@ -179,13 +179,13 @@ class _LogReader:
                 yield name, rows
 
     def _subscribe(self, body: bytes) -> None:
-        """Look for data of a topic from now on, where it is wanted and has the fields."""
+        """Start collecting the data of a topic if it is wanted and has the required fields."""
         name = body[3:].decode(errors='replace')
         if len(body) < 3 or name not in self._formats:
             return
         layout = _layout(self._formats[name])
         full = f'{name}.{body[0]}' if body[0] else name
-        # Every PX4 topic has that.
+        # Every PX4 topic has a timestamp.
         if (lack := lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
             self.reasons[full] = f'its format has no field {lack}'
             return
@@ -196,7 +196,7 @@ class _LogReader:
 
 
 def _layout(text: str) -> np.dtype[Any]:
-    """Return the layout of messages as far as their fields are numbers; no IMU's are others."""
+    """Return the message layout up to the first field that is not a number; IMUs have none."""
     fields: list[tuple[Any, ...]] = []
     taken = set()
     for written in text.split(';'):
@@ -205,7 +205,7 @@ def _layout(text: str) -> np.dtype[Any]:
             break
         taken.add(field[3])
         fields.append((field[3], _CODES[field[1]], *((int(field[2]),) if field[2] else ())))
-    # What fills the end is not logged.
+    # Trailing padding is not logged.
     while fields and fields[-1][0].startswith('_padding'):
         fields.pop()
     return with_elements(np.dtype(fields))

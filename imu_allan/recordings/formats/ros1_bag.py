@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS 1 bags, format 2.0, chunk by chunk.
+ROS 1 bags, format 2.0, read chunk by chunk.
 
-The messages of a topic are gathered from a decompressed chunk as arrays, like in an MCAP file. The
-per-message index, which grows with the length of a bag, is not loaded; the `rosbags` library loads
-it, and offers no part of its reader that does not.
+The messages of a topic are gathered from a decompressed chunk as arrays, as in MCAP files. The
+per-message index grows with the length of a bag and is not loaded. The reader of the `rosbags`
+library always loads it, so it is not used here.
 
 References
 ----------
@@ -39,20 +39,20 @@ from numpy.typing import NDArray
 MAGIC = b'#ROSBAG V2.0\n'
 
 _MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 4, 5, 6, 7))
-"""What a record is: its field `op`."""
+"""Record types, the values of the field `op`."""
 _LARGEST_DEFINITION = 1 << 22
-"""As in MCAP, far more than any definition has."""
+"""Bytes; as for MCAP, far more than any definition has."""
 _MOST_CONNECTIONS = 1 << 16
-"""One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
+"""Each publisher of each topic has one; a hostile bag may have one every 50 bytes."""
 
 _Fields = dict[str, bytes]
 
 
 class Ros1Recording(ChunkedRecording):
-    """A ROS 1 bag; raises ImuAllanError where it is of another version or encrypted."""
+    """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
-    # Records of a chunk that are stepped through whatever its size, and bytes for one more: a step
-    # takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
+    # Records that may be read one by one in any chunk, and bytes that allow one more. A step takes
+    # 10 to 20 us; a chunk of 768 kB, as rosbag writes them, has at most 13,000 records.
     _effort = (20_000, 4)
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
@@ -63,7 +63,9 @@ class Ros1Recording(ChunkedRecording):
             yield decode(batches)
 
     def _read_index(self, file: BinaryIO) -> bool:
-        """Take connections and counts from the end of the bag; False where it has none."""
+        """
+        Read connections and counts from the end of the bag; return False if they are missing.
+        """
         magic = file.read(len(MAGIC))
         if MAGIC.startswith(magic) and magic != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: cut short within its first line; copy '
@@ -105,7 +107,7 @@ class Ros1Recording(ChunkedRecording):
         return bool(self._channels) and at == self.size_bytes
 
     def _describe(self, fields: _Fields, data: bytes) -> int | None:
-        """Remember a connection record; returns the number of a new one."""
+        """Store a connection record; return its number if it is new."""
         with suppress(DamagedData):
             number = _number(fields, 'conn', 4)
             if number in self._channels:
@@ -125,7 +127,7 @@ class Ros1Recording(ChunkedRecording):
         return None
 
     def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
-        """Step through the chunks."""
+        """Yield the chunks."""
         at = len(MAGIC)
         part: Part | None = None
         while True:
@@ -153,10 +155,10 @@ class Ros1Recording(ChunkedRecording):
     def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
                 effort: Effort) -> Iterator[MessageBatch]:
         """
-        Gather the messages of connections from a chunk, and remember the connections in it.
+        Gather the messages of the connections `wanted` from a chunk, and store new connections.
 
-        Raises DamagedData where it does not consist of whole records, or of more than `effort`
-        allows, after the messages before.
+        Raises DamagedData, after the messages before it, at an incomplete record or when `effort`
+        is exhausted.
         """
         heads: list[_MessageHead] = []
         scattered: list[int] = []
@@ -175,7 +177,7 @@ class Ros1Recording(ChunkedRecording):
             except DamagedData as error:
                 failure = error
                 break
-            # Two probes ahead are cheap; the comparison of a whole run is not.
+            # Two probes are cheap; comparing a whole run is not.
             count = 1
             if (head.stands_at(buffer, at + head.stride)
                     and head.stands_at(buffer, at + 8 * head.stride)):
@@ -200,7 +202,7 @@ class Ros1Recording(ChunkedRecording):
             raise failure
 
     def _gather_connection(self, buffer: bytes, at: int) -> tuple[int, int | None]:
-        """Remember the connection record at `at`; returns its end, and its number if new."""
+        """Store the connection record at `at`; return its end, and its number if it is new."""
         start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
         if start > len(buffer):
             raise DamagedData(f'no record at byte {at} of it')
@@ -214,7 +216,7 @@ class Ros1Recording(ChunkedRecording):
 
 
 class _Record(NamedTuple):
-    """A record of the file: its header, and the place of its data."""
+    """A record in the file: its header, and the location of its data."""
 
     fields: _Fields
     operation: bytes
@@ -225,16 +227,16 @@ class _Record(NamedTuple):
 @dataclass(frozen=True)
 class _MessageHead:
     """
-    What stands before the data of a message in a chunk.
+    The bytes that precede the data of a message in a chunk.
 
     Attributes
     ----------
     connection : int
         Connection number.
     before, after : bytes
-        What it consists of, before and after the 8 bytes of the receive stamp.
+        The bytes before and after the 8 bytes of the receive stamp.
     stride : int
-        Bytes of the whole record.
+        Size of the whole record in bytes.
 
     """
 
@@ -244,13 +246,13 @@ class _MessageHead:
     stride: int
 
     def stands_at(self, buffer: bytes, at: int) -> bool:
-        """Whether a whole record with this head stands at `at`."""
+        """Return whether a complete record with this head starts at `at`."""
         return (buffer.startswith(self.before, at)
                 and buffer.startswith(self.after, at + len(self.before) + 8)
                 and at + self.stride <= len(buffer))
 
     def batch(self, records: NDArray[np.uint8]) -> MessageBatch:
-        """Take the receive stamps and data of records that have this head."""
+        """Extract receive stamps and data of records that have this head."""
         time_at = len(self.before)
         time = records[:, time_at:time_at + 8].view('<u4').astype(np.int64)
         return MessageBatch(records[:, time_at + 8 + len(self.after):],
@@ -258,7 +260,7 @@ class _MessageHead:
 
 
 def _fields_of(header: bytes) -> _Fields:
-    """Take the header of a record apart, fields of ``name=value``; raises DamagedData."""
+    """Parse a record header, fields of ``name=value``; raise DamagedData if malformed."""
     fields: _Fields = {}
     at = 0
     while at < len(header):
@@ -272,7 +274,7 @@ def _fields_of(header: bytes) -> _Fields:
 
 
 def _number(fields: _Fields, name: str, size: int) -> int:
-    """Return a field of `size` bytes as unsigned number; raises DamagedData."""
+    """Return a field of `size` bytes as an unsigned number; raise DamagedData if there is none."""
     value = fields.get(name, b'')
     if len(value) != size:
         raise DamagedData(f'no field {name} of that size in the record header')
@@ -280,7 +282,7 @@ def _number(fields: _Fields, name: str, size: int) -> int:
 
 
 def _text(fields: _Fields, name: str) -> str:
-    """Return a field as text; raises DamagedData."""
+    """Return a field as text; raise DamagedData if there is none."""
     try:
         return fields[name].decode()
     except (KeyError, UnicodeDecodeError) as error:
@@ -288,10 +290,10 @@ def _text(fields: _Fields, name: str) -> str:
 
 
 def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
-    """Read the header of the record at `at`; None where no whole record is there."""
+    """Read the record header at `at`; return None if there is no complete record."""
     file.seek(at)
     size = int.from_bytes(file.read(4), 'little')
-    # It holds a topic and a few numbers; more is damage, and not allocated.
+    # A header holds a topic and a few numbers. More is damage and is not allocated.
     if size > min(1 << 20, end - at - 8):
         return None
     with suppress(DamagedData):
@@ -304,7 +306,7 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
 
 
 def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
-    """Decompress a chunk, and begin the effort that it may take; raises DamagedData."""
+    """Decompress a chunk and start its `effort`; raise DamagedData if damaged."""
     effort.begin(part.length)
     record = _record(file, part.start, part.start + part.length)
     if record is None:
@@ -319,7 +321,7 @@ def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
 
 
 def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead | None:
-    """Read what stands before the data of a message; None where there is another record."""
+    """Read the head of the message at `at`; return None if it is another kind of record."""
     for head in known:
         if head.stands_at(buffer, at):
             return head
@@ -331,7 +333,7 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
         connection = _number(fields, 'conn', 4)
     except DamagedData:
         return None
-    # Its length, 13, stands before name and value.
+    # The field length, 13, precedes name and value.
     time_field = buffer.find(b'\x0d\0\0\0time=', at, header_end)
     if fields.get('op') != _MESSAGE or time_field < 0:
         return None
@@ -342,7 +344,7 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
         buffer[time_at + 8:header_end + 4], header_end + 4 + length - at)
     if not head.stands_at(buffer, at):
         raise DamagedData(f'the message at byte {at} of it is cut short')
-    # Connections are tried in turn: few are known by a comparison.
+    # Known heads are compared in turn, so only a few are kept.
     if len(known) < 16:
         known.append(head)
     return head

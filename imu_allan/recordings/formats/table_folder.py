@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of tables, a sensor each, as phones record them: Sensor Logger, phyphox."""
+"""Folders with one CSV file per sensor, as phone apps write them: Sensor Logger, phyphox."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,20 +18,20 @@ from imu_allan.recordings.recording import Recording
 from imu_allan.wording import duration, NO_TOPIC, SENSORS
 
 _REPORTED = 2
-"""Files of which it is reported why none is read."""
+"""Number of unreadable files whose reason is reported."""
 _BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
-"""Names in small letters, the best first: Sensor Logger takes gravity out of its Accelerometer."""
+"""Names in lower case, best first. Sensor Logger removes gravity from its Accelerometer."""
 
 
 def tables_in(folder: Path) -> list[Path]:
-    """Name the CSV files of a folder, by growing numbers in their names."""
+    """List the CSV files of a folder in natural order of their names."""
     return sorted((file for file in folder.iterdir() if file.suffix.lower() == '.csv'
                    and not file.name.startswith('.') and file.is_file()),
                   key=lambda file: natural(file.name))
 
 
 class TableFolder(Recording):
-    """A folder in which gyroscope and accelerometer have a CSV file each, of one clock."""
+    """A folder with one CSV file for the gyroscope and one for the accelerometer, of one clock."""
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)
@@ -59,7 +59,7 @@ class TableFolder(Recording):
                 self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read a table, each block with its share of the bytes of all."""
+        """Read a table; yield blocks, each with its share of the bytes of all files."""
         file = self._files[topic]
         with self._table(file) as table:
             for block, position in table.decoded(NO_TOPIC):
@@ -67,7 +67,7 @@ class TableFolder(Recording):
         self.keep_remarks_of(table)
 
     def _table(self, file: Path) -> CsvRecording:
-        """Open a table; which sensor its x, y and z are of is what it may be called after."""
+        """Open a table; if its x, y and z name no sensor, infer the sensor from the file name."""
         try:
             return CsvRecording(file, file, self.options)
         except ImuAllanError:
@@ -80,18 +80,18 @@ class TableFolder(Recording):
             raise
 
     def _what_lacks(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
-        """Say why the files are no IMU: what the first of them hold, or why they are not read."""
+        """Explain why the files are not an IMU: what they hold, or why they cannot be read."""
         if whole:
             return (f'gyroscope and accelerometer are both in {_some(whole)}; name the file '
                     'itself')
         lacking = [SENSORS[sensor].lower() for sensor, names in halves.items() if not names]
         said = f'its CSV files give no {" and no ".join(lacking)}'
-        # Of thirty sensors of a phone the others have no axis of an IMU either.
+        # List likely files first; most of a phone's thirty sensors are not part of an IMU.
         names = sorted(self.reasons, key=lambda name: not re.search('gyr|acc|imu', name.lower()))
         return '; '.join([said, *(self.reasons[name] for name in names[:_REPORTED])])
 
     def _why_apart(self, gyro: str, accel: str) -> str:
-        """Say why two tables are not of one recording; empty where their times overlap."""
+        """Explain why two tables are not one recording; return '' if their times overlap."""
         spans = []
         for name in (gyro, accel):
             file = self._files[name]
@@ -108,14 +108,14 @@ class TableFolder(Recording):
 
 
 def _some(names: Sequence[str]) -> str:
-    """Name the first of some files."""
+    """List the first of some files."""
     shown = ', '.join(map(printable, names[:_REPORTED]))
     return f'each of {len(names)} files ({shown}, ...)' if len(names) > _REPORTED else (
         f'each of {shown}' if len(names) > 1 else shown)
 
 
 def _best(names: list[str], best: tuple[str, ...]) -> str | None:
-    """Choose the only table of a sensor, or that of the best name."""
+    """Choose the only table of a sensor, or the one with the best name."""
     if len(names) == 1:
         return names[0]
     known = {name.lower().removesuffix('.csv').replace(' ', ''): name for name in names}

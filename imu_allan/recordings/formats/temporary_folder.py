@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a file is unpacked or copied to, and how that goes away again."""
+"""Temporary folders for unpacked or copied files, and their removal."""
 
 import errno
 from pathlib import Path
@@ -11,31 +11,31 @@ from imu_allan.errors import ImuAllanError, printable
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 SPARED_DISK = 1 << 28
-"""Bytes of the temporary folder's disk that are never filled."""
+"""Bytes on the disk of the temporary folder that are always left free."""
 
 
 def make_folder() -> Path:
-    """Make a temporary folder that nobody else can look into."""
+    """Create a temporary folder that only this user can access."""
     return Path(tempfile.mkdtemp(prefix='imu_allan_'))
 
 
 def room_in(folder: Path | str) -> int:
-    """Bytes that may still be written to a folder, negative where its disk is nearly full."""
+    """Return the bytes that may be written to a folder; negative if its disk is nearly full."""
     return shutil.disk_usage(folder).free - SPARED_DISK
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a temporary folder and all it holds, also where an end from outside interrupts."""
+    """Remove a temporary folder with its content, even if a termination request interrupts."""
     try:
         shutil.rmtree(folder, ignore_errors=True)
     except BaseException:
-        # A process that is ended in peace is interrupted once, see `serve` of the workers.
+        # `end_in_peace` interrupts a process only once, so the second attempt completes.
         shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
 def unreadable(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
-    """Return what to say of a recording: what has no room is its copy, and it is not to blame."""
+    """Return the error to report; lack of disk space concerns the temporary copy."""
     reason = error.strerror or printable(error)
     if error.errno in _NO_ROOM:
         return ImuAllanError(f'{printable(recording)}: cannot be unpacked or copied to '

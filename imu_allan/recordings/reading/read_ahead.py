@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Reading ahead of the estimator on the second core.
+Reading ahead of the estimator in a thread, to use a second core.
 
-Decompression, sqlite and numpy release the interpreter lock for most of their time, so one thread
+Decompression, sqlite and numpy release the interpreter lock most of the time, so one thread
 suffices.
 """
 
@@ -22,8 +22,8 @@ def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
     """
     Produce `items` in a thread, at most `depth` of them ahead of the consumer.
 
-    An exception of the producer is raised in the consumer after the items before it. The thread
-    ends when the consumer does, also early.
+    An exception in the producer is raised in the consumer, after the items before it. The thread
+    ends with the consumer, even if that stops early.
     """
     ready: SimpleQueue[Item | None] = SimpleQueue()
     room, stopped = Semaphore(depth - 1), Event()
@@ -39,11 +39,11 @@ def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
         except BaseException as error:
             failure.append(error)
         finally:
-            # What it opened is closed by the thread that opened it, as SQLite demands.
+            # Close resources in the thread that opened them, as SQLite requires.
             getattr(items, 'close', lambda: None)()
             ready.put(None)
 
-    # A program can end while a read does not.
+    # A daemon thread does not keep the program from exiting during a blocking read.
     thread = Thread(target=produce, name='imu_allan read-ahead', daemon=True)
     thread.start()
     try:
@@ -62,11 +62,11 @@ def larger_blocks(
     blocks: Iterator[tuple[ImuBlock, int]], messages: int = 2048,
 ) -> Iterator[tuple[ImuBlock, int]]:
     """
-    Join blocks of one frame_id until they hold at least `messages`.
+    Join consecutive blocks of one frame_id until they hold at least `messages`.
 
-    By default that is what a chunk of a bag with one topic holds, which is not copied once more.
-    The second item of each pair, the position in the file, is that of the last block joined. An
-    exception comes after the blocks before it.
+    By default a chunk of a single-topic bag is large enough, and is passed on without a copy. The
+    second item of each pair, the position in the file, is that of the last block joined. An
+    exception is raised after the blocks before it.
     """
     held: list[ImuBlock] = []
     count = position = 0

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The blocks of a topic, read ahead in the way that suits the recording."""
+"""Reading of the blocks of a topic, ahead of their use."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -21,22 +21,22 @@ def read_blocks(
     """
     Read the messages of `topic` in the order in which they were recorded.
 
-    Reading, decompression and decoding run some blocks ahead, in a process of their own where
-    the recording is large, else in a thread. They begin with this call.
+    Reading, decompression and decoding begin with this call and run some blocks ahead. They run in
+    a separate process if the recording is large, else in a thread.
 
     Parameters
     ----------
     recording : Recording
-        Open; must stay open for as long as blocks are taken.
+        An open recording; it must stay open while blocks are read.
     topic : str
         One of its topics.
     progress : callable, optional
-        Called now and then with the bytes consumed so far.
+        Called after each block with the number of bytes consumed so far.
 
     Raises
     ------
     ImuAllanError
-        If `topic` is not one of its topics, holds no message, or cannot be read at all.
+        If `topic` is not one of its topics, has no messages, or cannot be read at all.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def read_blocks(
 
 def _ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
     if pays(recording):
-        # Where no further process is allowed, a thread does.
+        # If no further process can be started, fall back to a thread.
         with suppress(OSError):
             return ReadingProcess(recording, topic).blocks()
     return read_ahead(larger_blocks(recording.decoded(topic)))

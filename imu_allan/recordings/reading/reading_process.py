@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Reading ahead of the estimator in a process of its own.
+Reading ahead of the estimator in a separate process.
 
-A thread shares the interpreter lock with the estimator, and both hand it to and fro with every
-call of numpy: over millions of messages that takes longer (bench/bench_analyze.py). A
-process costs a tenth of a second at its start and then nothing. It is a fresh interpreter, not a
-fork of this one, whose threads and locks are therefore of no concern.
+A thread would share the interpreter lock with the estimator and exchange it at every numpy call.
+For millions of messages that is slower (bench/bench_analyze.py); a process only costs a tenth of a
+second to start. It is a fresh interpreter, not a fork, so threads and locks of this process do not
+matter.
 
-The process gets the open recording on its standard input, and memory that both share. It fills one
-slot of that memory after the other and says on its standard output which; a slot comes back on
-its standard input once its messages are copied. Whoever ends first, the other one finds the pipe
-closed and ends too; the memory has no name and is gone with them.
+The process receives the open recording on its standard input, and a block of shared memory. It
+fills the slots of that memory in turn and reports each on its standard output. A slot is returned
+on its standard input once its messages are copied. If either process ends, the other finds the
+pipe closed and ends too. The memory is anonymous and disappears with them.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from imu_allan.recordings.recording import Recording
 
 WORTHWHILE_BYTES = 1 << 26
-"""Bytes of the smallest recording that is read by a process of its own."""
+"""Size in bytes from which a recording is read by a separate process."""
 SLOT_MESSAGES = 1 << 13
-"""Messages that fit into a slot."""
+"""Messages per slot."""
 SLOTS = 4
-"""So far may the reader be ahead, 32,768 messages in 2.2 MB of shared memory."""
+"""Slots in shared memory: the reader may be 32,768 messages (2.2 MB) ahead."""
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
@@ -50,19 +50,19 @@ _SLOT = np.dtype([
 
 class ReadingProcess:
     """
-    A process that reads the messages of one topic, from now on.
+    A process that reads the messages of one topic, started on construction.
 
     Parameters
     ----------
     recording : Recording
-        Open; must stay open for as long as blocks are taken.
+        An open recording; it must stay open while blocks are read.
     topic : str
         One of its topics.
 
     Raises
     ------
     OSError
-        If no process can be started, or no memory be shared.
+        If no process can be started or no memory shared.
 
     """
 
@@ -72,7 +72,7 @@ class ReadingProcess:
         memory = _shared_memory()
         try:
             self._slots = _Slots(memory)
-            # In a session of its own, Ctrl-C does not reach it: it ends with the pipe.
+            # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
             self._process = start_python(
                 __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 pass_fds=[memory], start_new_session=True)
@@ -88,14 +88,14 @@ class ReadingProcess:
 
     def blocks(self) -> Iterator[tuple[ImuBlock, int]]:
         """
-        Take blocks, each with the bytes of the recording consumed so far.
+        Yield blocks, each with the number of bytes of the recording consumed so far.
 
         Raises
         ------
         ImuAllanError
-            If the process was ended from outside.
+            If the process was terminated from outside.
         Exception
-            What reading raised, after the blocks before it.
+            Any exception raised by the reading, after the blocks before it.
 
         """
         assert self._process.stdout is not None
@@ -121,7 +121,7 @@ class ReadingProcess:
         finally:
             self._end()
         if not ready:
-            # sys.executable is no Python, as in a program that embeds one.
+            # sys.executable is not Python, for example in a program that embeds it.
             yield from read_ahead(larger_blocks(self._recording.decoded(self._topic)))
             return
         self._recording.remarks[:] = remarks
@@ -131,10 +131,10 @@ class ReadingProcess:
                               else RuntimeError(f'in the reading process:\n{where}'))
 
     def _end(self) -> None:
-        # The pipes stay open until it has tidied up: asked twice to end, it would not finish that.
+        # Keep the pipes open during cleanup: closing them would interrupt it a second time.
         self._process.terminate()
         try:
-            # It removes what it unpacked first, which takes a slow disk seconds.
+            # Removing unpacked files can take seconds on a slow disk.
             self._process.wait(10.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
@@ -145,15 +145,15 @@ class ReadingProcess:
 
 
 def pays(recording: Recording) -> bool:
-    """Whether a process of its own reads a recording sooner than a thread would."""
+    """Return whether a separate process reads this recording faster than a thread."""
     interpreter = bool(sys.executable) and not getattr(sys, 'frozen', False)
     return (recording.size_bytes >= WORTHWHILE_BYTES and interpreter
             and hasattr(os, 'memfd_create') and len(os.sched_getaffinity(0)) > 1)
 
 
 def serve() -> None:
-    """Be the reading process."""
-    # An end from outside still removes what was unpacked into a temporary folder.
+    """Run the reading process."""
+    # Let termination from outside still remove temporary files.
     end_in_peace()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
@@ -165,12 +165,12 @@ def serve() -> None:
         reports.flush()
 
     report(True)
-    # What a library might print must not get among the reports.
+    # Redirect standard output so that prints of libraries do not mix with the reports.
     os.dup2(2, 1)
     failure = None
     with suppress(BrokenPipeError):
         try:
-            # Closed whatever comes, since a recording may have unpacked files to remove.
+            # Always close the generator, since a recording may have unpacked files to remove.
             with closing(recording.decoded(topic)) as decoded:
                 for block, position in larger_blocks(decoded, SLOT_MESSAGES):
                     for start in range(0, len(block), SLOT_MESSAGES):
@@ -186,12 +186,12 @@ def serve() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         report(None)
         report((failure, recording.remarks))
-    # Nothing is left to tidy up, and the other process waits.
+    # Exit at once: nothing is left to clean up, and the other process is waiting.
     os._exit(0)
 
 
 def _given_back() -> bytes:
-    """Wait for slots whose messages were copied."""
+    """Wait for slots whose messages have been copied."""
     slots = os.read(0, SLOTS)
     if not slots:
         raise BrokenPipeError
@@ -200,18 +200,19 @@ def _given_back() -> bytes:
 
 def _keep_memory() -> None:
     """
-    Let the memory of blocks be used again instead of going back to the system each time.
+    Keep memory of blocks in the process, for reuse, instead of returning it to the system.
 
-    The GNU C library takes arrays of this size as fresh pages from the system and returns them
-    when they are freed, until it has seen a larger one come and go. Here is one, of which no page
-    is ever used.
+    The GNU C library requests fresh pages for arrays of this size and returns them when freed,
+    until it has seen a larger array freed. Allocate such an array here; none of its pages is
+    touched.
     """
-    # Above any block, below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD, mallopt(3)).
+    # Larger than any block, and below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD,
+    # mallopt(3)).
     np.empty(1 << 24, np.uint8)
 
 
 class _Slots:
-    """Messages in shared memory: `SLOTS` times room for `SLOT_MESSAGES`."""
+    """Shared memory of `SLOTS` slots with `SLOT_MESSAGES` messages each."""
 
     def __init__(self, memory: int) -> None:
         self._slots = np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
@@ -227,15 +228,15 @@ class _Slots:
             name: values.copy('K') for name, values in self._slot(slot, messages).items()})
 
     def _slot(self, slot: int, messages: int) -> dict[str, NDArray[Any]]:
-        """View the first messages of a slot, the samples axis by axis in memory."""
+        """View the first messages of a slot; the samples are stored axis by axis."""
         return {name: self._slots[slot][name].T[:messages] for name in _SLOT.names or ()}
 
 
 def _shared_memory() -> int:
-    """Return the descriptor of memory for all slots."""
+    """Return a file descriptor of memory for all slots."""
     memory = os.memfd_create('imu_allan')
     try:
-        # Allocated now: where there is no room, a thread can still do without.
+        # Allocate now: if there is no room, the caller can still fall back to a thread.
         os.posix_fallocate(memory, 0, SLOTS * _SLOT.itemsize)
     except OSError:
         os.close(memory)
