@@ -100,9 +100,7 @@ class Recording(ABC):
         """Release resources; does nothing for formats whose readers close their own files."""
 
     def again(self) -> 'AbstractContextManager[Recording]':
-        """
-        Return this open recording to read another topic, with its own remarks; close nothing.
-        """
+        """Return this open recording for reading another topic, with its own remarks."""
         lent = copy(self)
         lent.remarks = [*self.remarks]
         lent._withheld = {code: set(reported) for code, reported in self._withheld.items()}

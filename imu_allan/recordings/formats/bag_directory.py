@@ -3,9 +3,9 @@
 """
 rosbag2 directories: metadata.yaml and the files it lists.
 
-The fields used here are the same in all versions of metadata.yaml, 1 to 9. How messages and files
-are compressed is recognized by their own first bytes, so the metadata is not asked; a directory
-whose metadata is missing, because its recorder was killed, is read all the same.
+The fields used here are the same in versions 1 to 9 of metadata.yaml. Compression of messages and
+files is recognized by their first bytes, not from the metadata. A directory without metadata,
+whose recorder was killed, is read as well.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,13 +23,13 @@ from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 import yaml
 
 _LARGEST_METADATA = 1 << 20
-"""Bytes: 500 topics of two publishers each, with their quality of service, take 700,000."""
+"""Bytes; 500 topics of two publishers each take 700,000, with their quality of service."""
 _MOST_NODES = 30_000
-"""Texts, lists and mappings in it: 3,000 files of a split bag take 27,000, in a second or two."""
+"""YAML nodes; a bag split into 3,000 files has 27,000, which take a second or two to parse."""
 
 
 class BagDirectory(Recording):
-    """A rosbag2 directory, whose files `open_file` opens; raises ImuAllanError without any."""
+    """A rosbag2 directory, read with `open_file`; raises ImuAllanError if it has no files."""
 
     def __init__(
         self, path: Path, open_file: Callable[..., Recording], options: RecordingOptions,
@@ -53,12 +53,12 @@ class BagDirectory(Recording):
                     or any(map(may_hold_imu, self.other_topics.values()))
                     or TEMPERATURE_TYPES & set(self.other_topics.values())
                     or options.gyro is not None or options.accel is not None):
-                # The files know better, and may hold definitions of the other types.
+                # The files are more reliable, and may contain definitions of the other types.
                 self._list_from_files()
         self.size_bytes = sum(file.stat().st_size for file in self._files)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read the files one after the other."""
+        """Read the files in turn."""
         before = messages = 0
         for file in self._files:
             part = self._opened(file)
@@ -72,7 +72,7 @@ class BagDirectory(Recording):
                     self.keep_remarks_of(part)
             before += file.stat().st_size
         counted = self.imu(topic).count or 0
-        # Other remarks may have said why there are fewer.
+        # Other remarks may already explain why messages are missing.
         if messages < counted and {
                 'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
                 'unfinished_recording'}.isdisjoint(remark.code for remark in self.remarks):
@@ -80,7 +80,7 @@ class BagDirectory(Recording):
                         by='metadata.yaml')
 
     def _opened(self, file: Path) -> Recording | None:
-        """Open one file; where there are others, one that cannot be opened is a remark."""
+        """Open one file; if it is not the only one, report an error as a remark."""
         try:
             return self._open_file(file, options=self.options)
         except ImuAllanError as error:
@@ -116,7 +116,7 @@ class BagDirectory(Recording):
                              if name not in recorded}
 
     def _read_metadata(self) -> list[str]:
-        """List topics and return the files by metadata.yaml; none, with a remark, without it."""
+        """List topics and files by metadata.yaml; without it, add a remark and return no files."""
         path = self.path / 'metadata.yaml'
         if not path.is_file():
             if _recorded_files(self.path):
@@ -137,7 +137,7 @@ class BagDirectory(Recording):
             return []
 
     def _existing(self, names: list[str]) -> list[Path]:
-        """Find the files by their listed names, or by those they have when (un)compressed."""
+        """Find the files by their listed names, with or without the suffix .zstd."""
         found: list[Path] = []
         missing: list[str] = []
         for name in names:
@@ -160,12 +160,12 @@ class BagDirectory(Recording):
 
 
 class _Loader(yaml.BaseLoader):
-    """Reads texts, lists and mappings alone: in more of YAML a few lines stand for gigabytes."""
+    """Loads only texts, lists and mappings: other features let a few lines expand to gigabytes."""
 
     _nodes = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Count the nodes."""
+        """Count the nodes and limit their number."""
         self._nodes += 1
         if self._nodes > _MOST_NODES:
             raise ValueError(f'it has more than {_MOST_NODES} entries')
@@ -173,9 +173,9 @@ class _Loader(yaml.BaseLoader):
 
 
 def _parse(document: object) -> tuple[list[str], list[ImuTopic], dict[str, str]]:
-    """Take files, Imu topics and others from metadata.yaml; ValueError where a field lacks."""
+    """Parse files, Imu topics and other topics; raise ValueError if a field is missing."""
     information = _item(document, 'rosbag2_bagfile_information', dict)
-    # Before version 4 the directory stood in front; and no file outside of it is meant.
+    # Before version 4 the paths included the directory. Files outside of it are never read.
     files = [PurePosixPath(name).name if isinstance(name, str) else ''
              for name in _item(information, 'relative_file_paths', list)]
     if not all(files):
@@ -192,7 +192,7 @@ def _parse(document: object) -> tuple[list[str], list[ImuTopic], dict[str, str]]
         form = _item(topic, 'serialization_format', str)
         if kind in IMU_TYPES and form == 'cdr':
             count = _item(entry, 'message_count', str)[:21]
-            # Twenty digits hold any number of 64 bits.
+            # Any 64-bit number has at most twenty digits.
             if not (count.isascii() and count.isdecimal()) or int(count) >= 1 << 63:
                 raise ValueError(f'message_count is {count}')
             counts[name] = counts.get(name, 0) + int(count)
@@ -209,7 +209,7 @@ def _item(mapping: object, key: str, kind: type) -> Any:
 
 
 def _recorded_files(path: Path) -> list[Path]:
-    """Files that a recorder wrote, in the order of their numbers."""
+    """List the recorded files in the order of their numbers."""
     return sorted(
         (file for file in path.iterdir() if file.name.endswith(BAG_SUFFIXES) and file.is_file()),
         key=lambda file: natural(file.name))

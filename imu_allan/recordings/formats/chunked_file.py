@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What files made of chunks have in common: MCAP and ROS 1 bags."""
+"""Common parts of the chunked formats: MCAP and ROS 1 bags."""
 
 from abc import abstractmethod
 from bisect import bisect_right
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_CHUNK = 1 << 28
-"""Bytes before and after decompression; recorders write 768 kB unless asked otherwise."""
+"""Largest size in bytes, compressed or not; recorders write 768 kB by default."""
 _UNWRITTEN = 'what was not yet written is missing'
 _SERIALIZATIONS: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
 
@@ -35,18 +35,18 @@ Decode = Callable[[Iterable[MessageBatch]], list[ImuBlock]]
 @dataclass
 class Part:
     """
-    A chunk, or a segment of records outside of chunks.
+    A chunk, or a run of records outside of chunks.
 
     Attributes
     ----------
     start, length : int
-        Place of its body in the file.
+        Position of the body in the file.
     is_chunk : bool
-        Which of the two.
+        Whether it is a chunk.
     counts : dict of int to int
-        Messages by channel, as the index behind a chunk lists; empty without an index.
+        Message count by channel, from the index after a chunk; empty without an index.
     indexes : list of (int, int)
-        Place and length of the entries of each index behind a chunk.
+        Position and length of the entries of each index after a chunk.
 
     """
 
@@ -59,7 +59,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Channel:
-    """Messages of one publisher, and how they are written."""
+    """The messages of one publisher, and their encoding."""
 
     topic: str
     type_name: str
@@ -67,16 +67,16 @@ class Channel:
     definition: Definition | None
 
     def is_of(self, imu: ImuTopic) -> bool:
-        """Whether it carries the messages of an Imu topic."""
+        """Return whether the channel carries the messages of an Imu topic."""
         return (self.topic == imu.topic and self.encoding == imu.messages.serialization
                 and normal_name(self.type_name) == imu.messages.type_name)
 
 
 class ChunkedRecording(FileRecording):
-    """A file of chunks, whose channels an index at its end describes, or the chunks themselves."""
+    """A chunked file whose channels are described in an index at its end or in the chunks."""
 
     _effort: ClassVar[tuple[int, ...]]
-    """Records of a chunk that are stepped through, see `Effort`."""
+    """Arguments of `Effort`: how many records of a chunk may be read one by one."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -91,24 +91,24 @@ class ChunkedRecording(FileRecording):
 
     @abstractmethod
     def _read_index(self, file: BinaryIO) -> bool:
-        """Take channels, counts and chunk places from the end of the file; False without them."""
+        """Read channels, counts and chunk offsets from the end; return False without them."""
 
     @abstractmethod
     def _parts(self, file: BinaryIO, damage: 'Damage') -> Iterator[Part]:
-        """Step through the parts of the file."""
+        """Yield the parts of the file in order."""
 
     @abstractmethod
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 enter: Callable[[int], None], decode: Decode, effort: Effort,
                 ) -> Iterator[list[ImuBlock]]:
         """
-        Decode the messages of the channels `wanted`; raises DamagedData after those before.
+        Decode the messages of the channels `wanted`; raise DamagedData after the intact ones.
 
-        `enter` is given the number of each channel that was not known, and may add to `wanted`.
+        `enter` is called with the id of each new channel, and may add it to `wanted`.
         """
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks chunk by chunk, each with the bytes consumed so far."""
+        """Read blocks chunk by chunk, each with the number of bytes consumed so far."""
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
@@ -118,7 +118,7 @@ class ChunkedRecording(FileRecording):
         messages = 0
 
         def enter(number: int) -> None:
-            # A file without an index may name further channels of the topic anywhere.
+            # Without an index, further channels of the topic may be described anywhere.
             if self._channels[number].is_of(imu):
                 wanted.add(number)
 
@@ -140,7 +140,7 @@ class ChunkedRecording(FileRecording):
         malformed.report(imu, self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
-        # What damage has taken is reported already.
+        # Messages lost to damage have been reported already.
         whole = not (damage.end or damage.holes or damage.broken_chunks) and len(wanted) == 1
         if whole and (lost := numbers.lost(sum(self._counts.values()) - expected)):
             self.remark('lost_messages', found=messages, counted=messages + lost,
@@ -148,10 +148,10 @@ class ChunkedRecording(FileRecording):
 
     def _scan(self, file: BinaryIO) -> None:
         """
-        Learn the channels from the data itself, for want of an index at the end.
+        Collect the channels from the data itself if there is no index at the end.
 
-        The indexes behind chunks name the channels and count their messages, so that only those
-        chunks are decompressed that hold a channel not described yet.
+        The indexes after chunks list channels and message counts. Only chunks with a channel that
+        is not described yet are decompressed.
         """
         counts: Counter[int] = Counter()
         effort = Effort(self.path, *self._effort)
@@ -184,7 +184,7 @@ class ChunkedRecording(FileRecording):
             elif not kind:
                 self.other_topics[topic] = 'no type'
             elif topic not in listed:
-                # Without any count in the file the number of messages is not known.
+                # The number of messages is unknown if the file has no counts at all.
                 count = (sum(self._counts.get(number, 0) for number in numbers)
                          if self._counted else None)
                 if self.list_topic(topic, kind, serialization, count,
@@ -192,12 +192,12 @@ class ChunkedRecording(FileRecording):
                     listed.add(topic)
 
     def _next_chunk(self, at: int) -> int | None:
-        """Return where the next chunk begins that the index knows."""
+        """Return the offset of the next chunk known from the index."""
         place = bisect_right(self._chunk_starts, at)
         return self._chunk_starts[place] if place < len(self._chunk_starts) else None
 
     def _passed_over(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
-        """Note bytes that are no record; returns where a chunk follows, None where none does."""
+        """Note bytes that are not a record; return the offset of the next chunk, or None."""
         known = self._next_chunk(at)
         if known is None:
             damage.ending(at, self.size_bytes - at, in_chunk)
@@ -207,16 +207,16 @@ class ChunkedRecording(FileRecording):
 
 
 class MessageNumbers:
-    """The numbers that a writer may give the messages of one channel: those missing were lost."""
+    """Sequence numbers of the messages of one channel; gaps in them are lost messages."""
 
     def __init__(self) -> None:
         self._last: NDArray[np.int64] = np.zeros(0, np.int64)
         self._steps = self._ones = self._back = self._skipped = 0
 
     def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:
-        """Hand batches on."""
+        """Pass batches through and note their numbers."""
         for batch in batches:
-            # Most writers leave zeros.
+            # Most writers leave the numbers at zero.
             if batch.numbers is not None and batch.numbers[-1]:
                 numbers = np.concatenate((self._last, batch.numbers.astype(np.int64)))
                 step = np.diff(numbers)
@@ -228,8 +228,8 @@ class MessageNumbers:
             yield batch
 
     def lost(self, others: int) -> int:
-        """Count the lost, beside so many messages of other channels; 0 where none is numbered."""
-        # Some writers count the messages of all channels in one.
+        """Return the number of lost messages, given that of other channels; 0 if not numbered."""
+        # Some writers number the messages of all channels together.
         numbered = 3 * self._ones >= self._steps and 1000 * self._back <= self._steps
         of_all = others and abs(self._skipped - others) <= 1 + 0.02 * others
         return self._skipped if numbered and not of_all else 0
@@ -237,7 +237,7 @@ class MessageNumbers:
 
 @dataclass
 class Damage:
-    """What was found wrong in one reading of a file."""
+    """Damage found during one reading of a file."""
 
     chunks: int = 0
     broken_chunks: int = 0
@@ -247,12 +247,12 @@ class Damage:
     end: str = ''
 
     def chunk(self, at: int, reason: str) -> None:
-        """Note a whole chunk whose content is damaged."""
+        """Note a chunk with damaged content."""
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
 
     def hole(self, at: int, length: int) -> None:
-        """Note bytes between chunks that are no records."""
+        """Note bytes between chunks that are not records."""
         self.holes += 1
         self.first_hole = self.first_hole or f'{length} bytes from byte {at} on'
 
@@ -266,14 +266,14 @@ class Damage:
             self.end = f'{left} bytes from byte {at} on are not whole records and are lost'
 
     def summary(self) -> str:
-        """Describe what is wrong in short, if anything is."""
+        """Describe the damage briefly; return '' if there is none."""
         if self.broken_chunks:
             return (f'{counted(self.broken_chunks, "damaged chunk")} of {self.chunks} '
                     f'(the first {self.first_broken})')
         return self.first_hole if self.holes else self.end if self.end != _UNWRITTEN else ''
 
     def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
-        """Add remarks to `recording`; `lost` of `expected` messages were not read."""
+        """Add remarks to `recording`; `lost` of `expected` messages could not be read."""
         messages: dict[str, Any] = (
             {'lost': lost, 'of': expected, 'topic': printable(topic)} if lost > 0 else {})
         if self.end:

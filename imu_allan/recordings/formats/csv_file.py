@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-CSV files: a line of names, then a sample a line.
+CSV files: a line of column names, then one sample per line.
 
-Comments may stand before it, and where it is missing the user says what the columns are. Which
-names are understood stands in `imu_allan.recordings.formats.csv_header`.
+Comments may precede the header line. Without one, the user has to say what the columns are. The
+recognized names are listed in `imu_allan.recordings.formats.csv_header`.
 """
 
 from codecs import BOM_UTF8
@@ -40,21 +40,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 _READ_BYTES = 1 << 20
-"""Some 10,000 lines, so that numpy works on many at once; longer than any line."""
+"""Bytes read at a time, longer than any line; some 10,000 lines, for fast parsing by numpy."""
 _LONGEST_HEADER = 1 << 20
-"""30,000 columns with names of 30 characters: all topics of a robot in one export."""
+"""Bytes, for 30,000 columns with names of 30 characters: all topics of a robot in one export."""
 _LOOKED_AT = 1 << 16
-"""Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
+"""Bytes of samples in which to look for decimal commas; the first numbers may all be zero."""
 _FIRST_LINES = 64
-"""By which fields are counted and times without a unit judged: two batches of a FIFO of 32."""
+"""Lines from which to count fields and infer the unit of times: two batches of a 32-sample
+FIFO."""
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
-"""A number with a decimal comma in a file whose cells commas part."""
+"""A number with a decimal comma in a comma-separated file."""
 _GROUPED = re.compile(r'(\d{1,3})(?:[.,]\d{3})+')
 
 
 class CsvRecording(FileRecording):
-    """A CSV file; raises ImuAllanError where its header names no axis, or a rate is needed."""
+    """A CSV file; raises ImuAllanError if it names no axis or a sample rate is needed."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -70,15 +71,15 @@ class CsvRecording(FileRecording):
 
     @property
     def sensors(self) -> list[str]:
-        """Which sensors have columns in it: 'gyro', 'accel' or both."""
+        """Sensors that have columns: 'gyro', 'accel' or both."""
         return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
 
     def span_ns(self) -> tuple[int, int] | None:
-        """Return the least and the greatest stamp at its two ends; None where there are none."""
+        """Return the smallest and largest stamp near the two ends; None if there are none."""
         found: list[int] = []
         for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
             lines, _ = next(self._lines(start), ([], 0))
-            # Part of a number is another one.
+            # Drop the first line, which may be incomplete.
             _, stamps, _ = _parse(lines[start > self._data_at:], self._columns)
             if stamps is None or not len(stamps):
                 return None
@@ -86,10 +87,10 @@ class CsvRecording(FileRecording):
         return min(found), max(found)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with the bytes consumed so far."""
+        """Read blocks, each with the number of bytes consumed so far."""
         columns = self._columns
         if topic != NO_TOPIC and columns.temperature is not None:
-            # A thermometer may be slower than the samples, its cells empty most of the time.
+            # A slow temperature sensor leaves most of its cells empty; such rows are skipped.
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
         first_rejected = ''
@@ -114,7 +115,7 @@ class CsvRecording(FileRecording):
                 'malformed_messages', what='line', count=rejected, first=first_rejected)
 
     def _lines(self, start: int) -> Iterator[tuple[list[str], int]]:
-        """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
+        """Read complete lines, about 1 MiB at a time, with the number of bytes consumed so far."""
         with self._stored.open('rb') as file:
             file.seek(start)
             while data := file.read(_READ_BYTES):
@@ -142,7 +143,7 @@ class CsvRecording(FileRecording):
     # ----------------------------------------------------------------------- what the columns are
 
     def _found_columns(self) -> Columns:
-        """Find the header line and understand it; sets where the samples begin."""
+        """Find and parse the header line; set where the samples begin."""
         options = self.options
         with self._stored.open('rb') as file:
             for number in range(1, MOST_COMMENTS + 2):
@@ -180,7 +181,8 @@ class CsvRecording(FileRecording):
         if columns.clock is not None:
             times = _column(rows, columns.clock.column)
             if not times and not columns.clock.unit:
-                # Another topic of the table began long before.
+                # Another topic of the table may have begun long before, so this column starts
+                # empty.
                 times = self._first_times(columns.clock.column, delimiter)
             _refuse_grouped_times(times)
             columns = replace(columns, clock=_with_unit(columns.clock, times, options.rate_hz))
@@ -191,19 +193,19 @@ class CsvRecording(FileRecording):
         return columns
 
     def _first_times(self, column: int, delimiter: str | None) -> list[str]:
-        """Look for times in the whole file."""
+        """Return the first times in the file."""
         for lines, _ in self._lines(self._data_at):
             if times := _column([_cells(line, delimiter) for line in lines], column):
                 return times
         return []
 
     def _rows(self, text: str, delimiter: str | None) -> list[list[str]]:
-        """Take the lines of a text apart that hold anything."""
+        """Split the nonempty lines of a text into cells."""
         return [_cells(line, delimiter) for line in self._with_points(text).split('\n')
                 if line.strip()]
 
     def _with_points(self, text: str) -> str:
-        """Write decimal commas as points."""
+        """Replace decimal commas by points."""
         if self._quoted_comma:
             return _QUOTED_COMMA.sub(r'\1.\2', text)
         return text.replace(',', '.') if self._decimal_comma else text
@@ -214,7 +216,7 @@ class CsvRecording(FileRecording):
                   if cell and cell not in lookalikes and not is_rest_of_imu(cell)]
         for cells in (columns.lookalikes, others):
             if cells:
-                # More than ten names take more than a line or two.
+                # Ten names keep the remark to a line or two.
                 self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
                             columns=[printable(cell[:40]) for cell in cells[:10]])
 
@@ -222,17 +224,17 @@ class CsvRecording(FileRecording):
 def _parse(lines: list[str], columns: Columns,
            ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
     """
-    Read the numbers of the columns used.
+    Parse the columns used.
 
     Returns
     -------
     table : ndarray of float64, shape (n, axes)
-        Rows of the lines that are numbers throughout; empty cells are NaN. A row without any
-        number is left out where there are other columns: it belongs to another topic.
+        Rows of the lines that hold only numbers; empty cells are NaN. If there are other columns,
+        a row without any number belongs to another topic and is omitted.
     stamps : ndarray of int64, shape (n,), or None
-        In nanoseconds; None without a time column.
+        Times in nanoseconds; None without a time column.
     bad : list of int
-        The other lines, in order.
+        Indices of the malformed lines, in order.
 
     """
     axes = [column for column, _, _ in columns.axes]
@@ -245,16 +247,16 @@ def _parse(lines: list[str], columns: Columns,
     table, places, bad = _numbers(lines, columns.delimiter, [*columns_of_time, *axes])
     times, parts, table = table[:, 0], table[:, 1], table[:, len(columns_of_time):]
     unit_s = convert(1.0, str(clock.unit), 's')
-    # More seconds do not fit into 64 bits of nanoseconds.
+    # Larger times do not fit into 64 bits of nanoseconds.
     timely = np.abs(times * unit_s) < 9.2e9
     if clock.nanoseconds is not None:
-        # Of a total, the first second looks like nanoseconds since a whole one.
+        # During the first second, total nanoseconds look like a fraction; reject the later rows.
         timely &= (np.floor(times) == times) & ~((parts < 0) | (parts >= 1e9))
     some = np.ones_like(timely)
     if columns.ignored:
         some &= ~np.isnan(table).all(axis=1)
     if not timely.all():
-        # A row without any number may have no time of this topic either.
+        # Rows of another topic may have no time for this one, and are not malformed.
         bad = sorted([*bad, *places[some & ~timely].tolist()])
     some &= timely
     stamps = np.zeros(len(times), np.int64)
@@ -270,7 +272,7 @@ def _parse(lines: list[str], columns: Columns,
 
 def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
              ) -> tuple[NDArray[np.float64], NDArray[np.intp], list[int]]:
-    """Read columns; returns also from which lines, and which others are not empty."""
+    """Parse columns; return the table, its line indices, and those of other nonempty lines."""
     with suppress(ValueError):
         table = np.loadtxt(lines, delimiter=delimiter, usecols=used, ndmin=2, comments=None,
                            quotechar='"')
@@ -291,11 +293,11 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
 
 def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
                    ) -> NDArray[np.int64] | None:
-    """Read nanoseconds, of which a double has not enough digits; None where a line has others."""
+    """Parse nanoseconds, which exceed the digits of a double; None if not all are integers."""
     with suppress(ValueError, OverflowError, DeprecationWarning):
         numbers = np.loadtxt(lines, np.int64, delimiter=delimiter, usecols=[column], ndmin=1,
                              comments=None, quotechar='"')
-        # Behind a quote that is not closed numpy takes the next lines for its text.
+        # After an unclosed quote numpy reads the following lines as part of the text.
         if len(numbers) == len(lines):
             return numbers
     with suppress(ValueError, OverflowError):
@@ -305,12 +307,12 @@ def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
-    """Take a line apart, without what stands about the text of its cells."""
+    """Split a line into cells, without surrounding blanks and quotes."""
     return [cell.strip(QUOTES) for cell in _parted(line, delimiter)]
 
 
 def _parted(line: str, delimiter: str | None) -> list[str]:
-    """Take a line apart; a quote that is not closed hides no cells."""
+    """Split a line at the delimiter; an unclosed quote hides no cells."""
     if delimiter is not None and '"' in line:
         with suppress(csv.Error):
             return next(csv.reader([line], delimiter=delimiter, strict=True))
@@ -320,14 +322,14 @@ def _parted(line: str, delimiter: str | None) -> list[str]:
 # ------------------------------------------------------------ whether the first rows are plausible
 
 def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:
-    """Return the cells of a column that hold anything."""
+    """Return the nonempty cells of a column."""
     return [row[column] for row in rows if len(row) > column and row[column]]
 
 
 def _moves(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
-    """Whether a clock is one; of two columns all rows but a damaged one are seconds and parts."""
+    """Return whether a clock changes, or is seconds and nanoseconds in all rows but one."""
     if clock.nanoseconds is None:
-        # A driver leaves its stamps zero.
+        # Some drivers leave the stamps at zero.
         times = _column(rows[:_FIRST_LINES], clock.column)
         return len(times) < 2 or len(set(times)) > 1
     others = 0
@@ -339,12 +341,12 @@ def _moves(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
 
 
 def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Refuse a table most of whose rows have more fields than the header has names."""
+    """Raise an error if most rows have more fields than the header has names."""
     def filled(cells: Sequence[str]) -> int:
         return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
 
     named = filled(names)
-    # An unnamed column at the end, of remarks say, has its place.
+    # Allow an unnamed last column, for example of remarks.
     counts = Counter(filled(row) if len(row) > len(names) else named
                      for row in rows[:_FIRST_LINES])
     fields = counts.most_common(1)[0][0] if counts else 0
@@ -357,13 +359,13 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence
 
 
 def _refuse_grouped_times(times: Sequence[str]) -> None:
-    """Refuse whole numbers whose thousands are set apart, which read as fractions."""
+    """Raise an error if times have thousands separators, which would be read as decimal marks."""
     for before, time in pairwise(times):
         whole = re.fullmatch('[0-9]{1,3}', before)
         if not (whole or _GROUPED.fullmatch(before)):
             return
         grouped = _GROUPED.fullmatch(time)
-        # As a fraction it would lie before the number that it follows.
+        # Read as a fraction, it would be smaller than the time before.
         if (whole and grouped and int(re.sub(r'\D', '', time)) > int(before)
                 and int(before) > int(grouped[1]) + 1):
             raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
@@ -371,7 +373,7 @@ def _refuse_grouped_times(times: Sequence[str]) -> None:
 
 
 def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clock | None:
-    """Find the unit of times, or ask for it; None where the rate that is given counts instead."""
+    """Infer the unit of times or raise an error; return None if the given rate is used instead."""
     if clock.unit:
         return clock
     times = []
@@ -379,17 +381,17 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
         with suppress(ValueError):
             times.append(float(text))
     finite = [time for time in times if np.isfinite(time)]
-    # The first may be a part of a number, or zero. From which number on they are in a unit, if
-    # they are of this century: 1e9 is 2001 in s.
+    # Use the median: the first value may be truncated or zero. Times of this century exceed 1e9 s
+    # (2001), which separates the units.
     sizes = sorted(map(abs, finite[:_FIRST_LINES]))
     usual = sizes[len(sizes) // 2] if sizes else 0.0
     unit = next((unit for least, unit in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
                  if usual >= least), 's')
-    # A clock that is set back says nothing of the rate.
+    # A clock that is set back says nothing about the rate.
     steps = np.sort([after - before for before, after in pairwise(finite[:_FIRST_LINES])
                      if after >= before])
-    # IMUs have 5 to 20,000 Hz: beyond, times are in another unit than they seem to be.
-    # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
+    # IMUs run at 5 to 20,000 Hz; other rates mean that the unit is another one. Samples of a batch
+    # may be a microsecond apart, and the longest step may be an outage.
     for interval, least_hz, most_hz in () if len(steps) < 8 else (
             (float(steps.mean()), 0.0, 20_000.0), (float(steps[:-1].mean()), 5.0, np.inf)):
         if interval > 0 and not least_hz <= (

@@ -1,13 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the columns of a CSV file are: by what the user says, or else by the names in its first line.
+Meaning of the columns of a CSV file, as given by the user or inferred from their names.
 
-The names are those of this project (``time_s``, ``gyro_x``), of EuRoC and TUM-VI
+Recognized are the names of this project (``time_s``, ``gyro_x``), of EuRoC and TUM-VI
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
-PlotJuggler (``__time,/imu/angular_velocity/x``), phyphox (``"Gyroscope x (rad/s)"``), UZH-FPV
-(``# timestamp ang_vel_x lin_acc_x``), bagpy (``header.stamp.secs,header.stamp.nsecs``), of phones
-(SensorLog, AndroSensor) and short ones (``t,gx,ay``).
+UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), PlotJuggler (``__time,/imu/angular_velocity/x``),
+phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nsecs``), phone apps
+(SensorLog, AndroSensor) and short names (``t,gx,ay``).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,13 +20,14 @@ from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 from imu_allan.sensor.units import convert
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
-"""A first line that needs no option."""
+"""A header line that needs no option."""
 MOST_COMMENTS = 100
-"""Lines before the header line; loggers write some five about device and settings."""
+"""Lines allowed before the header line; loggers write about five on device and settings."""
 QUOTES = ' \t\r\n"'
-"""What may stand about the text of a cell."""
+"""Characters that may surround the text of a cell."""
 _LOOKED_AT = 1 << 14
-"""Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
+"""Characters of a comment to search for axis names; searching a hundred such lines takes
+seconds."""
 
 _SENSORS = {
     'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
@@ -34,7 +35,7 @@ _SENSORS = {
     'accel': r'linear_?acceleration|total_?acceleration|lin_?acc|accelerometer_?acceleration'
              r'|acceleration|accelerometer|accel|acc|a_rs_s'}
 _OF = r'(?:.*[/.])?(?:(?:imu|sensor)\d*[._/])?'
-"""What may stand before a name: the path to it, or whose it is."""
+"""Prefix of a name: the path to it, or the device it belongs to."""
 _AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
                             rf'|(?P<first>[xyz])[._-](?:{words}))')
          for sensor, words in _SENSORS.items()}
@@ -42,7 +43,8 @@ _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
 _LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
                  'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
-"""Which show the sensor of a bare x, y or z; a large G is a magnetometer's, too."""
+"""Units that reveal the sensor of a column named only x, y or z. A capital G is not among them,
+as magnetometers use it (gauss)."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -55,7 +57,8 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?',
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
     r'|epoch?(?:_(s|ms|us|ns))?'))
-"""Names of times, the best first: of the sensor, since the beginning of the log, of the day."""
+"""Names of times, best first: of the sensor, since reboot, since the start of the log, of the
+day."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 _REST_OF_IMU = re.compile(
     r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
@@ -64,7 +67,7 @@ _TEMPERATURE = re.compile(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?
 _COLUMN = re.compile(
     r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
 _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
-"""A name, with its unit, in a header whose names have nothing but blanks between them."""
+"""A name and its unit, in a header whose names are separated only by blanks."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +78,11 @@ class Clock:
     Attributes
     ----------
     column : int
-        Its number.
+        Index of the column.
     unit : str or None
-        Its unit; None where the numbers themselves decide.
+        Unit of the times; None if it is to be inferred from the numbers.
     nanoseconds : int or None
-        Number of a column of nanoseconds to be added to its whole seconds.
+        Index of a column of nanoseconds to add to the whole seconds.
 
     """
 
@@ -91,22 +94,23 @@ class Clock:
 @dataclass(frozen=True)
 class Columns:
     """
-    What the columns of the file are.
+    Meaning of the columns of a file.
 
     Attributes
     ----------
     delimiter : str or None
-        What stands between them; None for blanks.
+        Separator between cells; None for blanks.
     clock : Clock or None
-        The times, where there are any.
+        The times, if there are any.
     axes : tuple of (int, int, float)
-        Column of the file, column of the samples, factor to SI units.
+        Column index in the file, column index in the samples, and factor to SI units.
     ignored, lookalikes : tuple of str
-        Names of the others, and those of them that look like the axes of a missing sensor.
+        Names of the unused columns, and of those among them that resemble axes of a missing
+        sensor.
     temperature : int or None
-        Number of a column with the temperature.
+        Index of a column with the temperature.
     headless : bool
-        Whether the line that was read holds no names, but the first sample.
+        Whether the first line holds the first sample instead of names.
 
     """
 
@@ -122,15 +126,16 @@ class Columns:
 def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clock], bool],
                 ) -> Columns:
     """
-    Understand the header line of a file; raises ImuAllanError.
+    Parse the header line of a file; raise ImuAllanError if it names no axis.
 
-    `is_usable` says whether two columns are seconds and nanoseconds, and whether stamps move.
+    `is_usable` returns whether the stamps of a clock change, or its two columns are seconds and
+    nanoseconds.
     """
     delimiter, cells = cells_of(header)
     bare = [cell.strip(' "') for cell in cells]
     named = [name_and_unit(cell) for cell in cells]
     names = [name for name, _ in named]
-    # Without a header line a number is the place of a column, whatever stands in it.
+    # Without a header line, numbers given by the user are positions, even if a cell equals one.
     headless = any(map(is_number, cells)) and not any(map(meaning_of, names))
     chosen = _chosen(options.columns, [''] * len(cells) if headless else bare)
     if headless and not chosen:
@@ -180,9 +185,9 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
 def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[Clock], bool],
            ) -> tuple[int | None, list[int]]:
     """
-    Return the stamp of the message that holds the axes, if it is used, and all that are times.
+    Return the header stamp of the axes' own message, if usable, and all usable times.
 
-    The stamp of another message is only a last one.
+    The header stamp of another message is used only if there is no other time.
     """
     times = [column for column, meaning in found.items() if meaning == 'time']
     others = [column for column in times if not _STAMP.fullmatch(names[column].lower())]
@@ -194,9 +199,9 @@ def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[
 
 def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_stamp: int | None,
                 ) -> Clock | None:
-    """Choose the best of the times by their names, and find its unit."""
+    """Choose the best time column by name, and determine its unit."""
     def rank(column: int) -> tuple[bool, int]:
-        # What stands in the place of a unit may say that dates are written there.
+        # Text in place of a unit may describe a date format; such a column ranks last.
         try:
             _converted('', units[column] or 's', 's')
         except ImuAllanError:
@@ -216,7 +221,7 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
-    """Whether a line is empty or a comment, and not a header that begins like one."""
+    """Return whether a line is empty or a comment, but not a header that begins like one."""
     if not line.lstrip().startswith(('#', '%', '//')):
         return line.isspace()
     cells = cells_of(line[:_LOOKED_AT])[1]
@@ -228,7 +233,7 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
 
 def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
                      is_usable: Callable[[Clock], bool]) -> Columns | None:
-    """Understand a header whose units stand in a line of their own; None if they do not."""
+    """Parse a header whose units are on the next line; return None if they are not."""
     delimiter, names = cells_of(header)
     units = cells_of(line)[1]
     if (columns.headless or delimiter is None or len(names) != len(units)
@@ -238,7 +243,7 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     of_axes = [bare[axis[0]] for axis in columns.axes]
     if not any(of_axes) or any(unit and unit in names[axis[0]]
                                for unit, axis in zip(of_axes, columns.axes, strict=True)):
-        # Nothing, or the names once more.
+        # The line has no units, or repeats the names.
         return None
     joined = delimiter.join(
         f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
@@ -248,15 +253,15 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     except ImuAllanError:
         if any('/' in unit for unit in of_axes):
             raise
-        # Any other text.
+        # The line holds other text.
         return None
 
 
 def echoed_imu(line: str) -> Columns | None:
     """
-    Recognise what ``ros2 topic echo --csv`` prints of a sensor_msgs/Imu, without a header line.
+    Recognize the output of ``ros2 topic echo --csv`` for sensor_msgs/Imu, without a header.
 
-    These are sec, nanosec, frame_id, orientation (4), covariance (9), angular velocity (3),
+    The columns are sec, nanosec, frame_id, orientation (4), covariance (9), angular velocity (3),
     covariance (9), linear acceleration (3), covariance (9).
     """
     cells = line.rstrip('\r\n').split(',')
@@ -279,7 +284,7 @@ def _no_header(cells: Sequence[str]) -> str:
 
 def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
             ) -> Mapping[int, tuple[str, str | None]]:
-    """Map the columns that the user names, or numbers from 1, to their meaning and unit."""
+    """Map columns that the user gives, by name or number from 1, to meaning and unit."""
     found: dict[int, tuple[str, str | None]] = {}
     for meaning, text in pairs:
         if meaning not in AXES and meaning != 'time':
@@ -307,8 +312,8 @@ def _columns_named(name: str, names: Sequence[str]) -> list[int]:
 
 
 def _with_name(name: str, names: Sequence[str]) -> list[int]:
-    """Find the columns of a name, with or without a unit behind it."""
-    # The mark of a comment is none of the first name.
+    """Find the columns with this name, whether or not a unit follows it."""
+    # The comment mark before the first name is not part of it.
     name = name.lstrip('# ')
     return [column for column, each in enumerate(names)
             if name and (each == name or each.startswith((f'{name} [', f'{name} (')))]
@@ -318,7 +323,7 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 def meaning_of(name: str, unit: str | None = None) -> str | None:
     """
-    Return what a column of this name is: ``'time'``, one of the axes, or None.
+    Return the meaning of a column with this name: ``'time'``, one of the axes, or None.
 
     Examples
     --------
@@ -347,9 +352,9 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
-    """Take a cell apart; blanks in a name count as underscores."""
-    # Runs of blanks are what an expression goes through over and over.
-    # A column name is no longer.
+    """Split a cell into name and unit; blanks in a name become underscores."""
+    # Column names are shorter. Collapsed blanks and limited length keep the regular expression
+    # from excessive backtracking.
     plain = ' '.join(cell.split()) if len(cell) <= 200 else ''
     match = _COLUMN.fullmatch(plain)
     if match is None:
@@ -358,13 +363,13 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 
 
 def is_rest_of_imu(cell: str) -> bool:
-    """Whether a column is another field of an Imu: its header, orientation or a covariance."""
+    """Return whether a column is another field of an Imu: header, orientation or covariance."""
     return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
 
 
 def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
     """
-    Return which axis each column is of three that are counted, from 0 or from 1.
+    Map the names of three columns numbered from 0 or from 1 to their axes.
 
     Examples
     --------
@@ -387,7 +392,7 @@ def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
 
 def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
     """
-    Find columns of whole seconds, each with that of the nanoseconds that belong to them.
+    Find columns of whole seconds with their matching columns of nanoseconds.
 
     Examples
     --------
@@ -403,19 +408,19 @@ def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
 
 
 def _clock_named(name: str) -> tuple[int, str | None] | None:
-    """Rank the name of a time, 0 for the best, with the unit in it; None where it is no time."""
+    """Return rank, 0 for the best, and unit of the name of a time; None if it is not a time."""
     lower = name.lower()
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(lower)) is not None:
             in_name = next((unit for unit in match.groups() if unit), None)
-            # What rostopic echo -p prints is nanoseconds without saying so.
+            # ``rostopic echo -p`` prints nanoseconds without stating the unit.
             return rank, 'ns' if lower in ('%time', 'field.header.stamp') else in_name
     return None
 
 
 def _stamp_of_axes(names: Sequence[str]) -> int | None:
     """
-    Find the column of the header's stamp in the message of which the first axis is a field.
+    Find the column of the header stamp in the message that contains the first axis.
 
     Examples
     --------
@@ -431,7 +436,7 @@ def _stamp_of_axes(names: Sequence[str]) -> int | None:
 
 
 def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
-    """Name the columns of three that differ in a last x, y or z alone."""
+    """List the columns of triples that differ only in a final x, y or z."""
     found: dict[str, dict[str, str]] = {}
     for cell in ignored:
         name = name_and_unit(cell)[0].lower()
@@ -442,7 +447,7 @@ def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
 
 
 def _unit_in_name(name: str) -> str | None:
-    """Return the unit that a name has, of whatever kind: that of another is refused later."""
+    """Return the unit in a name, of any quantity; a wrong quantity is rejected later."""
     if (clock := _clock_named(name)) is not None:
         return clock[1]
     if (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
@@ -453,7 +458,7 @@ def _unit_in_name(name: str) -> str | None:
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
     if unit is None:
         return options.factors[0 if axis.startswith('gyro') else 1]
-    # EuRoC writes rad s^-1, others m/s2, and phones G.
+    # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G).
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
     if spelled == 'G' and axis.startswith('accel'):
@@ -471,11 +476,11 @@ def _converted(name: str, unit: str, si_unit: str) -> float:
 # ------------------------------------------------------------------------------------------- cells
 
 def cells_of(header: str) -> tuple[str | None, list[str]]:
-    """Find the delimiter of a line, and split it into cells."""
+    """Determine the delimiter of a line and split it into cells."""
     plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
     marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
     if len(marks) > 1 and all(map(is_number, filter(str.strip, plain.split(marks[1])))):
-        # Numbers with decimal commas.
+        # The commas are decimal commas.
         del marks[0]
     if marks:
         return marks[0], plain.split(marks[0])
@@ -484,7 +489,7 @@ def cells_of(header: str) -> tuple[str | None, list[str]]:
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell holds a number, with a decimal point or comma."""
+    """Return whether a cell holds a number, with a decimal point or comma."""
     try:
         float(text.strip(QUOTES).replace(',', '.'))
     except ValueError:

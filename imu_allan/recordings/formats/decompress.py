@@ -1,10 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Decompression that never allocates more than was promised, and how much work a file may make.
+Decompression with bounds on memory and on the work that a file may cause.
 
-Six kilobytes of zstd can hold two million records without a byte in them, or 64 MiB of zeros, and
-a file can hold thousands of such chunks. Valid records take bytes of the file.
+No buffer exceeds its declared size. Six kilobytes of zstd can hold two million empty records, or
+64 MiB of zeros, and a file can hold thousands of such chunks. Valid records take bytes of the
+file.
 """
 
 import bz2
@@ -20,7 +21,7 @@ import numpy as np
 import zstandard
 
 try:
-    # An order of magnitude faster, where it is installed.
+    # An order of magnitude faster, if installed.
     from isal.isal_zlib import crc32
 except ImportError:
     from zlib import crc32
@@ -29,20 +30,21 @@ __all__ = [
     'DamagedData', 'Effort', 'crc32', 'declared_size', 'decompress', 'decompressing', 'unpacked']
 
 PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
-"""Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
+"""Any file may expand to this many bytes, plus this many times its size. Real recordings reach
+a ratio of 20."""
 
 
 class DamagedData(ValueError):
-    """Data that cannot be what it is declared to be; the message says why."""
+    """Data that contradicts its declaration; the message gives the reason."""
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
-    """Decompress a buffer that must give `size` bytes; raises DamagedData."""
+    """Decompress a buffer that must yield `size` bytes; raise DamagedData if it does not."""
     try:
         plain = _DECOMPRESSORS[compression](data, size)
     except KeyError:
         raise DamagedData(f'compression {compression[:20]!r} is not supported') from None
-    # lz4 raises RuntimeError, bz2 OSError, all of them MemoryError for absurd sizes.
+    # lz4 raises RuntimeError, bz2 OSError, and all raise MemoryError for absurd sizes.
     except (zstandard.ZstdError, RuntimeError, OSError, ValueError, MemoryError) as error:
         raise DamagedData(f'{compression}: {error}') from error
     if len(plain) != size:
@@ -51,7 +53,7 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
 
 
 def declared_size(head: bytes) -> int:
-    """Return the size that a zstd frame beginning with `head` declares; 0 where it does not."""
+    """Return the size declared by a zstd frame that begins with `head`; 0 if undeclared."""
     try:
         return max(zstandard.frame_content_size(head), 0)
     except zstandard.ZstdError:
@@ -59,7 +61,7 @@ def declared_size(head: bytes) -> int:
 
 
 def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
-    """Return what reads plain bytes of a zstd file; it raises DamagedData."""
+    """Return a function that reads decompressed bytes of a zstd file, or raises DamagedData."""
     stream = _LOCAL.zstd.stream_reader(file, read_across_frames=True)
 
     def read(size: int) -> bytes:
@@ -72,7 +74,7 @@ def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
 
 
 class _Local(threading.local):
-    """A decompressor for each thread: one must not serve two."""
+    """One decompressor per thread, as it must not be shared."""
 
     def __init__(self) -> None:
         self.zstd = zstandard.ZstdDecompressor(max_window_size=1 << 27)
@@ -82,7 +84,7 @@ _LOCAL = _Local()
 
 
 def _unzstd(data: bytes, size: int) -> bytes:
-    # The library allocates what the frame declares, whatever maximum it is given.
+    # The library allocates the declared size of the frame, ignoring the given maximum.
     declared = zstandard.frame_content_size(data)
     if declared > size:
         raise DamagedData(f'a frame of {declared} bytes instead of the declared {size}')
@@ -97,16 +99,16 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
 
 class Effort:
     """
-    What one reading of a file may still step through one by one, and expand to.
+    Remaining bounds on single steps and decompressed bytes while a file is read.
 
     Parameters
     ----------
     path : Path
-        The file as the user has it, before anything of it is unpacked.
+        The original file, before any decompression.
     at_least : int
-        Steps that any chunk may take, whatever its size.
+        Steps allowed in any chunk, whatever its size.
     bytes_per_step : int, optional
-        Bytes of a chunk for one more step in it.
+        Bytes of a chunk that allow one more step.
 
     """
 
@@ -115,34 +117,34 @@ class Effort:
         self._at_least = at_least
         self._bytes_per_step = bytes_per_step
         self._left = 0
-        # Ten chunks, of any size, may take all the steps that one may; the smallest record,
-        # compressed, takes more than four bytes of the file.
+        # Ten chunks may take all of `at_least` steps, whatever their size. Beyond that, even the
+        # smallest compressed record takes more than four bytes of the file.
         self._steps = 10 * at_least + size // 4
         self._bytes = PLAIN_BYTES + MOST_RATIO * size
 
     def begin(self, stored: int) -> None:
-        """Begin a chunk that takes so many bytes of the file."""
+        """Begin a chunk that occupies `stored` bytes of the file."""
         self._steps += max(self._left, 0)
         most = self._at_least + stored // self._bytes_per_step
         self._left = min(self._steps, most)
         self._steps -= self._left
 
     def step(self) -> None:
-        """Count a record; raises DamagedData where there are more than allowed."""
+        """Count a record; raise DamagedData if there are too many."""
         self._left -= 1
         if self._left < 0:
             raise DamagedData('more records than its bytes can hold')
 
     def expand(self, size: int) -> None:
-        """Count bytes that something compressed expands to; raises DamagedData if too many."""
+        """Count decompressed bytes; raise DamagedData if there are too many."""
         if size > self._bytes:
             raise DamagedData(f'the file expands to more than {MOST_RATIO} times its size')
         self._bytes -= size
 
 
 def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[MessageBatch]:
-    """Decompress the messages of `batches`, where they are compressed."""
-    # No message begins as zstd does: CDR begins with a zero.
+    """Decompress those messages of `batches` that are compressed."""
+    # Serialized messages never begin with the zstd magic number: CDR begins with a zero.
     for compressed, group in groupby(
             batches, lambda batch: batch.rows[0, :4].tobytes() == b'\x28\xb5\x2f\xfd'):
         if not compressed:
@@ -150,7 +152,7 @@ def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[Messag
             continue
         rows = ((row.tobytes(), stamp) for batch in group
                 for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True))
-        # However large they are, 256 messages are decompressed into one batch.
+        # Decompress 256 messages into one batch, whatever their size.
         while some := list(islice(rows, 256)):
             messages, stamps = zip(*some, strict=True)
             yield from batches_of([_unpacked_message(message, effort) for message in messages],
@@ -158,8 +160,9 @@ def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[Messag
 
 
 def _unpacked_message(message: bytes, effort: Effort) -> bytes:
-    """Decompress one message; nothing, which is no message, where that is not possible."""
-    # An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more.
+    """Decompress one message; return b'', which is not a valid message, on failure."""
+    # 200 times the size of an Imu, which has 324 bytes plus frame_id; this also bounds hostile
+    # data.
     most = 1 << 16
     try:
         effort.expand(declared_size(message) or most)

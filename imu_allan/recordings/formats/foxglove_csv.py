@@ -46,9 +46,7 @@ class FoxgloveCsv(FileRecording):
                 '/imu.angular_velocity.x and export them')
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """
-        Join the axes of a topic by their times; yield blocks, each with its share of the bytes.
-        """
+        """Join the axes of a topic by time; yield blocks, each with its share of the bytes."""
         series = {axis: [np.array(values) for values in found]
                   for (name, axis), found in self._series().items() if name == topic}
         # Messages that arrive together share a receive time, but not a header stamp.

@@ -1,14 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages of one topic out of a buffer of MCAP records, as arrays.
+Gathering of the messages of one topic from a buffer of MCAP records, as arrays.
 
-An Imu topic's records nearly always have equal size and, in the buffer, equal distance. So runs of
-equal records are looked for, verified record by record in one comparison, and handed on as a view
-of the buffer. Where topics alternate, the message index says where records begin; it is believed
-only if the records it names fill the buffer without a gap. Without one, records are stepped
-through one by one. No message is assumed to be anywhere: each record's own opcode, length and
-channel are what counts.
+Records of an Imu topic nearly always have equal size and equal spacing in the buffer. Runs of
+equal records are therefore detected, verified in one comparison, and returned as a view of the
+buffer. Where topics alternate, the message index locates the records; it is trusted only if they
+fill the buffer without a gap. Without an index, records are read one by one. Opcode, length and
+channel of every record are always checked.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
-_NUMBER_AT = RECORD_HEAD + 2       # behind channel
-_LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
+_NUMBER_AT = RECORD_HEAD + 2       # after channel
+_LOG_TIME_AT = RECORD_HEAD + 6     # after channel and sequence
 _KEY = RECORD_HEAD + 2
-"""Bytes of opcode, length and channel: what equal records have in common."""
+"""Bytes of opcode, length and channel, which equal records share."""
 _BATCH_BYTES = 1 << 24
-"""Of messages that are copied at a time: 20 chunks of rosbag2, where one may be a thousand."""
+"""Bytes of messages to hold at a time: 20 chunks of rosbag2, as one chunk may be far larger."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
@@ -53,33 +52,33 @@ def gather(
     buffer : bytes
         Records, the first one starting at byte 0; the last one may be incomplete.
     wanted : set of int
-        Channel ids; looked at anew after each call of `describe`.
+        Channel ids; calls of `describe` may add to them.
     describe : callable, optional
-        Called with opcode and body of every Schema and Channel record.
+        Called with opcode and body of each Schema and Channel record.
     index : callable, optional
-        Gives the places of all message records in the buffer, as the file declares them, in any
-        order. Called where topics alternate.
+        Returns the offsets of all message records in the buffer, as the file declares them, in any
+        order. Called if topics alternate.
     effort : Effort, optional
-        How many records may be stepped through one by one.
+        Bound on the records that are read one by one.
 
     Returns
     -------
     batches : iterator of MessageBatch
-        The messages; those that are copied are copied when they are asked for.
+        The messages; copies are made only when a batch is requested.
     consumed : int
-        Bytes of whole records. Less than ``len(buffer)`` where the last record is incomplete, or
-        where a record follows that cannot stand among messages.
+        Bytes of complete records. Less than ``len(buffer)`` if the last record is incomplete, or
+        is of a type that cannot occur among messages.
 
     Raises
     ------
     DamagedData
-        If there are more records than `effort` allows.
+        If `effort` is exhausted.
 
     """
     batches: list[Iterable[MessageBatch]] = []
     scattered: list[int] = []
     at, end = 0, len(buffer)
-    # After so many records that are stepped through, the message index is asked for.
+    # Use the message index after this many records that are not in a run.
     steps_left = 32
     while end - at >= RECORD_HEAD:
         opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
@@ -92,7 +91,7 @@ def gather(
             if stride < _MESSAGE_HEAD:
                 break
             key = buffer[at:at + _KEY]
-            # Two probes ahead are cheap; the comparison of a whole run is not.
+            # Two probes are cheap; comparing a whole run is not.
             run = (buffer[at + stride:at + stride + _KEY] == key
                    and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
             count = equal_records(buffer, at, stride, [(0, _KEY)]) if run else 1
@@ -126,12 +125,12 @@ def gather(
 
 def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     """
-    Hand batches on in lists of a few MiB: each may be of one message, in millions.
+    Group batches into lists of 16 MiB, as there may be millions with one message each.
 
     Raises
     ------
     DamagedData
-        As `batches` does, after those before it.
+        As `batches` does, after the batches before it.
 
     """
     held: list[MessageBatch] = []
@@ -140,7 +139,7 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     try:
         for batch in batches:
             held.append(batch)
-            # A batch takes about 1 kB beside its messages.
+            # Allow 1 kB for the overhead of a batch.
             left -= batch.rows.nbytes + 1024
             if left < 0:
                 yield held
@@ -153,7 +152,7 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
 
 
 def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int, int]]) -> int:
-    """Count the records from `at` on, `stride` apart, whose bytes in `spans` are the same."""
+    """Count records from `at` on, spaced by `stride`, that agree in the bytes of `spans`."""
     most = (len(buffer) - at) // stride
     count, more = 1, 64
     while count < most:
@@ -168,7 +167,7 @@ def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int
 
 
 def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Copy `size` bytes from each of `offsets`; shape (len(offsets), size)."""
+    """Copy `size` bytes at each of `offsets`; return shape (len(offsets), size)."""
     anywhere = np.ndarray((len(buffer) - size + 1,), f'V{size}', buffer, 0, (1,))
     return anywhere[offsets].view(np.uint8).reshape(-1, size)
 
@@ -177,7 +176,7 @@ def _verified(
     buffer: bytes, at: int, places: NDArray[np.int64],
     describe: Callable[[int, bytes], object] | None,
 ) -> NDArray[np.int64] | None:
-    """Sort `places` from `at` on; None unless the records there fill the rest of the buffer."""
+    """Sort `places` from `at` on; return None unless their records fill the rest of the buffer."""
     places = np.unique(places[places >= at])
     if len(places) == 0 or places[-1] > len(buffer) - _MESSAGE_HEAD:
         return None
@@ -197,7 +196,7 @@ def _verified(
 def _only_descriptions(
     buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object] | None,
 ) -> bool:
-    """Whether nothing but Schema and Channel records stands between two messages."""
+    """Return whether only Schema and Channel records lie between two messages."""
     while at < stop:
         opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
         if opcode not in _DESCRIPTIONS:
@@ -212,7 +211,7 @@ def _of_channels(
     buffer: bytes, places: NDArray[np.int64], wanted: AbstractSet[int],
 ) -> NDArray[np.int64]:
     channels = np.ndarray((len(buffer) - _KEY + 1,), '<u2', buffer, RECORD_HEAD, (1,))[places]
-    # There may be as many wanted as there are numbers, and a few in a chunk.
+    # Compare distinct channels: all 65,536 may be wanted, but a chunk contains only a few.
     kinds, which = np.unique(channels, return_inverse=True)
     chosen = np.array([number in wanted for number in kinds.tolist()])
     kept: NDArray[np.int64] = places[chosen[which]]
@@ -225,7 +224,7 @@ def _lengths(buffer: bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterator[MessageBatch]:
-    """Copy the message records at `offsets` into arrays of equal size, in their order."""
+    """Copy the message records at `offsets`, in order, into arrays of equal record size."""
     if len(offsets) == 0:
         return
     places = np.array(offsets)

@@ -103,9 +103,7 @@ class McapRecording(ChunkedRecording):
             raise DamagedData(f'{rest} bytes at its end are not whole records')
 
     def _read_index(self, file: BinaryIO) -> bool:
-        """
-        Read channels, counts and chunk offsets from the summary; return False if there is none.
-        """
+        """Read channels, counts and chunk offsets from the summary; return False without one."""
         if file.read(len(MAGIC)) != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
         footer_at = self.size_bytes - _FOOTER_SIZE - len(MAGIC)

@@ -63,9 +63,7 @@ class Ros1Recording(ChunkedRecording):
             yield decode(batches)
 
     def _read_index(self, file: BinaryIO) -> bool:
-        """
-        Read connections and counts from the end of the bag; return False if they are missing.
-        """
+        """Read connections and counts from the end of the bag; return False if it lacks them."""
         magic = file.read(len(MAGIC))
         if MAGIC.startswith(magic) and magic != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: cut short within its first line; copy '

@@ -3,8 +3,8 @@
 """
 The .db3 files of rosbag2's sqlite3 storage.
 
-A recording is never written to: where SQLite would have to, for the log that a killed recorder
-left beside the file, that is done in a copy.
+A recording is never modified. If SQLite has to write, to apply the log that a killed recorder left
+beside the file, it does so in a copy.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
 _MOST_TOPICS = 1 << 16
-"""Topics that are listed: as many as an MCAP file can number."""
+"""Most topics to list, as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
-"""Numbers that one topic may have; rosbag2 gives it one."""
+"""Most ids that one topic may have; rosbag2 assigns one."""
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 
 
 class SqliteRecording(FileRecording):
-    """A .db3 file; raises ImuAllanError where that is no rosbag2 database."""
+    """A .db3 file; raises ImuAllanError if it is not a rosbag2 database."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        # SQLite looks beside the file itself, not beside a link to it.
+        # SQLite looks for the log beside the target of a link, not beside the link.
         super().__init__(path, Path(os.path.realpath(stored)), options)
         self._copy: Path | None = None
         self._numbers: dict[str, list[int]] = {}
         self._tolerant = False
-        # Bytes that file and log have for rows: none of them can take more.
+        # Bytes of the file and its log, which bound the size of all rows.
         self._room = self.size_bytes
         try:
             self._open(self._log_beside())
@@ -63,12 +63,12 @@ class SqliteRecording(FileRecording):
             raise
 
     def close(self) -> None:
-        """Remove the temporary copy, if one was needed."""
+        """Remove the temporary copy, if there is one."""
         if self._copy is not None:
             remove_folder(self._copy)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks in the order of recording, each with the bytes consumed so far."""
+        """Read blocks in the order of recording, each with the number of bytes consumed so far."""
         imu = self.imu(topic)
         decode, malformed = imu.messages.decoder(), MalformedMessages()
         effort = Effort(self.path, 0)
@@ -82,7 +82,7 @@ class SqliteRecording(FileRecording):
     # ---------------------------------------------------------------------------- what is there
 
     def _log_beside(self) -> Path | None:
-        """Find the write-ahead log of a killed recorder; a journal is left alone."""
+        """Find the write-ahead log of a killed recorder; ignore a rollback journal."""
         for kind in ('journal', 'wal'):
             path = self._stored.with_name(f'{self._stored.name}-{kind}')
             with suppress(OSError):
@@ -94,13 +94,13 @@ class SqliteRecording(FileRecording):
                     self._room += status.st_size
                     return path
                 elif status.st_size:
-                    # It may name another file, which SQLite then removes.
+                    # A journal may name another file, which SQLite would then delete.
                     self.remark('unfinished_recording', fault='unusable',
                                 file=printable(path.name), reason='rosbag2 leaves none')
         return None
 
     def _open(self, log: Path | None) -> None:
-        """List the topics, with as much tolerance as the file needs."""
+        """List the topics; tolerate damage only if the file cannot be read otherwise."""
         reason: Exception
         try:
             if log is None:
@@ -108,7 +108,7 @@ class SqliteRecording(FileRecording):
             else:
                 self._work_on_copy(log)
                 with untrusted_database(self._stored, 0, 'mode=rw'):
-                    # The first look into the file has taken in the log.
+                    # Opening the database applies the log.
                     pass
             kinds, definitions = self._described()
         except (sqlite3.Error, OSError) as error:
@@ -138,7 +138,7 @@ class SqliteRecording(FileRecording):
         self._stored = self._copy / self._stored.name
 
     def _cut_last_page(self) -> None:
-        """Work on a copy without its last page where that is incomplete: SQLite would pad it."""
+        """Work on a copy without an incomplete last page, which SQLite would pad."""
         with self._stored.open('rb') as file:
             header = file.read(100).ljust(100, b'\0')
         [page_size] = unpack_from('>H', header, 16)
@@ -146,7 +146,7 @@ class SqliteRecording(FileRecording):
         [changes, pages] = unpack_from('>II', header, 24)
         [counted_at] = unpack_from('>I', header, 92)
         missing = pages * page_size - self.size_bytes
-        # The number of pages is valid where it was counted at the latest change.
+        # The page count is valid only if it was written with the latest change.
         if changes != counted_at or missing <= 0:
             return
         self.remark('truncated_recording', fault='database', missing_bytes=missing,
@@ -167,7 +167,7 @@ class SqliteRecording(FileRecording):
             yield opened
 
     def _described(self) -> tuple[dict[str, str], dict[str, Definition]]:
-        """Look the types of topics up, and the definitions that there are of them."""
+        """Look up the types of the topics and the available definitions of them."""
         with self._database() as (database, _):
             self._numbers = {}
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
@@ -190,9 +190,9 @@ class SqliteRecording(FileRecording):
             return kinds, _definitions(database, set(kinds.values()), self._room)
 
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
-        """Whether a topic has messages; in vain the whole file is gone through, if it is small."""
+        """Return whether a topic has messages; in a large file, whether any topic has."""
         numbers = self._numbers[imu.topic][:_MOST_NUMBERS]
-        # In a larger file no message of each topic is sought on opening.
+        # To search a large file for a message of each topic would make opening slow.
         only = '' if self._tolerant or self.size_bytes > 1 << 26 else (
             f'WHERE topic_id IN ({",".join(map(str, numbers))}) ')
         return bool(database.execute(
@@ -203,13 +203,13 @@ class SqliteRecording(FileRecording):
     def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
                  malformed: MalformedMessages,
                  ) -> Iterator[tuple[list[int], list[bytes], int]]:
-        """Fetch stamps, messages and bytes consumed, thousands at a time, behind damage too."""
+        """Fetch thousands of messages at a time, past damage, with stamps and bytes consumed."""
         numbers = self._numbers[imu.topic]
         if len(numbers) > _MOST_NUMBERS:
             self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
                         entries=len(numbers), read=_MOST_NUMBERS)
             numbers = numbers[:_MOST_NUMBERS]
-        # Type and length are known without the value, however long that is.
+        # SQLite knows type and length without loading the value, however long it is.
         query = ("SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
                  f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
                  'THEN data END FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
@@ -222,26 +222,26 @@ class SqliteRecording(FileRecording):
                         f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
                     pass
         first, last = sorted(ends)
-        # In 200 statements, so that it is known how far reading has come.
+        # Split the query into 200 statements, to report progress.
         span = (last - first) // 200 + 1
-        # In a damaged file rows may lie beyond its ends.
+        # In a damaged file, rows may lie beyond the first and last one found.
         edges = [first, *range(first + span, last + 1, span), 2**63]
-        # All messages together have no more bytes than file and log.
+        # All messages together cannot exceed the bytes of file and log.
         read = places = handed = held_bytes = position = 0
         step, latest, left = 1, -2**63, self._room
         stamps: list[int] = []
         messages: list[bytes] = []
         reason: sqlite3.Error | None = None
         for place, (start, stop) in enumerate(pairwise(edges)):
-            # Few enough rows to be held where each is as large as it may be.
+            # Few enough rows to hold in memory even if all are as large as permitted.
             most = 64
-            # Reading goes on behind a thousand damaged places.
+            # Give up after a thousand damaged places.
             while start < stop and places < 1000 and not budget.exhausted and left >= 0:
                 before = latest
                 try:
                     cursor = database.execute(query, (start, stop - 1))
                     while found := cursor.fetchmany(most):
-                        # So many stay in the cache, unless they are large.
+                        # This many messages fit into the cache, unless they are large.
                         if len(messages) >= 1 << 11 or held_bytes >= 1 << 24:
                             yield stamps, messages, position
                             handed += len(messages)
@@ -249,7 +249,7 @@ class SqliteRecording(FileRecording):
                         position = self.size_bytes * place // (len(edges) - 1)
                         held = len(messages)
                         for number, stamp, message in found:
-                            # Damaged pages may lead back to rows that were read already.
+                            # Damaged pages may point back to rows that were already read.
                             if number > latest:
                                 latest = number
                                 read += 1
@@ -276,7 +276,8 @@ class SqliteRecording(FileRecording):
                     elif most == 1:
                         places += step == 1
                         start, step = start + step, 2 * step
-                    # What fails takes the rows before it along, if they are fetched together.
+                    # After a failure fetch row by row, as it also discards good rows of the same
+                    # fetch.
                     most = 1
         if messages:
             yield stamps, messages, position
@@ -287,7 +288,7 @@ class SqliteRecording(FileRecording):
 
 def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,
                  ) -> dict[str, Definition]:
-    """Look types' definitions up, which bags since ROS 2 Iron hold."""
+    """Look up the definitions of types, which bags contain since ROS 2 Iron."""
     found: dict[str, Definition] = {}
     with suppress(sqlite3.Error):
         require_plain_tables(database, ['message_definitions'])

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The logs of autopilots: records of numbers, which are taken as those of messages are.
+Logs of autopilots: records of numbers, decoded with the code for messages.
 
-Which fields are the samples is said by `imu_allan.recordings.messages.imu_fields`.
+Which fields hold the samples is given by `imu_allan.recordings.messages.imu_fields.ImuFields`.
 """
 
 from abc import abstractmethod
@@ -25,8 +25,8 @@ class TableLog(FileRecording):
     """The log of an autopilot."""
 
     def list_at(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
-        """Enter an IMU among `topics`, or say why it is not read and what to do."""
-        # No IMU is as slow: such messages are logged for show.
+        """Add an IMU to `topics`, or note why it is not read and what to do."""
+        # No IMU is this slow; such messages are only for monitoring.
         if rate_hz < 20.0:
             self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
             self.other_topics[imu.name] = imu.messages.type_name
@@ -35,17 +35,17 @@ class TableLog(FileRecording):
 
     @abstractmethod
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a topic that is recorded: its name, records, bytes consumed."""
+        """Gather the messages of a recorded topic; yield its name, records and bytes consumed."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with the bytes consumed so far; the stamps are the receive time."""
+        """Read blocks with the bytes consumed so far; the stamps serve as receive times."""
         imu = self.imu(topic)
         fields = imu.messages.fields
         assert fields is not None
         malformed = MalformedMessages()
         for name, records, position in self.tables_of(imu.topic):
             if name == imu.topic:
-                # What is not finite in a damaged log is rejected by the timeline.
+                # The timeline rejects values of a damaged log that are not finite.
                 with np.errstate(invalid='ignore', over='ignore'):
                     columns = taken(fields, (), records, times_of(records, fields), malformed)
                     samples = columns['samples'] * np.repeat(imu.messages.factors, 3)
@@ -55,7 +55,7 @@ class TableLog(FileRecording):
 
 
 def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
-    """Give the elements of arrays names of their own: ``name[0]`` is the first."""
+    """Add a field for each array element, such as ``name[0]`` for the first."""
     fields: dict[str, tuple[np.dtype[Any], int]] = {}
     for name, (kind, offset, *_) in (layout.fields or {}).items():
         fields[name] = kind, offset
@@ -67,7 +67,7 @@ def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str, ...]:
-    """Choose the topic, or gyroscope with its partner, that has the highest rate."""
+    """Choose the topic, or the gyroscope and its partner, with the highest rate."""
     choices: dict[tuple[str, ...], float] = {}
     for name, rate in rates.items():
         base, dot, number = name.partition('.')
@@ -81,7 +81,7 @@ def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str
 
 
 def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
-    """Return the first field that is needed and not there, or no number; None if none is."""
+    """Return the first required field that is missing or not numeric; None if all are there."""
     needed = [*others, *sorted(fields.numbers() - {
         path for stamp in fields.stamps for path in stamp.paths})]
     if _stamp(layout, fields) is None:

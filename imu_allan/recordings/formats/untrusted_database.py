@@ -1,13 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-SQLite on a file that anybody may have made, and that is never written to.
+SQLite access to a file from an untrusted source, which is never written to.
 
-A database holds programs beside data: views, generated columns and virtual tables compute without
-end. An overflow page that follows itself is a gigabyte, and a tree whose branches share leaves has
-more rows than the disk. So only plain tables are read, every statement has a budget of steps that
-no honest file of its size uses up, and values are bounded. After https://sqlite.org/security.html,
-as far as Python reaches.
+A database can contain programs: views, generated columns and virtual tables may compute forever.
+An overflow page that points to itself is a gigabyte long, and a tree with shared leaves has more
+rows than the disk. So only plain tables are read, values are bounded, and statements share a
+budget of steps that no genuine file of that size exhausts. This follows
+https://sqlite.org/security.html, as far as Python permits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import sqlite3
 from imu_allan.errors import printable, shorten
 
 LONGEST_VALUE = 1 << 20
-"""Bytes of a text or a blob; an Imu has 324 and its frame_id, definitions are the longest."""
+"""Bytes of a text or blob. An Imu has 324 plus its frame_id; definitions are the longest."""
 _LIMITS = {
     'SQLITE_LIMIT_LENGTH': LONGEST_VALUE,
     'SQLITE_LIMIT_SQL_LENGTH': 100_000,     # rosbag2's longest statement has 200
@@ -32,22 +32,23 @@ _LIMITS = {
     'SQLITE_LIMIT_ATTACHED': 0,
 }
 _STEPS_AT_A_TIME = 1000
-"""Between two calls into Python, which cost nothing beside so many; the budget ends as exactly."""
+"""Steps between two calls of the progress handler, so that its cost is negligible. This is also
+the resolution of the budget."""
 
 
 class Budget:
-    """Steps of SQLite's machine that all statements on a database may take together."""
+    """Steps of the SQLite virtual machine that all statements together may take."""
 
     def __init__(self, steps: int) -> None:
         self._steps = steps
 
     @property
     def exhausted(self) -> bool:
-        """Whether it is used up: then every further statement fails."""
+        """Return whether the budget is used up, so that every further statement fails."""
         return self._steps <= 0
 
     def spend(self) -> bool:
-        """Count steps; True ends the statement."""
+        """Count steps; True aborts the statement."""
         self._steps -= _STEPS_AT_A_TIME
         return self.exhausted
 
@@ -56,10 +57,11 @@ class Budget:
 def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *,
                        tolerant: bool = False) -> Iterator[tuple[sqlite3.Connection, Budget]]:
     """
-    Open a database with the budget of its size; raises sqlite3.Error.
+    Open a database with a budget for its size; raise sqlite3.Error if it cannot be read.
 
-    As immutable, nothing but the file is looked at, no file created and no lock taken that a
-    recorder could meet. `tolerant` reads a file that is shorter than it says as far as it goes.
+    Opened as immutable, SQLite reads only this file, creates none, and takes no lock that a
+    recorder could meet. With `tolerant`, a file shorter than its header says is read as far as it
+    goes.
     """
     database = sqlite3.connect(f'{path.absolute().as_uri()}?{mode}', uri=True)
     try:
@@ -70,12 +72,12 @@ def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *
             for name, limit in _LIMITS.items():
                 database.setlimit(getattr(sqlite3, name), limit)
         else:
-            # Before Python 3.11 a single value cannot be limited, but all memory can.
+            # Python before 3.11 cannot limit a single value, only the total memory.
             database.execute(f'PRAGMA hard_heap_limit = {1 << 28}')
         if tolerant:
             database.execute('PRAGMA writable_schema = ON')
         _require_plain_schema(database)
-        # A row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least.
+        # A row takes 7 to 25 steps, and occupies at least 14 bytes.
         budget = Budget(20_000_000 + 2 * size_bytes)
         database.set_progress_handler(budget.spend, _STEPS_AT_A_TIME)
         yield database, budget
@@ -84,7 +86,7 @@ def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *
 
 
 def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> None:
-    """Make sure that whatever is read of these tables stands in the file as it is."""
+    """Check that the columns of these tables are stored, not computed."""
     for name in names:
         for column, hidden in database.execute(
                 'SELECT name, hidden FROM pragma_table_xinfo(?)', (name,)):
@@ -95,14 +97,14 @@ def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> 
 
 
 def _require_plain_schema(database: sqlite3.Connection) -> None:
-    # Enough for a schema of some 2,000 entries, of which rosbag2 writes 6.
+    # Enough for a schema of some 2,000 entries; rosbag2 writes 6.
     schema = Budget(50_000)
     database.set_progress_handler(schema.spend, _STEPS_AT_A_TIME)
     try:
         for name, beginning in database.execute(
                 'SELECT CAST(name AS TEXT), lower(substr(CAST(sql AS TEXT), 1, 20)) '
                 'FROM sqlite_master WHERE sql NOT NULL'):
-            # What an entry is its text says; its name and its type may say anything.
+            # The SQL text defines what an entry is; its name and type columns may be forged.
             if not beginning.startswith(
                     ('create table ', 'create index ', 'create unique index ')):
                 raise sqlite3.DatabaseError(

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Records to columns: samples in SI units, stamps and frames, without an object a message.
+Conversion of records to columns: samples in SI units, stamps and frames.
 
-A record is a serialized message whose numbers have the paths of its fields for names, or one of
-the log of an autopilot.
+No object is created per message. A record is a serialized message, with field paths as names of
+the numbers, or a record in the log of an autopilot.
 """
 
 from collections.abc import Sequence
@@ -21,27 +21,27 @@ from numpy.typing import NDArray
 _NANOSECONDS = 1_000_000_000  # in a second
 
 Columns = dict[str, NDArray[Any]]
-"""Of each sample: 'stamps' (one a column), 'receive_ns', 'samples', 'absent' and, of bursts, the
-number of its 'message'."""
+"""For each sample: 'stamps' (one per column), 'receive_ns', 'samples', 'absent' and, for
+bursts, 'message', the index of its message."""
 
 
 def taken(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
           receive_ns: NDArray[np.int64], on_malformed: OnMalformed | None) -> Columns:
     """
-    Take samples and stamps out of records.
+    Extract samples and stamps from records.
 
     Parameters
     ----------
     fields : ImuFields
-        What is read of them.
+        The fields to read.
     stamps_read : sequence of Stamp
-        The stamps among which one is chosen later.
+        The stamps to read, of which one is chosen later.
     messages : structured ndarray, shape (n,)
         The records.
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps.
     on_malformed : callable, optional
-        Called for bursts that are none; without it they raise MalformedImu.
+        Called for invalid bursts; without it they raise MalformedImu.
 
     """
     count = len(messages)
@@ -69,12 +69,12 @@ def taken(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.
 def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
            stamps: NDArray[np.int64], receive_ns: NDArray[np.int64],
            on_malformed: OnMalformed | None) -> Columns:
-    """Unroll messages of many samples, each at its own time; the stamp is that of the last."""
+    """Expand messages with many samples; the stamp is that of the last sample."""
     [(first, vector)] = fields.vectors()
     width = messages[vector.paths[0]].shape[1]
     filled = messages[burst.samples].astype(np.int64)
     step_ns = messages[burst.step_us].astype(np.float64) * 1e3
-    # What samples a burst at less than 1 Hz is no IMU, but a damaged number.
+    # A burst sampled at less than 1 Hz is not from an IMU, but a damaged number.
     sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
         step_ns < 1e9)
     if not sound.all():
@@ -101,17 +101,17 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
 
 def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int],
               ) -> NDArray[np.int64]:
-    """Return the numbers of the frames that messages name; new names are entered in `seen`."""
+    """Return indices of the frames that messages name; enter new names in `seen`."""
     if place is None:
         return np.zeros(len(rows), np.int64)
     items, size = rows[:, place.at:place.at + place.count].tobytes(), place.count
-    # Without characters, the text ends after no byte of any row.
+    # With size 0 every slice is the empty text, as it should be.
     return np.array([seen.setdefault(_text(items[row * size:(row + 1) * size]), len(seen))
                      for row in range(len(rows))])
 
 
 def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
-    """Write the numbers of a vector, in SI units, into `out` of shape (n, 3)."""
+    """Write the values of a vector, in SI units, to `out` of shape (n, 3)."""
     side_by_side = together(vector)
     if side_by_side not in (messages.dtype.names or ()):
         for axis, path in enumerate(vector.paths):
@@ -124,7 +124,7 @@ def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) 
 
 
 def _to_si(numbers: NDArray[np.float64], vector: Vector, messages: NDArray[np.void]) -> None:
-    """Turn numbers of shape (n, 3) or (n, width, 3) into rad/s or m/s^2, in place."""
+    """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
     def each(path: str) -> NDArray[np.float64]:
         return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
 
@@ -139,23 +139,23 @@ def _to_si(numbers: NDArray[np.float64], vector: Vector, messages: NDArray[np.vo
 
 
 def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
-    """Return stamps in nanoseconds; -1 for what is no time."""
+    """Return stamps in nanoseconds; -1 for invalid times."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths
         times: NDArray[np.int64] = messages[seconds].astype(np.int64)
         parts = messages[nanoseconds].astype(np.int64)
         times *= _NANOSECONDS
         times += parts
-        # Those below zero are large without a sign.
+        # Negative values are large as unsigned numbers, so one comparison checks both bounds.
         beyond = parts.view(np.uint64) >= _NANOSECONDS
         if beyond.any():
             times[beyond] = -1
         return times
     number = messages[stamp.path]
-    # Through doubles where the field is one, else exactly.
+    # Integers are scaled exactly, floating-point numbers as doubles.
     exact = number.dtype.kind in 'iu'
     rough = number.astype(np.float64) * stamp.unit_ns
-    # Larger numbers of nanoseconds are no time.
+    # Larger numbers of nanoseconds are not valid times.
     sound = np.isfinite(rough) & (np.abs(rough) < 2**62)
     whole = number.astype(np.int64) * stamp.unit_ns if exact else np.rint(
         np.where(sound, rough, 0)).astype(np.int64)
@@ -164,5 +164,5 @@ def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=256)
 def _text(characters: bytes) -> str:
-    # Of CDR alone, the last one is a zero; it is none in any text.
+    # CDR strings end with a null byte, those of ROS 1 do not.
     return shorten(characters.removesuffix(b'\0').decode('utf-8', 'replace'))

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages of any type to blocks of samples, and which of several stamps is their clock.
+Decoding of messages of any type to blocks, and choice of the clock among several stamps.
 
-What messages of the same form have in common is found by `imu_allan.recordings.messages.forms`;
-their fields are then taken as columns by `imu_allan.recordings.messages.columns`.
+`imu_allan.recordings.messages.forms` locates the fields of messages with the same layout, and
+`imu_allan.recordings.messages.columns` extracts them as columns.
 """
 
 from collections.abc import Iterable, Sequence
@@ -32,30 +32,30 @@ _NANOSECONDS = 1_000_000_000  # in a second
 
 
 class Decoder(Protocol):
-    """What turns the messages of a topic into blocks; one for each reading of the topic."""
+    """Callable that decodes messages of a topic to blocks; use a new one for each reading."""
 
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
-        """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
+        """Decode messages in order; malformed ones raise MalformedImu or are reported."""
 
 
 @dataclass(frozen=True)
 class ImuMessages:
     """
-    How the messages of a topic are read; makes a decoder for each reading.
+    Description of how to read the messages of a topic; creates a decoder for each reading.
 
     Attributes
     ----------
     type_name : str
-        Their type.
+        Type of the messages.
     serialization : {'cdr', 'ros1'}
         How they are serialized.
     fields : ImuFields or None
-        Where the samples stand; None for sensor_msgs/Imu itself.
+        Which fields hold the samples; None for sensor_msgs/Imu itself.
     types : Types
-        Fields of the types in them; empty for sensor_msgs/Imu itself.
+        Fields of all types in the messages; None for sensor_msgs/Imu itself.
     factors : (float, float)
-        What gyroscope and accelerometer are multiplied by.
+        Factors applied to gyroscope and accelerometer samples.
 
     """
 
@@ -87,13 +87,13 @@ class ImuMessages:
 
     @property
     def half(self) -> Literal['gyro', 'accel'] | None:
-        """Return the sensor whose samples they are where it is one alone, else None."""
+        """Return the only sensor with samples in the messages; None if both have samples."""
         if self.fields is None or (self.fields.gyro and self.fields.accel):
             return None
         return 'gyro' if self.fields.gyro else 'accel'
 
     def reported(self) -> str:
-        """Say in words how they are read."""
+        """Describe in words how the messages are read."""
         if self.fields is None:
             return self.type_name
         return f'{self.type_name}, {self.fields.what}'
@@ -103,7 +103,7 @@ BARE_IMU = ImuMessages('sensor_msgs/msg/Imu')
 
 
 class FieldsDecoder:
-    """Decodes messages whose samples stand in the fields of some type."""
+    """Decoder for message types whose samples are in arbitrary fields."""
 
     def __init__(self, messages: ImuMessages) -> None:
         assert messages.fields is not None
@@ -117,7 +117,7 @@ class FieldsDecoder:
 
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
-        """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
+        """Decode messages in order; malformed ones raise MalformedImu or are reported."""
         held = [batch for batch in batches if len(batch.rows)]
         self._frames = {'': 0}
         if not held:
@@ -137,9 +137,9 @@ class FieldsDecoder:
 
     def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed | None,
                  ) -> Columns | None:
-        """Decode the batches, those of equal size together; one frame may stand for all."""
+        """Decode batches, grouped by message size; 'frames' may have one entry for all."""
         if len(batches) == 1:
-            # By far the most frequent case is the fastest: nothing needs to be put in order.
+            # Fast path for by far the most frequent case, in which nothing has to be sorted.
             [batch] = batches
             with suppress(MalformedImu):
                 form = self._forms.of(batch.rows[0].data)
@@ -178,13 +178,13 @@ class FieldsDecoder:
     # ------------------------------------------------------------------------------------- clock
 
     def _header_ns(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Choose the first stamps that are valid and advance finely, for the whole reading."""
+        """Return the first valid and mostly distinct stamps; keep the choice once made."""
         if not stamps.shape[1]:
             return np.zeros(len(stamps), np.int64)
         clock = 0
         if self._clock is None:
             clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
-            # From so many messages it is decided which of several stamps is used.
+            # Fix the choice of the clock once there are this many messages.
             if len(stamps) >= 16:
                 self._clock = clock
         times: NDArray[np.int64] = np.maximum(stamps[:, clock], 0)
@@ -192,7 +192,7 @@ class FieldsDecoder:
 
     def _spread_increments(self, samples: NDArray[np.float64], header_ns: NDArray[np.int64],
                            receive_ns: NDArray[np.int64]) -> None:
-        """Divide increments whose duration no field holds by the step of the stamps."""
+        """Divide increments by the interval of the stamps if no field gives their duration."""
         for first, vector in self._fields.vectors():
             if vector.per == '':
                 if not self._step_ns:
@@ -204,7 +204,7 @@ class FieldsDecoder:
 
 
 def _advances(times: NDArray[np.int64]) -> bool:
-    """Whether stamps are valid, and at least every other one is new."""
+    """Return whether stamps are valid and at least half of them are distinct."""
     valid = bool((times > 0).all())
     if len(times) == 1:
         return valid and bool(times[0] % _NANOSECONDS)

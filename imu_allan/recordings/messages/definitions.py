@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Definitions of message types: what a recording carries, what the user names, what is sourced.
+Definitions of message types, from a recording, from the user, or from sourced packages.
 
-The `rosbags` library parses them; here they become the fields of each type, in their order.
+The `rosbags` library parses them; this module converts them to the ordered fields of each type.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,12 +21,12 @@ Form = Literal['msg', 'idl']
 
 FORMS: Mapping[str, Form] = {
     'ros2msg': 'msg', 'ros1msg': 'msg', 'ros2idl': 'idl', 'omgidl': 'idl'}
-"""What containers call the two languages."""
+"""The encodings of definitions in containers, mapped to their two languages."""
 
 _SEPARATOR = '=' * 80 + '\n'
-"""As rosbag and rosbag2 put it between the definitions of the parts of a message."""
+"""Separator that rosbag and rosbag2 put between the definitions of nested types."""
 _LARGEST = 1 << 20
-"""Bytes of a definition that are parsed; the largest of ROS itself has 40,000."""
+"""Largest definition to parse, in bytes; the largest one of ROS has 40,000."""
 _BASE = {
     'bool': 'u1', 'byte': 'u1', 'octet': 'u1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1',
     'int16': 'i2', 'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8',
@@ -35,7 +35,7 @@ _BASE = {
 
 @dataclass(frozen=True)
 class Definition:
-    """The text of a definition, that of the types in it included, and its language."""
+    """The text of a definition, with those of nested types, and its language."""
 
     text: str
     form: Form = 'msg'
@@ -49,13 +49,13 @@ class Field:
     Attributes
     ----------
     name : str
-        Its name.
+        Name of the field.
     kind : str
-        Code of a number such as 'f8', 'string', or the name of a message type.
+        Type code of a number such as 'f8', or 'string', or the name of a message type.
     is_message : bool
         Whether `kind` is a message type.
     count : int or None
-        None for one value, n for an array of n, 0 for a sequence.
+        None for a single value, n for an array of n values, 0 for a sequence.
 
     """
 
@@ -66,7 +66,7 @@ class Field:
 
 
 Types = Mapping[str, tuple[Field, ...]]
-"""The fields of every type, by its name in the spelling of ROS 2."""
+"""The fields of each type, by type name as ROS 2 spells it."""
 
 
 class UnreadableDefinition(ImuAllanError):
@@ -74,13 +74,13 @@ class UnreadableDefinition(ImuAllanError):
 
 
 def field_of(name: str, kind: str, count: int | None = None) -> Field:
-    """Make a field of a base type or message type, as a definition calls it."""
-    # A base type that is not known, such as wstring, is like a message that is not defined.
+    """Create a field from the name of a base type or message type in a definition."""
+    # An unknown base type, such as wstring, is treated like an undefined message type.
     return Field(name, _BASE.get(kind, kind), kind not in _BASE, count)
 
 
 def normal_name(type_name: str) -> str:
-    """Spell the name of a type as ROS 2 does: package/msg/Name."""
+    """Return the name of a type as ROS 2 spells it: package/msg/Name."""
     package, _, name = type_name.rpartition('/')
     return type_name if not package or '/' in package else f'{package}/msg/{name}'
 
@@ -88,19 +88,18 @@ def normal_name(type_name: str) -> str:
 def parse(type_name: str, definition: Definition | Types,
           serialization: Serialization = 'cdr') -> Types:
     """
-    Parse the definition of a type and of those in it.
+    Parse the definition of a type and of the types nested in it.
 
-    Types of ROS itself that the text leaves out are taken as ROS 2 Jazzy or ROS 1 Noetic define
-    them.
+    ROS types missing from the text are taken from ROS 2 Jazzy or ROS 1 Noetic.
 
     Parameters
     ----------
     type_name : str
-        Its name in ROS 1 or ROS 2.
+        Type name in ROS 1 or ROS 2.
     definition : Definition or Types
-        The text, or the fields themselves where they are known without.
+        The text, or the fields if they are already known.
     serialization : {'cdr', 'ros1'}
-        Which of the two ROS it is of.
+        Selects ROS 2 or ROS 1 for the missing types.
 
     Returns
     -------
@@ -109,7 +108,7 @@ def parse(type_name: str, definition: Definition | Types,
     Raises
     ------
     UnreadableDefinition
-        If it is no definition.
+        If the text is too long or is not a valid definition.
 
     """
     if not isinstance(definition, Definition):
@@ -127,11 +126,11 @@ def parse(type_name: str, definition: Definition | Types,
         else:
             for part in definition.text.split(_SEPARATOR):
                 head, _, rest = part.partition('\n')
-                # The parser knows no lines for the preprocessor, such as an include.
+                # The parser does not support preprocessor lines such as #include.
                 text = re.sub('(?m)^[ \t]*#.*$', '', rest if head.startswith('IDL: ') else part)
                 if text.strip():
                     found.update(get_types_from_idl(text))
-    # The parser raises what it meets: its own error, KeyError, RecursionError, AssertionError.
+    # The parser raises its own error, but also KeyError, RecursionError or AssertionError.
     except Exception as error:
         reason = printable(shorten(' '.join(str(error).split()), 80))
         raise UnreadableDefinition(
@@ -167,7 +166,7 @@ def _field(name: str, node: tuple[int, Any]) -> Field:
 
 @lru_cache(maxsize=4)
 def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
-    """Find the ``.msg`` files in what the user names, by their types; raises ImuAllanError."""
+    """Find ``.msg`` files in the given paths, by type; raise ImuAllanError if there are none."""
     found: dict[str, Path] = {}
     for path in map(Path, paths):
         files = [path] if path.is_file() else list(_message_files(path))
@@ -182,16 +181,16 @@ def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
 
 def find_definition(type_name: str, files: Mapping[str, Path]) -> Definition | None:
     """
-    Put together the definition of a type with those in it; None where there is none.
+    Assemble the definition of a type and its nested types; return None if there is none.
 
-    From `files`, else from packages that are sourced.
+    Each is read from `files`, or else from sourced packages.
     """
     name = normal_name(type_name)
     texts: dict[str, str] = {}
     wanted = [name]
     while wanted:
         kind = wanted.pop()
-        # A file of its own, not in a folder named msg, stands for the type of whatever package.
+        # A file outside a folder named msg defines the type of that name for any package.
         file = files.get(kind) or files.get(kind.rpartition('/')[2]) or _sourced(kind)
         if kind in texts or file is None:
             continue
@@ -218,7 +217,7 @@ def _sourced(type_name: str) -> Path | None:
 
 def _message_files(folder: Path) -> Iterable[Path]:
     for seen, (parent, _, names) in enumerate(os.walk(folder)):
-        # A large workspace has a tenth of as many folders.
+        # Even a large workspace has ten times fewer folders.
         if seen > 100_000:
             return
         yield from (Path(parent, name) for name in sorted(names) if name.endswith('.msg'))
@@ -230,7 +229,7 @@ def _type_of(file: Path) -> str:
 
 
 def _named_types(text: str, package: str) -> list[str]:
-    """Names of types that the lines of a ``.msg`` file begin with, base types among them."""
+    """List the types used in the lines of a ``.msg`` file, except base types."""
     words = (line.split('#')[0].split() for line in text.splitlines())
     kinds = {line[0].split('[')[0].split('<')[0] for line in words if len(line) > 1}
     return [normal_name(kind if '/' in kind else f'{package}/{kind}')

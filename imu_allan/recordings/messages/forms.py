@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How messages are taken apart: which of them have their fields in the same places, and where.
+Layouts of messages: which messages have their fields at the same positions, and where.
 
-A walk through one message finds the places of all fields that are asked for, by the definition of
-its type. It also notes which bytes the places depend on: the byte order, and the lengths of
-strings and sequences. Messages of equal size that agree in those bytes have their fields in the
-same places, so one walk serves a whole block of them.
+One traversal of a message locates all requested fields, by the definition of its type. It also
+notes the bytes that determine the positions: byte order, and lengths of strings and sequences.
+Messages of equal size that agree in those bytes have the same layout, so one traversal serves a
+whole block.
 
 References
 ----------
@@ -28,28 +28,28 @@ OnMalformed = Callable[[int, MalformedImu], None]
 Spans = tuple[tuple[int, int], ...]
 
 _REMEMBERED = 64
-"""Layouts of each of as many sizes that are kept."""
+"""Most message sizes, and most layouts of each size, to remember."""
 _WINDOW = 256
-"""Messages that are compared at a time where there are more forms than that."""
+"""Messages to compare at a time if there are many layouts."""
 _DEEPEST = 32
-"""Messages within messages; those of ROS go four deep."""
+"""Deepest nesting of messages; those of ROS reach four levels."""
 _MOST_STEPS = 20_000
-"""Fields and elements of a walk: the messages of a humanoid robot have a thousand."""
+"""Most fields and elements in a traversal; messages of a humanoid robot have a thousand."""
 
 
 @dataclass(frozen=True)
 class Place:
     """
-    Place of a field in a message.
+    Position of a field in a message.
 
     Attributes
     ----------
     at : int
-        Its first byte.
+        Offset of the first byte.
     kind : str
-        Code of a number such as 'f8' in native notation, or 'string'.
+        Type code of a number such as 'f8', without byte order, or 'string'.
     count : int
-        Numbers of an array or sequence, bytes of a string; 1 for a single number.
+        Length of an array or sequence, or of a string in bytes; 1 for a single number.
 
     """
 
@@ -60,16 +60,16 @@ class Place:
 
 class MessageLayout:
     """
-    Places of the fields `wanted`, such as ``imu.angular_velocity.x``; raises MalformedImu.
+    Positions of the fields `wanted` in a message; raises MalformedImu if it does not fit.
 
     Attributes
     ----------
     byte_order : {'<', '>'}
-        Little or big endian.
+        Little-endian or big-endian.
     places : dict of str to Place
-        By the path of the field.
+        Positions by field path, such as ``imu.angular_velocity.x``.
     keys : list of (int, int)
-        Start and stop of the bytes that messages of equal size must have in common.
+        Start and stop of the bytes that determine the layout of messages of equal size.
 
     """
 
@@ -94,12 +94,12 @@ class MessageLayout:
             self.keys.append((0, 2))
             self._at = 4
         self._visit(type_name, '', 0)
-        # Some middleware pads a payload to a multiple of four bytes, older ones of eight.
+        # Some middleware pads a payload to a multiple of four bytes, older ones to eight.
         extra = size - self._at
         if not 0 <= extra <= (7 if self._aligned else 0):
             raise MalformedImu(f'{size} bytes are not a message of type {type_name}, which takes '
                                f'{self._at}')
-        # What comes behind the last field that is asked for moves none of them.
+        # Bytes after the last requested field do not affect any position.
         end = max((place.at for place in self.places.values()), default=0)
         self.keys = [key for key in self.keys if key[0] < end]
 
@@ -110,7 +110,7 @@ class MessageLayout:
             raise MalformedImu(f'type {type_name} is not defined')
         fields = self._types[type_name]
         if not fields and self._aligned:
-            # ROS 2 gives a message without fields one byte.
+            # ROS 2 serializes a message without fields as one byte.
             self._pass_over(1, 1)
         for field in fields:
             self._step()
@@ -153,7 +153,7 @@ class MessageLayout:
                               'little' if self.byte_order == '<' else 'big')
 
     def _pass_over(self, size: int, alignment: int) -> int:
-        """Go behind the next `size` bytes; returns where they begin."""
+        """Skip the next `size` bytes after alignment; return where they begin."""
         start = self._at
         if self._aligned:
             start += (4 - start) % alignment
@@ -167,19 +167,19 @@ class MessageLayout:
 @dataclass(frozen=True)
 class Form:
     """
-    How messages are taken apart that have their fields in the same places.
+    Layout shared by messages that have their fields at the same positions.
 
     Attributes
     ----------
     keys : tuple of (int, int)
-        Start and stop of the bytes that messages of equal size then have in common.
+        Start and stop of the bytes in which messages of equal size with this layout agree.
     keys_and_frame : tuple of (int, int)
-        The same with those of frame_id.
+        The same, with the bytes of frame_id.
     record : dtype
-        A message as a record: the numbers and arrays of numbers that are read, by their paths, and
-        three numbers that stand side by side by the paths of all three.
+        A message as a record, with the paths of the numbers and arrays to read as names. Three
+        adjacent numbers form one more field, named by all three paths.
     frame_id : Place or None
-        Where the text stands that names the frame.
+        Position of the frame name.
 
     """
 
@@ -190,7 +190,7 @@ class Form:
 
 
 class Forms:
-    """The forms that messages of one type come in."""
+    """The layouts that occur among messages of one type."""
 
     def __init__(self, types: Types, type_name: str, serialization: Serialization,
                  fields: ImuFields) -> None:
@@ -201,7 +201,7 @@ class Forms:
         self._known: dict[int, list[tuple[bytes, Form]]] = {}
 
     def of(self, message: memoryview) -> Form:
-        """Find the fields of a message, by a walk where none was like it; raises MalformedImu."""
+        """Return the layout of a message, from memory or by traversal; may raise MalformedImu."""
         for key, form in self._known.get(len(message), ()):
             if key == _key(message, form):
                 return form
@@ -216,7 +216,7 @@ class Forms:
 
     def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
                ) -> list[tuple[NDArray[np.intp], Form]]:
-        """Find which rows, messages of equal size, have their fields in the same places."""
+        """Group rows, messages of equal size, by layout."""
         found: list[tuple[NDArray[np.intp], Form]] = []
         left = np.arange(len(rows))
         while len(left):
@@ -235,9 +235,9 @@ class Forms:
                 break
             found.append((left[like], form))
             left = left[~like]
-            # Of more forms than sixteen, each is too few to compare all others with it.
+            # If this layout covers less than a sixteenth of the rest, there may be many of them.
             if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // 16:
-                # To compare each of many with all the others would take the square of the time.
+                # Comparing each of many with all other messages would take quadratic time.
                 for start in range(0, len(left), _WINDOW):
                     part = left[start:start + _WINDOW]
                     found += [(part[chosen], form) for chosen, form in self.groups(
@@ -246,7 +246,7 @@ class Forms:
         return found
 
     def _described(self, layout: MessageLayout, size: int) -> Form:
-        """Make a record of the places of the fields, of which none may lack."""
+        """Create a record type from the field positions; raise MalformedImu if one is missing."""
         for path in self._wanted - layout.places.keys():
             raise MalformedImu(f'it has no field {path}')
         fields: dict[str, tuple[Any, int]] = {}
@@ -264,7 +264,7 @@ class Forms:
                     fields[path] = ((fields[path][0], layout.places[path].count), fields[path][1])
             elif [fields[path] for path in vector.paths] == [
                     (first, at + axis * first.itemsize) for axis in range(3)]:
-                # Copying three doubles as one opaque item is several times faster than as numbers.
+                # Copying three doubles as one opaque item is several times faster.
                 fields[together(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
         frame = None if frame_id is None else layout.places[frame_id]
@@ -280,11 +280,11 @@ def _key(message: memoryview, form: Form) -> bytes:
 
 
 def _joined(keys: Spans, text: tuple[int, int]) -> Spans:
-    """Add a text to the keys, in one with its length."""
+    """Add the bytes of a text to the keys, merged with those of its length."""
     start = next((key[0] for key in keys if key[1] == text[0]), text[0])
     return (*(key for key in keys if key[1] != text[0]), (start, text[1]))
 
 
 def together(vector: Vector) -> str:
-    """Name three numbers that stand side by side; no path has a blank."""
+    """Return the field name for three adjacent numbers; paths themselves contain no blank."""
     return ' '.join(vector.paths)

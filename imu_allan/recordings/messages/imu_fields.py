@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which fields are an IMU's, in one module because both ways to them, search and name, agree.
+The fields of a message that hold the samples of an IMU, their units and their times.
 
-Of a message: the samples, their units and their clock.
+Fields found by a search and fields named by the user have the same representation.
 """
 
 from collections.abc import Iterator
@@ -14,30 +14,30 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.definitions import Field, Types
 
 _MOST_IMUS = 16
-"""Imus that are looked for in one message."""
+"""Most IMUs to look for in one message."""
 _MOST_VISITED = 1000
-"""Messages within a message that are looked into; a robot's state has some fifty."""
+"""Most nested messages to search; the state message of a robot has some fifty."""
 _TIME = ('sec', 'nanosec')
 
 
 @dataclass(frozen=True)
 class Vector:
     """
-    Three numbers of a message.
+    A vector of three numbers in a message.
 
     Attributes
     ----------
     paths : tuple of str
-        Of x, y, z; ``gyro[0]`` is an element of an array of numbers.
+        Paths of x, y and z; ``gyro[0]`` is an element of an array of numbers.
     factor : float
-        To rad/s or m/s^2.
+        Factor that converts the numbers to rad/s or m/s^2.
     scale : str or None
-        A field that holds a further factor.
+        Field with a further factor.
     per : str or None
-        A field that holds the duration in microseconds of which the numbers are the increments;
-        ``''`` where the step of the stamps is that duration.
+        For increments, the field with their duration in microseconds; ``''`` if the duration is
+        the interval of the stamps.
     covariance : str or None
-        A field that is -1 where the numbers are not provided.
+        Field that is -1 if the numbers are not provided.
 
     """
 
@@ -56,7 +56,7 @@ class Stamp:
     Attributes
     ----------
     path : str
-        A number, or a message of seconds and nanoseconds.
+        Path of a number, or of a message with seconds and nanoseconds.
     unit_ns : int
         Nanoseconds in one unit of the number; 0 for seconds and nanoseconds in two fields.
 
@@ -67,21 +67,21 @@ class Stamp:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Return the fields it is read from."""
+        """Return the paths of the fields that make up the stamp."""
         return (self.path,) if self.unit_ns else tuple(f'{self.path}.{part}' for part in _TIME)
 
 
 @dataclass(frozen=True)
 class Burst:
     """
-    Many samples in one message: the fields of a vector are arrays.
+    Fields of a message with many samples, whose vectors consist of arrays.
 
     Attributes
     ----------
     samples : str
-        A field with the number of samples that are filled.
+        Field with the number of valid samples.
     step_us : str
-        A field with the time between two of them; the stamp is that of the last.
+        Field with the sampling interval in microseconds; the stamp is that of the last sample.
 
     """
 
@@ -92,22 +92,23 @@ class Burst:
 @dataclass(frozen=True)
 class ImuFields:
     """
-    Where the samples of an IMU stand in messages of one type.
+    The fields of one message type that hold the samples of an IMU.
 
     Attributes
     ----------
     gyro, accel : Vector or None
-        None where the message has no such half.
+        None if the message has no samples of that sensor.
     stamps : tuple of Stamp
-        The first of them that is valid and advances finely is used; none where it has no stamp.
+        Candidates for the stamp: the first that is valid and mostly distinct is used. Empty if
+        there is no stamp.
     frame_id : str or None
-        A field that names the frame.
+        Field that names the frame.
     burst : Burst or None
-        Where a message holds many samples.
+        Further fields if a message holds many samples.
     what : str
-        In words for the user: which field is read.
+        Description for the user of the fields that are read.
     temperature : str or None
-        A field with the temperature of the sensor; it is read on its own, by `thermometer`.
+        Field with the temperature of the sensor, which is read separately, see `thermometer`.
 
     """
 
@@ -120,20 +121,20 @@ class ImuFields:
     temperature: str | None = None
 
     def thermometer(self) -> 'ImuFields | None':
-        """Return how the temperature alone is read: as the first three columns of the samples."""
+        """Return fields that read the temperature alone, as the first three sample columns."""
         if self.temperature is None:
             return None
         return ImuFields(Vector((self.temperature,) * 3), None, self.stamps, self.frame_id,
                          what=f'its field {self.temperature}')
 
     def vectors(self) -> Iterator[tuple[int, Vector]]:
-        """Give the halves that there are, each with its first column in the samples."""
+        """Yield the vectors that exist, each with its first column in the samples."""
         for first, vector in ((0, self.gyro), (3, self.accel)):
             if vector is not None:
                 yield first, vector
 
     def numbers(self) -> set[str]:
-        """Name every number that is read; those of a burst are arrays."""
+        """Return the paths of all numbers that are read; in a burst some are arrays."""
         found = {path for stamp in self.stamps for path in stamp.paths}
         for _, vector in self.vectors():
             found |= {*vector.paths, vector.scale or '', vector.per or '',
@@ -143,13 +144,13 @@ class ImuFields:
         return found - {''}
 
     def paths(self) -> set[str]:
-        """Name every field that is read, without the element of an array of numbers."""
+        """Return the paths of all fields that are read, without array indices."""
         return {split_path(path)[0] for path in self.numbers()} | (
             set() if self.frame_id is None else {self.frame_id})
 
 
 def split_path(path: str) -> tuple[str, int]:
-    """Take the element off a path: ``a.gyro[1]`` is number 1 of field ``a.gyro``."""
+    """Split the array index off a path: ``a.gyro[1]`` gives ``a.gyro`` and 1."""
     if path.endswith(']'):
         field, _, number = path[:-1].rpartition('[')
         return field, int(number)
@@ -158,21 +159,20 @@ def split_path(path: str) -> tuple[str, int]:
 
 def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
     """
-    Find messages with vectors `angular_velocity` and `linear_acceleration` in a type.
+    Find messages with vectors `angular_velocity` and `linear_acceleration` inside a type.
 
-    A sensor_msgs/Imu is one, wherever it is nested; so is a message of its own with these fields.
+    They are nested sensor_msgs/Imu messages, and any other messages with these two fields.
 
     Returns
     -------
     list of ImuFields
-        In the order of the definition. The stamps of the message itself come first, then those
-        of the messages around it.
+        The messages found, in the order of the definition. Their own stamps precede those of the
+        enclosing messages.
 
     Raises
     ------
     ImuAllanError
-        If there are too many messages within messages to look into: a few lines can define
-        billions.
+        If there are too many nested messages to search; a few lines can define billions.
 
     """
     found: list[ImuFields] = []
@@ -202,7 +202,7 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
         what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
         found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=heat))
         return
-    # Nobody nests messages as deep, and a hostile definition may without end.
+    # Real messages are not nested this deep; a hostile definition may be nested endlessly.
     if depth == 8:
         return
     for field in fields.values():
@@ -240,7 +240,7 @@ def _is_covariance(field: Field | None) -> bool:
 
 def own_clock(types: Types, type_name: str, path: str = '',
               ) -> tuple[tuple[Stamp, ...], str | None]:
-    """Find stamps and frame_id among the fields of the message itself."""
+    """Find the stamps and the frame_id among the direct fields of a message."""
     stamps: list[Stamp] = []
     frame_id = None
     for field in types.get(type_name, ()):
@@ -248,7 +248,7 @@ def own_clock(types: Types, type_name: str, path: str = '',
             parts = tuple(part.name for part in types.get(field.kind, ()))
             if parts == _TIME:
                 stamps.append(Stamp(f'{path}{field.name}'))
-            # In ROS 1 a sequence number stands first in a header.
+            # In ROS 1 a header begins with a sequence number.
             elif parts[-2:] == ('stamp', 'frame_id'):
                 stamps.append(Stamp(f'{path}{field.name}.stamp'))
                 frame_id = frame_id or f'{path}{field.name}.frame_id'
@@ -257,7 +257,7 @@ def own_clock(types: Types, type_name: str, path: str = '',
 
 def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
     """
-    Find three numbers that the user names.
+    Find a vector that the user names.
 
     Parameters
     ----------
@@ -267,14 +267,14 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
         Type of the message.
     text : str
         A message with x, y, z (``imu.rate``), three elements of an array (``imu.gyro[0:3]``, or
-        ``imu.gyro`` where it has just three), or three numbers (``gx,gy,gz``).
+        ``imu.gyro`` if it has exactly three), or three numbers (``gx,gy,gz``).
     what : str
-        Name of the option, for messages.
+        Name of the option, for error messages.
 
     Raises
     ------
     ImuAllanError
-        If there is no such field, or it is not three numbers.
+        If the field does not exist or is not three numbers.
 
     """
     parts = tuple(part.strip() for part in text.split(','))
@@ -298,14 +298,14 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
 
 
 def number_at(types: Types, type_name: str, path: str, what: str) -> None:
-    """Raise ImuAllanError unless a single number stands at `path`."""
+    """Raise ImuAllanError unless `path` is a single number."""
     if not _is_number(field_at(types, type_name, path, what)):
         raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
 
 
 def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
-    """Find a field by its dotted path; ImuAllanError names those that there are."""
-    # Eight levels of names of 100 characters, and room.
+    """Return the field at a dotted path; ImuAllanError lists the existing fields."""
+    # Generous for eight levels of names with 100 characters.
     if len(path) > 1000 or re.fullmatch(
             r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*', path) is None:
         raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
@@ -333,5 +333,5 @@ def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
 
 
 def shown(text: str) -> str:
-    """Write what somebody else chose so that it fits into a line."""
+    """Format text from elsewhere so that it is printable and short."""
     return printable(shorten(text, 80))

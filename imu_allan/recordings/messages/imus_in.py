@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which IMUs the messages of a topic hold, in one module as name and definition lead to one."""
+"""Search for the IMUs in the messages of a topic, by type name or by definition."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -32,7 +32,7 @@ from imu_allan.recordings.messages.known_types import KNOWN, reason_against
 from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
 
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
-"""Names of the type in ROS 2 and ROS 1."""
+"""Type names in ROS 2 and ROS 1."""
 
 TEMPERATURE_TYPES = frozenset({'sensor_msgs/msg/Temperature', 'sensor_msgs/Temperature'})
 _OF_ROS = frozenset({
@@ -40,22 +40,22 @@ _OF_ROS = frozenset({
     'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
     'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
     'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
-"""Packages of ROS itself: none of their other types holds samples of an IMU."""
+"""Packages of ROS itself; none of their types, other than Imu, holds IMU samples."""
 _DURATIONS_NS = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
 
 
 class NotRead(ImuAllanError):
-    """Messages that are not read; the message says why."""
+    """Messages that cannot be read; the error text gives the reason."""
 
 
 def may_hold_imu(type_name: str) -> bool:
-    """Whether messages of a type might hold samples of an IMU, by its name."""
+    """Return whether messages of a type might hold IMU samples, judged by its name."""
     return type_name.partition('/')[0] not in _OF_ROS
 
 
 def is_parsed(topic: str, type_name: str, definition: Definition, options: RecordingOptions
               ) -> bool:
-    """Whether it takes the definition itself, not its name alone, to read or to refuse a topic."""
+    """Return whether a topic is accepted or rejected by its definition, not only its type name."""
     kind = normal_name(type_name)
     if _named(topic, options) != (None, None):
         return True
@@ -75,31 +75,31 @@ def imus_in(
     Parameters
     ----------
     topic, type_name : str
-        The topic and its type.
+        Name and type of the topic.
     serialization : {'cdr', 'ros1'}
         How its messages are serialized.
     definition : Definition, Types or None
-        What the recording carries, or a Python class has.
+        Definition from the recording, or fields from a Python class.
     options : RecordingOptions
-        Fields and units that the user names.
+        Fields and units given by the user.
 
     Returns
     -------
     dict of str to ImuMessages
-        By the name to choose them by: that of the topic or, where its messages hold several, of
-        topic and field, such as ``/imus.left``. Empty where there is none.
+        The IMUs by name: that of the topic or, if its messages hold several, topic and field, such
+        as ``/imus.left``. Empty if there are none.
 
     Raises
     ------
     NotRead
-        If there might be one and it cannot be read, or holds no raw data.
+        If there might be one that cannot be read or holds no raw data.
 
     """
     found = _imus_in(topic, normal_name(type_name), serialization, definition, options)
     heat = options.temperature
     for name, messages in found.items():
         if heat is not None and messages.fields is not None and messages.types is not None:
-            # It may be a topic instead of a field.
+            # The temperature may be a topic instead of a field.
             with suppress(ImuAllanError):
                 number_at(messages.types, messages.type_name, heat, '--temperature')
                 found[name] = replace(messages, fields=replace(messages.fields, temperature=heat))
@@ -139,21 +139,21 @@ def _imus_in(
 
 
 def _named(topic: str, options: RecordingOptions) -> tuple[str | None, str | None]:
-    """Give the fields of gyroscope and accelerometer that the user names for a topic."""
+    """Return the gyroscope and accelerometer fields that the user gives for a topic."""
     return (options.gyro if options.gyro_topic in (None, topic) else None,
             options.accel if options.accel_topic in (None, topic) else None)
 
 
 def _shows_imu(definition: Definition | Types) -> bool:
-    # Fields that are known already cost nothing to look through. One of these stands in every
-    # definition that holds an Imu, or a message of that shape.
+    # Fields that are already parsed are cheap to search. Every definition of an Imu, or of a
+    # message with its fields, contains one of these texts.
     return not isinstance(definition, Definition) or any(sign in definition.text for sign in (
         'linear_acceleration', 'sensor_msgs/Imu', 'sensor_msgs/msg/Imu', 'sensor_msgs::msg::Imu'))
 
 
 def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,
                    ) -> ImuMessages:
-    """Say how messages of type sensor_msgs/Temperature are read, in degrees Celsius."""
+    """Describe how to read sensor_msgs/Temperature messages, in degrees Celsius."""
     kind = normal_name(type_name)
     types = _types(kind, serialization, definition, RecordingOptions())
     stamps, frame_id = own_clock(types, kind)
@@ -164,30 +164,30 @@ def thermometer_in(type_name: str, serialization: Serialization, definition: Def
 def decoder_of(type_name: str, definition: str, *, serialization: Serialization = 'cdr',
                options: RecordingOptions = RecordingOptions()) -> Decoder:  # noqa: B008
     """
-    Make a decoder for messages of a type that holds an IMU.
+    Create a decoder for messages of a type that holds an IMU.
 
     Parameters
     ----------
     type_name : str
-        Such as ``px4_msgs/msg/SensorCombined``.
+        Type name such as ``px4_msgs/msg/SensorCombined``.
     definition : str
-        Its ``.msg`` text with those of the types in it, each after a line of 80 ``=`` and one with
-        ``MSG: package/Name``; may be empty where the package is sourced.
+        The ``.msg`` text of the type. Those of nested types follow, each after a line of 80 ``=``
+        and a line ``MSG: package/Name``. May be empty if the package is sourced.
     serialization : {'cdr', 'ros1'}
         How the messages are serialized.
     options : RecordingOptions, optional
-        Fields and units that the user names, and where to look for definitions.
+        Fields and units given by the user, and where to look for definitions.
 
     Returns
     -------
     Decoder
-        Takes batches of serialized messages in their order, as `imu_allan.cdr` has them, and
-        returns blocks. It remembers which stamps are used: one for each topic.
+        Converts batches of serialized messages, as in `imu_allan.cdr`, to blocks. It remembers
+        which stamp is used, so create one per topic.
 
     Raises
     ------
     ImuAllanError
-        If the type holds no IMU, or several of which the fields must be named.
+        If the type holds no IMU, or several, so that fields must be named.
 
     Examples
     --------
@@ -209,7 +209,7 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
 
 def imu_messages(type_name: str, definition: str | Types, serialization: Serialization = 'cdr',
                  options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
-    """Say how messages of a type are read; as `decoder_of`, of which it is the first half."""
+    """Describe how to read messages of a type; the first half of `decoder_of`."""
     known = (definition if not isinstance(definition, str)
              else Definition(definition) if definition.strip() else None)
     found = imus_in('', type_name, serialization, known, options)
@@ -230,7 +230,7 @@ def _types(kind: str, serialization: Serialization, carried: Definition | Types 
     try:
         return parse(kind, _definition_of(kind, carried, options), serialization)
     except NotRead:
-        # A type of ROS itself: `parse` knows it as a field.
+        # `parse` supplies ROS types only as nested fields, so wrap the type in another message.
         outer = {} if may_hold_imu(kind) else parse(
             'imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
         if kind not in outer:
@@ -240,7 +240,7 @@ def _types(kind: str, serialization: Serialization, carried: Definition | Types 
 
 def _definition_of(kind: str, carried: Definition | Types | None, options: RecordingOptions,
                    ) -> Definition | Types:
-    """Return what the recording carries, or else what the user names or has sourced."""
+    """Return the definition in the recording, or else one named by the user or sourced."""
     found = carried or find_definition(kind, definition_files(options.definitions))
     if found is None:
         raise NotRead(
@@ -250,7 +250,7 @@ def _definition_of(kind: str, carried: Definition | Types | None, options: Recor
 
 
 def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
-    """Leave out what a version of the type does not have; raises NotRead if samples lack."""
+    """Remove optional fields that this version of the type lacks; NotRead if samples lack."""
     def has(path: str) -> bool:
         try:
             field_at(types, kind, path, '')
@@ -277,7 +277,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
 
 def _chosen(types: Types, kind: str, gyro: str | None, accel: str | None, stamp: str | None,
             ) -> ImuFields:
-    """Take the fields that the user names."""
+    """Return the fields that the user names."""
     stamps, frame_id = own_clock(types, kind)
     if stamp is not None:
         stamps = (_stamp(types, kind, stamp),)

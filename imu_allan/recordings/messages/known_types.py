@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Message types of drivers whose fields, units and clock are known, and those without raw data.
+Driver message types with known fields, units and clock, and those without raw data.
 
-Each entry was taken from the definition and the driver that it names. Units are those of the
-fields; the factors turn them into rad/s and m/s^2.
+Each entry was derived from the definition and the driver named beside it. The factors convert from
+the units of the fields to rad/s and m/s^2.
 """
 
 from collections.abc import Mapping
 
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 
-_US = 1000  # nanoseconds in the microseconds of PX4 and SBG
+_US = 1000  # nanoseconds per microsecond, the unit of PX4 and SBG
 
 
 def _xyz(name: str, factor: float = 1.0, per: str | None = None) -> Vector:
@@ -32,7 +32,7 @@ _PX4_BURST = Burst('samples', 'dt')
 _UNITREE = ImuFields(
     _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))
 
-# analogdevicesinc/imu_ros2: increments over one sample, whose length no field holds.
+# analogdevicesinc/imu_ros2: increments over one sample; no field holds the interval.
 _ADI = ImuFields(_xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
                  temperature='temperature')
 
@@ -49,13 +49,13 @@ KNOWN: Mapping[str, ImuFields] = {
         None, _PX4_XYZ, _PX4_SAMPLE, temperature='temperature'),
     'px4_msgs/msg/SensorGyroFifo': ImuFields(_PX4_FIFO, None, _PX4_SAMPLE, burst=_PX4_BURST),
     'px4_msgs/msg/SensorAccelFifo': ImuFields(None, _PX4_FIFO, _PX4_SAMPLE, burst=_PX4_BURST),
-    # dawonn/vectornav: the uncompensated outputs are those before the factory calibration.
+    # dawonn/vectornav: the "uncomp" fields are from before the factory calibration.
     'vectornav_msgs/msg/ImuGroup': ImuFields(
         _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME, temperature='temp'),
     'vectornav_msgs/msg/CommonGroup': ImuFields(
         _xyz('imu_rate'), _xyz('imu_accel'), (Stamp('timestartup', 1), *_HEADER), _FRAME),
-    # SBG-Systems/sbg_ros2_driver: time_stamp has 32 bits of microseconds and begins anew every
-    # 71 minutes, so the header comes first.
+    # SBG-Systems/sbg_ros2_driver: time_stamp is 32 bits of microseconds and wraps around every 71
+    # minutes, so the header comes first.
     'sbg_driver/msg/SbgImuData': ImuFields(
         _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME,
         temperature='temp'),
@@ -63,7 +63,7 @@ KNOWN: Mapping[str, ImuFields] = {
     'sbg_driver/msg/SbgImuShort': ImuFields(
         _xyz('delta_angle', 1 / 67108864), _xyz('delta_velocity', 1 / 1048576),
         (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
-    # unitreerobotics/unitree_ros2: no stamp; the receive time is the clock.
+    # unitreerobotics/unitree_ros2: no stamp; the receive time is used.
     'unitree_go/msg/LowState': _UNITREE,
     'unitree_hg/msg/LowState': _UNITREE,
     'adi_imu/msg/VelAngTempData': _ADI,
@@ -73,11 +73,11 @@ KNOWN: Mapping[str, ImuFields] = {
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
         (Stamp('stamp'),), temperature='temperature'),
 }
-"""How messages of a type are read, by its name."""
+"""How to read messages of known types, by type name."""
 
 
 def reason_against(topic: str) -> str | None:
-    """Return why a topic of another type holds no raw data; None where that is not known."""
+    """Return why a topic of another type holds no raw data; None if no reason is known."""
     if topic.endswith('/free_acceleration'):
         return 'xsens_mti_driver: filtered, gravity removed'
     if topic.endswith(('/imu/dq', '/imu/dv')):
