@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is read off a posterior: presence, value, interval and bound of everything, SI units."""
+"""Results from a posterior: presence, value, interval and bound of each quantity, in SI units."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -39,29 +39,29 @@ from scipy.special import ndtr, ndtri
 Array = NDArray[np.float64]
 
 _ENDS = (0.025, 0.5, 0.975)
-"""Shares at the lower end, the value and the upper end of a 95 % interval."""
+"""Probabilities of the quantiles that are the lower end, the value and the upper end."""
 _FLICKER, _WALK, _OUTPUT = (KEYS.index(key) for key in (FLICKER, WALK, OUTPUT_NOISE))
 _QUANTILE = -float(ndtri(_ENDS[0]))
-"""Standard errors that an interval has to either side."""
+"""Half-width of a 95 % interval in standard errors."""
 _QUANTILES = ndtri((np.arange(64) + 0.5) / 64)
-"""Quantiles of a normal error, of equal weight; the outer ones lie beyond a 95 % interval."""
+"""Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval."""
 
 
 @dataclass(frozen=True)
 class Estimate:
     """
-    Something that a posterior knows, in SI units.
+    Marginal posterior of one quantity, in SI units.
 
     Attributes
     ----------
     observable : bool
-        Whether it is reported.
+        Whether a value is reported.
     value, low, high : float
-        Median and 95 % interval, given that it is there.
+        Median and 95 % interval, given presence.
     upper : float
-        Bound where it is not reported.
+        Upper bound, for use where no value is reported.
     presence : float
-        Probability that it is there.
+        Probability of presence.
 
     """
 
@@ -76,15 +76,15 @@ class Estimate:
 @dataclass(frozen=True)
 class Reported:
     """
-    A trend of the mean that is there.
+    A trend of the mean that is reported.
 
     Attributes
     ----------
     kind : TrendKind
     value : float
-        Of its nuisance, with `low` and `high` its 95 % interval.
-    columns : list of (float, float)
-        Size and standard error of every column.
+        Nuisance, with the 95 % interval from `low` to `high`.
+    columns : tuple of (float, float)
+        Size and standard error of each column.
 
     """
 
@@ -98,7 +98,7 @@ class Reported:
 @dataclass(frozen=True)
 class Answer:
     """
-    What a posterior says of one axis.
+    Results for one axis.
 
     Attributes
     ----------
@@ -106,22 +106,23 @@ class Answer:
         By key of `TERMS`.
     ramp : Estimate
     sigma, correlation_time_s : Estimate
-        Of a Gauss-Markov process.
+        Standard deviation and correlation time of a Gauss-Markov process.
     exponent, law : Estimate
-        Of slow noise with another exponent than flicker's, and its amplitude.
+        Exponent and amplitude of slow noise whose exponent is not that of flicker.
     high_pass_hz : Estimate
         Corner of a filter that takes out the bias.
     low_pass : float
-        Probability of a filter or roll-off that can be seen.
+        Probability of a low-pass or roll-off that can be detected.
     window_s : float or None
-        Width of the boxcar that bends white noise as the likeliest filter does.
+        Width of the boxcar that attenuates white noise like the most probable filter.
     edge_hz : float or None
-        Above, no model describes the spectrum.
+        Frequency above which no model describes the spectrum.
     trends : tuple of Reported
     flat_part : float
-        Ratio of the ends of the noise density's interval, were the noise steady.
+        Ratio of the interval ends of the noise density, without its change over the record.
     drift : float
-        Probability of a random walk, a process, another exponent or a trend of the mean.
+        Probability of anything slower than flicker: random walk, smooth drift, Gauss-Markov
+        process, another exponent or a trend of the mean.
 
     """
 
@@ -142,7 +143,7 @@ class Answer:
 
 def answer(posterior: Posterior, dt: float) -> Answer:
     """
-    Read everything off the draws of one axis.
+    Compute all results for one axis from the draws.
 
     Parameters
     ----------
@@ -164,7 +165,7 @@ def answer(posterior: Posterior, dt: float) -> Answer:
     amplitude, there = _amplitudes(posterior, x, has)
     size = _free_amplitudes(posterior, x, has)
     spectra, of = models[0].spectra, int(models[0].row.of[0])
-    # What is added behind a filter is part of the level of its pass band.
+    # Output noise, added after a filter, is part of the level in its pass band.
     amplitude[:, ALWAYS] = np.hypot(amplitude[:, ALWAYS],
                                     np.where(there[:, _OUTPUT], amplitude[:, _OUTPUT], 0.0))
     low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
@@ -190,17 +191,17 @@ def answer(posterior: Posterior, dt: float) -> Answer:
 
 
 def _weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
-    """Probability of models of a kind."""
+    """Return the total weight of the models for which `which` is true."""
     return float(sum(model.weight for model in posterior.models if which(model)))
 
 
 def _weight_of_trend(posterior: Posterior, key: str) -> float:
-    """Probability of a trend of the mean."""
+    """Return the probability of a kind of trend."""
     return _weight_of(posterior, lambda model: any(one.kind.key == key for one in model.trends))
 
 
 def _bends(model: Drawn) -> bool:
-    """Whether a model has a filter that can be seen, or leaves the top unexplained."""
+    """Return whether a model has a detectable low-pass, or leaves the top unexplained."""
     gentle = LOW_PASSES[int(model.row.family[0])].key == GENTLE \
         and model.row.x[0, LOW] > model.spectra.gentle[model.row.of[0]] - 0.7
     return bool(model.row.edge[0] < model.spectra.dof.shape[1]
@@ -208,13 +209,13 @@ def _bends(model: Drawn) -> bool:
 
 
 def _drifts(model: Drawn) -> bool:
-    """Whether a model has anything slower than flicker."""
+    """Return whether a model has anything slower than flicker."""
     return bool(model.row.has[0, [*SLOWER, PLAIN]].any() or model.trends)
 
 
 def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
                 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Amplitudes of the terms in every draw, and whether they are there."""
+    """Return the amplitudes of the terms in each draw, and whether they are present."""
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
     unit = spectra.unit[of]
@@ -222,10 +223,10 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
     there = has[:, :PLAIN].copy()
     law = has[:, PLAIN]
     if law.any():
-        # The flicker that is as strong where most of it is seen.
+        # Convert to flicker of equal power at the frequency that halves the information about it.
         beside, x_beside = best.row.has.copy(), best.row.x.copy()
         if not beside[0, _FLICKER]:
-            # Far too weak to be seen.
+            # Far below the detection limit.
             beside[0, _FLICKER], x_beside[0, _FLICKER] = True, -10.0
         lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), x_beside)
         seen = slopes[np.searchsorted(used, _FLICKER), 0] / lam[0]
@@ -242,7 +243,7 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
 
 
 def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> Array:
-    """Amplitudes of the free terms in every draw."""
+    """Return the amplitudes of the free terms in each draw, zero where absent."""
     size = np.zeros((len(x), FREE))
     for k in range(FREE):
         own = has[:, PLAIN + 2 * k]
@@ -252,7 +253,7 @@ def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> 
 
 
 def _sizes(posterior: Posterior, x: Array, own: NDArray[np.bool_], k: int) -> Array:
-    """Amplitudes of a free term where it is there."""
+    """Return the amplitudes of free term `k` in the draws that contain it."""
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
     place = spectra.tables.terms[k].place(np.zeros(int(own.sum()), np.int64),
@@ -263,17 +264,17 @@ def _sizes(posterior: Posterior, x: Array, own: NDArray[np.bool_], k: int) -> Ar
 
 def _estimate(values: Array, there: NDArray[np.bool_], weight: Array, least: float,
               seen: float = 0.0) -> Estimate:
-    """Presence and quantiles, given presence."""
+    """Estimate presence, and the quantiles given presence; `seen` is the detection limit."""
     presence = float(weight[there].sum())
     low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
                         else (0.0, 0.0, 0.0))
-    # No bound is lower than 1.4 of what the record can just see.
+    # No bound is lower than 1.4 times the detection limit.
     return Estimate(presence > least, value, low, high, max(high, 1.4 * seen), presence)
 
 
 def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
     """
-    Quantiles of weighed draws.
+    Quantiles of weighted draws.
 
     Examples
     --------
@@ -288,8 +289,8 @@ def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[
 
 
 def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
-    """Sizes and standard errors of all regressors in draws of a model, and their weights."""
-    # The mean is regressed about the 64 heaviest draws.
+    """Return sizes and standard errors of all regressors in draws of a model, and the weights."""
+    # The 64 draws of the largest weight are enough.
     most = np.argsort(-model.share, kind='stable')[:64]
     rows = model.row.take(np.zeros(len(most), np.int64))
     _, _, size, covariance = fitted_mean(model.spectra, rows, model.x[most])
@@ -299,7 +300,7 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
 
 
 def _ramp(posterior: Posterior) -> Estimate:
-    """Estimate the ramp, which is signed; every one of several records has its own."""
+    """Estimate the signed ramp of a single record; several records have no common one."""
     if posterior.models[0].spectra.records > 1:
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     sizes, errors, weights, wanders = [], [], [], []
@@ -315,9 +316,9 @@ def _ramp(posterior: Posterior) -> Estimate:
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     low, middle, high = quantiles((size[:, None] + error[:, None] * _QUANTILES).ravel(),
                                   np.repeat(weight / len(_QUANTILES), len(_QUANTILES)), _ENDS)
-    # The tails decide, which no few quantiles have.
+    # The other sign is a matter of the tails, which a few quantiles do not resolve.
     otherwise = ndtr(-size * np.sign(middle) / np.maximum(error, np.finfo(float).tiny))
-    # A random walk drifts as well: beside one, if there may be one, the ramp has to be as certain.
+    # A random walk drifts as well: the ramp must be as certain in the models that contain one.
     other = max(float(weight[own] @ otherwise[own] / weight[own].sum())
                 for own in (np.ones(len(walk), dtype=bool), walk) if own.any())
     bound = max(abs(low), abs(high))
@@ -325,7 +326,7 @@ def _ramp(posterior: Posterior) -> Estimate:
 
 
 def _trends(posterior: Posterior) -> tuple[Reported, ...]:
-    """Give the trends of the mean that are there, each of its likeliest model."""
+    """Return the trends of the mean to report, each from its most probable model."""
     found, keys = [], []
     for model in posterior.models:
         for number, one in enumerate(model.trends):
@@ -345,7 +346,7 @@ def _trends(posterior: Posterior) -> tuple[Reported, ...]:
 
 
 def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
-    """Estimate the ramp of the likeliest model, where the nuisances of its trends are unknown."""
+    """Estimate the ramp of the most probable model, including its trends' nuisance uncertainty."""
     best = posterior.models[0]
     slopes = [slope for one in best.trends
               for slope in one.kind.slopes(one.value, record.duration_s)]
@@ -361,7 +362,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean that moves, over the time of the record, and the noise beside it by group."""
+    """Moving mean as a function of time, and the power of the noise at frequencies in Hz."""
 
     trend: Waveform
     noise: Array
@@ -369,10 +370,10 @@ class Mean:
 
 
 def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
-    """Give the mean of the likeliest model, where it moves by more than a ramp."""
+    """Return the mean of the most probable model, or None if it contains no trend but the ramp."""
     best = posterior.models[0]
     if best.row.has[0, KEYS.index(SMOOTH_DRIFT)]:
-        # What moves smoothly may be a trend of the list that leaks into blocks.
+        # Smooth drift may be a listed trend that leaks into blocks, so prefer a model with trends.
         best = next((model for model in posterior.models if model.trends), best)
     if not best.trends:
         return None
@@ -383,13 +384,13 @@ def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:
-    """Return the expected power of a model by group, and what of it is white noise."""
+    """Return the expected power of a model by group, and the power of its white noise."""
     lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
     return lam[0], slopes[np.isin(used, (ALWAYS, _OUTPUT)), 0].sum(axis=0) / 2
 
 
 def _window(posterior: Posterior, dt: float) -> float | None:
-    """Width of the boxcar that bends the white noise as much as the likeliest filter does."""
+    """Return the width of the boxcar that attenuates white noise like the most probable filter."""
     model = next((model for model in posterior.models if _bends(model)),
                  posterior.models[0] if posterior.edge is not None else None)
     if model is None:
@@ -402,6 +403,6 @@ def _window(posterior: Posterior, dt: float) -> float | None:
         passed = np.exp(value[0, :len(below)])
         at = int(np.argmin(np.abs(passed - 0.9)))
         if passed[at] < 1:
-            # Of n samples, beyond the average over the sample interval that white noise is of.
+            # Samples are averages over dt already: the widths add in quadrature.
             return float(np.hypot(np.sqrt(3 * min(1 - passed[at], 1.0)) / (np.pi * below[at]), dt))
     return float(1 / (2 * below[-1]))

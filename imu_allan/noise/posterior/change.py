@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How much the level of the white noise changes over a record, as a parameter with a prior.
+Change of the white-noise level over a record, as a parameter with a prior.
 
-The levels of the parts are y_i = ln level_i with known errors e_i, and y_i ~ N(mu, e_i^2 + tau^2)
-by restricted likelihood. The change between parts is slow, so the level of the whole is less known
-than independent parts would make it.
+The levels of the parts are y_i = ln level_i with known errors e_i, and y_i ~ N(mu, e_i^2 + tau^2).
+tau has a restricted likelihood and a prior. The level changes slowly from part to part, so the
+level of the whole record is less certain than with independent parts.
 
 References
 ----------
@@ -30,12 +30,12 @@ _TAUS = np.concatenate(([0.0], np.geomspace(0.003, 1.0, 40)))
 @dataclass(frozen=True)
 class Change:
     """
-    What is known of the standard deviation of the logarithm of the power between parts.
+    Posterior of the standard deviation between parts of the logarithm of the power.
 
     Attributes
     ----------
     weight : ndarray
-        Posterior probability of every standard deviation that is tried; the first is 0.
+        Posterior probability of each standard deviation on a grid that begins at 0.
 
     """
 
@@ -43,17 +43,17 @@ class Change:
 
     @property
     def typical(self) -> float:
-        """Median of the standard deviation."""
+        """Posterior median of the standard deviation."""
         return float(_TAUS[int(np.searchsorted(np.cumsum(self.weight), 0.5))])
 
     def factors(self, count: int) -> Array:
-        """Factors of an amplitude in `count` draws."""
+        """Return `count` draws of the factor by which an amplitude changes."""
         if self.weight[0] > 1 - 1e-9:
             return np.ones(count)
         uniform = _points(count)
         tau = _TAUS[np.minimum(np.searchsorted(np.cumsum(self.weight), uniform[:, 0]),
                                len(_TAUS) - 1)]
-        # The change is slow: the level of the whole record varies by 4 tau^2.
+        # Parts are correlated because the change is slow: the whole varies by 4 tau^2.
         return np.asarray(np.exp(0.5 * np.sqrt(4.0) * tau * ndtri(uniform[:, 1])))
 
 
@@ -62,18 +62,18 @@ STEADY = Change(np.concatenate(([1.0], np.zeros(len(_TAUS) - 1))))
 
 @lru_cache(maxsize=16)
 def _points(count: int) -> Array:
-    """Quasi-random pairs, in an order that has nothing to do with that of other draws."""
+    """Return quasi-random pairs, shuffled to be independent of the order of other draws."""
     return evenly(count, 2)[np.random.default_rng(3).permutation(count)]
 
 
 def change_of(level: Array, error: Array) -> Change:
     """
-    Weigh the change of a level between parts of a record.
+    Compute the posterior of the change of a level between parts of a record.
 
     Parameters
     ----------
     level, error : ndarray, shape (parts,)
-        Logarithm of the power in each, and its standard error.
+        Logarithm of the power in each part, and its standard error.
 
     Returns
     -------

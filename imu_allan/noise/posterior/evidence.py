@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Maxima of many models at once, their evidence, and weighed draws about them.
+Maxima of many models in one batch, their evidence, and weighted draws around them.
 
 References
 ----------
@@ -39,32 +39,32 @@ Index = NDArray[np.int64]
 _LONGEST = np.full(SLOTS, 0.5)
 _LONGEST[AMPLITUDES] = 1.5
 _LONGEST[NUISANCES[0]] = 0.25
-"""Longest step of a parameter."""
+"""Longest step per iteration, by parameter."""
 _TAILS = 6.0
-"""Degrees of freedom of the distribution that draws are taken from."""
+"""Degrees of freedom of the multivariate t distribution that draws are taken from."""
 _WIDER = 1.15
-"""By which it is wider than Laplace's."""
+"""Factor by which that distribution is wider than the Laplace approximation."""
 _FEWEST_DRAWS = 10.0
-"""Effective draws below which one of them carries everything: weights are then evened out."""
+"""Effective sample size below which a few draws dominate and the weights are tempered."""
 _PASSED = float(np.log(0.5))
-"""Logarithm of the response from which on a group lies in the pass band."""
+"""Logarithm of the response above which a group lies in the pass band."""
 _SAME, _LEAST_ERROR = 0.7, 0.15
-"""Standard errors within which two rows are one, and the least error that counts."""
+"""Distance in standard errors below which two rows are the same, and least standard error."""
 _AT_END = 0.02
-"""Distance from the end of its range at which a nuisance makes another model of a row."""
+"""A nuisance this close to an end of its range makes the row equivalent to another model."""
 
 
 def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
           tolerance: float = 0.02) -> Rows:
     """
-    Climb to the maximum of every row by damped scoring, and weigh it by Laplace's evidence.
+    Maximize the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
 
-    Rows that promise to stay `hopeless` nats below the best of their axis are left where they are,
-    as are those whose nuisance goes beyond its range. Those that come to where a better one of
-    their structure stands are left out.
+    Iteration stops early for rows that should stay `hopeless` nats below the best of their axis,
+    and for rows whose nuisance leaves its range. A row that converges to the maximum of a better
+    row of the same structure is dropped.
     """
     count = len(rows)
-    # What is known of the rows so far is not carried along.
+    # Drop the old Hessians, so that they are not copied with each selection of rows.
     rows = replace(rows, hessian=np.empty((count, 0)))
     kind = _kinds(rows)
     x = rows.x.copy()
@@ -106,7 +106,7 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
 
 
 def _kinds(rows: Rows) -> Index:
-    """Give rows the same number that differ in their parameters alone."""
+    """Give the same number to rows that differ only in their parameters."""
     _, found = np.unique(np.column_stack((
         rows.of, rows.edge, np.where(rows.has[:, LOW], rows.family, -1),
         rows.has @ (1 << np.arange(SLOTS)))), axis=0, return_inverse=True)
@@ -115,7 +115,7 @@ def _kinds(rows: Rows) -> Index:
 
 def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, information: Array
             ) -> NDArray[np.bool_]:
-    """Which rows stand within what is known of the best of their kind."""
+    """Mark rows within the standard errors of the best row of the same structure."""
     order = np.lexsort((loss, kind))
     leaders = order[np.searchsorted(kind[order], np.arange(kind.max() + 1))]
     best = leaders[kind]
@@ -124,13 +124,13 @@ def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, informat
 
 
 def _reach(information: Array) -> Array:
-    """Distances within which rows are one, shape (rows, SLOTS)."""
+    """Return the distances below which rows are the same, shape (rows, SLOTS)."""
     known = np.maximum(np.einsum('rii->ri', information), 1e-12)
     return np.asarray(_SAME * np.maximum(1 / np.sqrt(known), _LEAST_ERROR))
 
 
 def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
-    """Which rows have all nuisances inside their ranges: at an end a row is another model."""
+    """Mark rows with all nuisances inside their ranges; at an end, a row is another model."""
     first, last = spectra.tables.ranges(rows.family)
     x = rows.x[:, NUISANCES]
     found = (x > first + _AT_END) & (x < last - _AT_END)
@@ -139,10 +139,10 @@ def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
 
 def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     """
-    Which rows have white noise that shows in the pass band of their low-pass.
+    Mark rows whose white noise is visible in the pass band of their low-pass.
 
-    Without that a filter is no more than a step of the spectrum between what it passes, which is
-    hidden by slower noise, and what blocks leak.
+    Otherwise slower noise hides the pass band. The filter would then describe no more than a step
+    of the spectrum, down to the power that leaks between frequencies.
     """
     found = np.ones(len(rows), dtype=bool)
     filtered = np.flatnonzero(rows.has[:, LOW])
@@ -160,7 +160,7 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
 
 
 def distinct(rows: Rows) -> Rows:
-    """Return the best of the rows that came to the same place, the best first."""
+    """Keep the best of the rows that converged to the same point; sort by evidence."""
     order = np.argsort(-rows.evidence)
     reach = _reach(rows.hessian)
     kept: list[int] = []
@@ -177,7 +177,7 @@ def distinct(rows: Rows) -> Rows:
 @dataclass(frozen=True)
 class Draws:
     """
-    Draws about the maximum of one model.
+    Draws around the maximum of one model.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Draws:
     share : ndarray, shape (draws,)
         Weights, which add up to 1.
     evidence : float
-        Logarithm of the model's.
+        Logarithm of the evidence of the model.
 
     """
 
@@ -195,7 +195,7 @@ class Draws:
 
 
 def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
-    """Draw from every row by importance, `counts` times from each; the same draws every time."""
+    """Draw `counts` times from each row by importance sampling, with fixed quasi-random points."""
     half = np.linalg.cholesky(np.linalg.inv(rows.hessian))
     spread = 0.5 * np.linalg.slogdet(rows.hessian)[1]
     many = replace(rows, hessian=rows.x[:, :0]).take(np.repeat(np.arange(len(rows)), counts))
@@ -227,7 +227,7 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
 
 
 def _tempered(log_weight: Array) -> Array:
-    """Raise weights to the highest power under which enough draws count."""
+    """Raise weights to the highest power below 1 that leaves `_FEWEST_DRAWS` effective draws."""
     low, high = 0.0, 1.0
     share = np.full(len(log_weight), 1 / len(log_weight))
     for _ in range(20):
@@ -243,7 +243,7 @@ def _tempered(log_weight: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _points(count: int, dimensions: int) -> tuple[Array, Array]:
-    """Quasi-random normal numbers, and chi-square ones that scale them."""
+    """Return quasi-random normal numbers, and the chi-square numbers that scale them to t."""
     uniform = evenly(count, dimensions + 1)
     return (np.asarray(ndtri(uniform[:, :-1]), np.float64),
             np.asarray(chdtri(_TAILS, 1 - uniform[:, -1]), np.float64))
@@ -251,7 +251,9 @@ def _points(count: int, dimensions: int) -> tuple[Array, Array]:
 
 def evenly(count: int, dimensions: int) -> Array:
     """
-    Fill the unit cube evenly: multiples of powers of a root of x^(d + 1) = x + 1, modulo 1.
+    Return quasi-random points in the unit cube, shape (count, dimensions).
+
+    Coordinates are multiples of inverse powers of the root of x^(d + 1) = x + 1, modulo 1.
 
     References
     ----------

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the numbers of a user depend on beside the data, each judgment with its effect.
+Thresholds and priors chosen by judgment, which affect the results besides the data.
 
-The prior of a shape stands beside its power (`imu_allan.noise.posterior.shapes`), that of a trend
-of the mean beside its columns (`imu_allan.noise.posterior.trends`).
+The prior of each shape is in `imu_allan.noise.posterior.shapes`, that of each trend of the mean in
+`imu_allan.noise.posterior.trends`.
 """
 
 import numpy as np
@@ -12,52 +12,52 @@ import numpy as np
 # -------------------------------------------------------------------------------- what is reported
 
 OBSERVABLE = 0.5
-"""Presence from which a term is reported: below 1 in 100 clean records has a false one."""
+"""Presence above which a term is reported: fewer than 1 in 100 clean records get a false one."""
 REPORTED = 0.8
-"""The same of what kind of noise it is, of a filter, and of what moves the mean."""
+"""Probability above which a kind of noise, a filter or a trend of the mean is reported."""
 POSSIBLE = 0.25
-"""The same from which a longer record may show a term: it decides on the forecast alone."""
+"""Probability from which a longer record may show a term; used for the forecast only."""
 CERTAIN_RAMP = 0.005
-"""Probability that a ramp has the other sign, below which it is reported."""
+"""A ramp is reported when the probability of the opposite sign is below this value."""
 UNEVEN = 11.0
-"""Nats by which quarters have to be likelier with a noise each than with one to take back a random
-walk. Of 107 walks in 1 to 3 hours none had more than 8.2."""
+"""A random walk is withdrawn when separate noise levels make the quarters likelier by this many
+nats. Of 107 random walks of 1 to 3 hours, none exceeded 8.2."""
 WIDEST = 3.0
-"""Ratio of the ends of its interval up to which the noise density is reported."""
+"""Largest ratio of its interval ends with which the noise density is reported."""
 LEAST_KNOWN = 16.0
-"""Information about white noise below a filter's corner, four standard errors, with which there is
-such a filter: with less it is a step of the spectrum."""
+"""Least information about white noise in the pass band of a filter (four standard errors): with
+less, the filter merely describes a step of the spectrum."""
 
-# -------------------------------------------------------------------- whether a model describes it
+# ------------------------------------------------------------------------ whether a model is valid
 
 DESCRIBED = 0.01
-"""Chi-square probability of the residuals above which they are chance; below, the record is worth
-less where it is missed, and intervals are wider."""
+"""Chi-square probability above which residuals are attributed to chance. Below it, the misfitted
+part of the spectrum counts less, and intervals widen."""
 TOLERATED_MISFIT = 0.05
-"""A million samples reject a misfit of 1 %, which no user cares about; at 5 % some do."""
+"""Relative misfit that is accepted: a million samples reject even 1 %, but few users mind 5 %."""
 LEAST_DESCRIBED = 1 / 64
-"""Edge in cycles per sample below which the larger part of the noise is not described."""
+"""With an edge below this (cycles per sample), most of the noise is left unexplained."""
 
-# ----------------------------------------------------------------------- how well models are known
+# ----------------------------------------------------------------------------- model uncertainties
 
 NAMED, UNNAMED = 0.01, 0.2
-"""Share of what it takes to which a filter is known, with a name and without one."""
+"""Relative uncertainty of the power that is removed by a listed filter, or above an edge."""
 LEAK_KNOWN = 2e-4
-"""Share of the pass band to which power in a stop band is known: notches are narrow."""
+"""Uncertainty of the power in a stop band, relative to the pass band: notches are narrow."""
 
-# -------------------------------------------------------------------------- priors of no one shape
+# -------------------------------------------------------------- priors that concern several shapes
 
 EXPONENT_SPREAD = 0.35
-"""Standard deviation of the exponent of slow noise about 1 in real sensors."""
+"""Standard deviation about 1 of the exponent of slow noise in real sensors."""
 EXPONENT_ODDS = 0.1
-"""Of slow noise with another exponent, against flicker."""
+"""Prior odds of slow noise with another exponent against flicker."""
 WITHOUT_FLICKER = 0.3
-"""Of each slower noise where no flicker shows: every sensor has some, and it shows first."""
+"""Prior factor of each slower noise without flicker: all sensors have flicker, it shows first."""
 UNSEEN_LEVEL = 0.2
-"""Density of the logarithm of the level of a half-octave that no model explains."""
+"""Prior density of the log level of a half-octave above an edge."""
 TOP, PER_HALF_OCTAVE = float(np.log(0.02)), -0.2
-"""Logarithm of the prior of a top that no filter explains, and its change per half-octave."""
+"""Log prior of an unexplained top of the spectrum, and its change per half-octave."""
 STEADY_LEVEL = 0.9
-"""Probability that the level of the noise stays the same from part to part of a record."""
+"""Prior probability that the noise level is constant over a record."""
 CHANGE_MEDIAN, CHANGE_SPREAD = 0.05, 0.8
-"""Of its change where it does not, log-normal: real accelerometers have .04 to .06."""
+"""Log-normal prior of the change otherwise; real accelerometers have 0.04 to 0.06."""

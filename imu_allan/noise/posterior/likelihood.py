@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Minus the logarithm of the posterior of many models at once, with gradient and Fisher information.
+Negative log posterior of many models in one batch, with gradient and Fisher information.
 
-A model is a row: which axis it is of, which shapes it has, and their parameters (logarithms of
-amplitudes in units of what the record can just see, and nuisances). Rows of the same structure
-make one batch, whatever axis they are of. The mean is treated by restricted likelihood: with
-A = X' W X and b = X' W c of the regressors X,
+A model is a row: its axis, its shapes and their parameters. These are nuisances and logarithms of
+amplitudes, in units of the smallest amplitude that the record can detect. Rows of similar
+structure are computed together, whatever their axis. The mean enters by restricted likelihood:
+with A = X' W X and b = X' W c of the regressors X,
 
     ln L = -1/2 sum n (ln lambda + P/lambda) + 1/2 b' A^-1 b - 1/2 ln det A.
 
@@ -51,62 +51,62 @@ Mask = NDArray[np.bool_]
 
 PLAIN = len(TERMS)
 FREE = len(FREE_TERMS)
-# Behind the amplitudes of the terms, and amplitude and nuisance of each free term.
+# After the amplitudes of the terms, and the amplitude and nuisance of each free term.
 LOW, HIGH = PLAIN + 2 * FREE, PLAIN + 2 * FREE + 1
 SLOTS = HIGH + 1
-"""Amplitudes of the terms; amplitude and nuisance of each free term; low-pass; high-pass."""
+"""Parameters of a row: amplitudes of the terms, free terms, low-pass and high-pass corners."""
 AMPLITUDES = np.array([*range(PLAIN), *(PLAIN + 2 * k for k in range(FREE))])
 NUISANCES = np.array([*(PLAIN + 2 * k + 1 for k in range(FREE)), LOW, HIGH])
 OUTPUT = np.array([shape.at_output for shape in TERMS])
 KEYS = [shape.key for shape in TERMS]
 ALWAYS = KEYS.index(WHITE)
-"""Slot of the white noise, which is in every model, though it may be too weak to be seen."""
+"""Slot of the white noise, which is in every model, even if it is too weak to be detected."""
 SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
-"""Slots of what is slower than flicker: a random walk, a smooth drift, a process."""
+"""Slots of noise slower than flicker: random walk, smooth drift, Gauss-Markov process."""
 _FLICKER = np.array([KEYS.index(FLICKER), PLAIN])
 """Slots of flicker and of slow noise with another exponent."""
 GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
-"""How far a nuisance may stand beyond the end of its range, one sigma."""
+"""Standard deviation of the penalty on a nuisance beyond an end of its range."""
 _SMALL = 1e-300
-"""Power that is none, of which there is a logarithm."""
+"""Stands for zero power, so that its logarithm is finite."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
-"""Slots that a batch is computed the faster without."""
+"""Slots that make a batch slower to compute."""
 _FEW, _BATCH = 24, 192
-"""Rows of one batch: more than what every batch costs anew, and no more than stay in the cache."""
+"""Rows per batch: enough to outweigh its fixed cost, and few enough to stay in the cache."""
 
 
 @dataclass(frozen=True)
 class Spectra:
     """
-    Spectra of several axes over the same bands, as the posterior takes them.
+    Spectra of several axes over the same bands, with everything that the posterior needs.
 
     Attributes
     ----------
     frequency : ndarray, shape (groups,)
         In Hz.
     dof, power : ndarray, shape (spectra, groups)
-        No degrees of freedom where a line was left out.
+        Degrees of freedom are zero where a line was left out.
     whole : ndarray, shape (spectra, groups)
-        Degrees of freedom before model uncertainty was taken off.
+        Degrees of freedom before they were reduced for model uncertainty.
     columns : ndarray, shape (spectra, terms, groups)
-        Power of the terms at unit amplitude, which is what the record can just see.
+        Power of the terms at unit amplitude, which is the detection limit of the record.
     unit : ndarray, shape (spectra, terms)
-        That amplitude, in SI units.
+        Detection limit in SI units.
     like : ndarray, shape (spectra, free terms, groups)
-        Logarithm of what gaps and ends do to a free term.
+        Logarithm of the effect of gaps and record ends on a free term.
     sizes : tuple of ndarray, shape (spectra, points)
-        By free term, the logarithm of the amplitude the record can just see, along its grid.
+        For each free term, the logarithm of its detection limit along its grid.
     free : tuple of Table
-        By free term, its power at that amplitude, each spectrum being a shape of the table.
+        For each free term, its power at the detection limit; one shape per spectrum.
     gentle : ndarray, shape (spectra,)
-        Logarithm of the corner of the gentlest roll-off that can be seen.
+        Logarithm of the corner of the gentlest roll-off that can be detected.
     products : ndarray, shape (spectra, records * regressors * (1 + regressors), groups)
-        `along` and `among` of `Groups`; every record has regressors of its own.
+        `along` and `among` of `Groups`; each record has its own regressors.
     records : int
     tables : Tables
     left : ndarray, shape (spectra, groups + 1)
-        Loss of what is left to itself from a group on.
+        Loss of the groups from a given one on, when they are left unexplained.
 
     """
 
@@ -126,14 +126,14 @@ class Spectra:
     left: Array
 
     def taken(self, of: Index) -> 'Spectra':
-        """Return some of the spectra."""
+        """Return a selection of the spectra."""
         each = {key: getattr(self, key)[of] for key in (
             'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products', 'left')}
         return replace(self, **each, sizes=tuple(size[of] for size in self.sizes),
                        free=tuple(table.taken(of) for table in self.free))
 
     def beside(self, groups: Sequence[Groups], of: Sequence[int]) -> 'Spectra':
-        """Return spectra with other regressors, each that of one of these with other groups."""
+        """Return a selection of the spectra, with the regressors of other groups."""
         return replace(self.taken(np.array(of)), products=regressors(groups))
 
     def worth(self, dof: Array) -> 'Spectra':
@@ -143,24 +143,24 @@ class Spectra:
 
 
 def half_octaves(frequency: Array) -> Index:
-    """Return the number of the half-octave of each band, downwards from the highest."""
+    """Return the half-octave of each band: 0 at the highest frequency, negative below."""
     return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1])), np.int64)
 
 
 def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
-    """Loss of groups from an edge on, each half-octave with a free level, shape (n, groups+1)."""
+    """Return the loss above each edge with free levels by half-octave, shape (n, groups+1)."""
     half = half_octaves(frequency)
     new = np.concatenate(([True], half[1:] != half[:-1]))
     number = np.cumsum(new) - 1
-    # Many short runs have many groups of few degrees of freedom: they share levels, too.
+    # Many short runs give many groups of few degrees of freedom: groups of a band share a level.
     eighth = np.round(8 * np.log2(frequency / frequency[-1]))
     band = np.cumsum(new | np.concatenate(([False], np.diff(eighth) != 0))) - 1
     own = np.empty_like(dof)
     for row, known, each in zip(own, dof, power, strict=True):
-        # A thousandth stands for no degrees of freedom at all.
+        # A thousandth stands for zero degrees of freedom.
         shared = np.maximum(np.bincount(band, known), 1e-3)
         level = np.bincount(band, known * each) / shared
-        # A level of its own gains a band so much in the mean, half a nat where it is well known.
+        # Takes back what a free level gains on average: half a nat where it is well determined.
         gain = np.log(shared / 2) - digamma(shared / 2)
         row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + gain)[band]
         octave = np.bincount(number, known)[number]
@@ -173,22 +173,24 @@ def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
 @dataclass
 class Rows:
     """
-    Models, one a row.
+    Models, one per row.
 
     Attributes
     ----------
     of : ndarray of int, shape (rows,)
-        Spectrum of each.
+        Index of the spectrum that the model describes.
     x : ndarray, shape (rows, SLOTS)
+        Parameters.
     has : ndarray of bool, shape (rows, SLOTS)
+        Parameters that the model has.
     family : ndarray of int, shape (rows,)
-        Low-pass of each, where it has one.
+        Index of the low-pass, if there is one.
     edge : ndarray of int, shape (rows,)
-        Groups from here on are left to themselves.
+        First of the groups that are left unexplained.
     prior : ndarray, shape (rows,)
-        Logarithm of the prior of the structure.
+        Log prior of the structure.
     loss, hessian, evidence : ndarray
-        As `imu_allan.noise.posterior.evidence` finds them.
+        Set by `imu_allan.noise.posterior.evidence.climb`.
 
     """
 
@@ -203,27 +205,27 @@ class Rows:
     evidence: Array
 
     def __len__(self) -> int:
-        """Count the rows."""
+        """Return the number of rows."""
         return len(self.of)
 
     def take(self, which: Index) -> 'Rows':
-        """Return some of the rows."""
+        """Return a selection of the rows."""
         return Rows(*(array[which] for array in vars(self).values()))
 
     @staticmethod
     def joined(parts: Sequence['Rows']) -> 'Rows':
-        """Put rows one after the other."""
+        """Concatenate rows."""
         return Rows(*(np.concatenate(arrays) for arrays in zip(
             *(vars(part).values() for part in parts), strict=True)))
 
 
 def batches(rows: Rows) -> list[Index]:
-    """Rows of about the same structure, no more to a batch than stay in the cache."""
+    """Split rows into batches of similar structure that fit into the cache."""
     key = rows.has[:, _COSTLY] @ (1 << np.arange(len(_COSTLY)))
     order = np.argsort(key, kind='stable')
     found, begin = [], 0
     for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
-        # A few rows are computed sooner with slots that they do not have than on their own.
+        # A few rows are faster to compute in a batch with slots they lack than in their own.
         if end - begin >= _FEW or end == len(order) > begin:
             found += np.array_split(order[begin:end], -(-(end - begin) // _BATCH))
             begin = end
@@ -233,15 +235,15 @@ def batches(rows: Rows) -> list[Index]:
 def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
              ) -> tuple[Array, Array, Index]:
     """
-    Return the expected power of rows, and its derivatives by the slots that any of them has.
+    Return the expected power of rows, and its derivatives by the slots that occur in any of them.
 
     Returns
     -------
     lam : ndarray, shape (rows, groups)
     jacobian : ndarray, shape (used slots, rows, groups)
-        Without `slopes` twice the power of the terms alone.
+        Derivatives; without `slopes`, only twice the power of the terms.
     used : ndarray of int
-        Its slots.
+        Slots of `jacobian`.
 
     """
     has, of = rows.has, _shared(rows.of)
@@ -284,12 +286,12 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
 
 
 def _shared(of: Index) -> Index:
-    """Return what all rows share but once: it is not copied for each of them."""
+    """Shorten an index that is the same for all rows to one entry, so that nothing is copied."""
     return of[:1] if (of == of[0]).all() else of
 
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
-    """Minus the logarithm of the posterior of rows, gradient and information."""
+    """Return the negative log posterior of rows, its gradient and the Fisher information."""
     value, slope, bend = log_prior(spectra, rows, x)
     loss, gradient, information = -value, -slope, np.zeros((len(x), SLOTS, SLOTS))
     for part in batches(rows):
@@ -313,7 +315,7 @@ def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]
 
 
 def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array, Array]:
-    """Regress the mean about rows: expected power, weights, then as `mean` does."""
+    """Regress the mean beside rows: expected power, weights, sizes and covariance as in `mean`."""
     lam, _, _ = spectrum(spectra, rows, x, slopes=False)
     weight, _ = _weighed(spectra, rows, lam)
     _, size, covariance = mean(spectra.products[rows.of], spectra.records, weight)
@@ -321,7 +323,7 @@ def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, A
 
 
 def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
-    """Minus the logarithm of the posterior of rows."""
+    """Return the negative log posterior of rows, without derivatives."""
     loss = -log_prior(spectra, rows, x)[0]
     for part in batches(rows):
         some = rows.take(part)
@@ -332,7 +334,7 @@ def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
 
 
 def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
-    """Weights of the groups below the edge of each row, and what all of them lose."""
+    """Return the weights of groups below the edge of each row, and the loss without the mean."""
     of = _shared(rows.of)
     dof = spectra.dof[of]
     if rows.edge.min() < lam.shape[1]:
@@ -343,9 +345,9 @@ def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
 
 
 def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
-    """Prior of the parameters of rows: value, gradient and curvature by slot."""
+    """Return the log prior of parameters, its gradient and its negative curvature, by slot."""
     slope, bend = np.zeros(x.shape), np.zeros(x.shape)
-    # Uniform in the logarithm of an amplitude above what is seen.
+    # Uniform in the logarithm of an amplitude above the detection limit.
     there = rows.has[:, AMPLITUDES]
     fall = there * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
     value = -np.log1p(fall).sum(axis=1)
@@ -353,14 +355,14 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2
     exponent = rows.has[:, PLAIN + 1]
     if exponent.any():
-        # About that of flicker.
+        # Normal about the exponent of flicker.
         off = exponent * (x[:, PLAIN + 1] - 1) / EXPONENT_SPREAD
         value -= 0.5 * off**2 + exponent * np.log(EXPONENT_SPREAD * np.sqrt(2 * np.pi))
         slope[:, PLAIN + 1] = -off / EXPONENT_SPREAD
         bend[:, PLAIN + 1] = 1 / EXPONENT_SPREAD**2
     gentle = rows.has[:, LOW] & (rows.family == GENTLE_FAMILY)
     if gentle.any():
-        # A roll-off gentler than what is seen, as an amplitude below.
+        # A roll-off too gentle to be detected counts like an amplitude below the detection limit.
         fall = gentle * np.exp(4 * np.minimum(x[:, LOW] - spectra.gentle[rows.of], 10.0))
         value -= np.log1p(fall)
         slope[:, LOW] = -4 * fall / (1 + fall)
@@ -370,13 +372,13 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     off = rows.has[:, NUISANCES] * (nuisance - np.clip(nuisance, first, last)) / _WALL
     value -= 0.5 * (off**2).sum(axis=1)
     slope[:, NUISANCES] -= off / _WALL
-    # No nuisance is less known than its range allows.
+    # The range of a nuisance limits its uncertainty.
     bend[:, NUISANCES] += 4 / (last - first)**2 + (off != 0) / _WALL**2
     return value, slope, bend
 
 
 def beyond(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
-    """Which rows have left the range of a nuisance for a maximum that lies farther out still."""
+    """Mark rows that have left the range of a nuisance towards a maximum still farther out."""
     first, last = spectra.tables.ranges(rows.family)
     nuisance = x[:, NUISANCES]
     off = nuisance - np.clip(nuisance, first, last)
@@ -385,7 +387,7 @@ def beyond(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
 
 
 def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> float:
-    """Logarithm of the prior of having some shapes, the density of their nuisances included."""
+    """Return the log prior of a set of shapes, with the density of their nuisances."""
     total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
                 if has[slot] and slot != ALWAYS)
     if not has[_FLICKER].any():

@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Likelihood of the noise terms given a spectrum.
+Maximum likelihood of the noise terms for a given spectrum.
 
-The DCT-II diagonalises white noise and random walk exactly and flicker nearly, so the squared
-coefficients P are independent, each chi-square about its expectation lambda. With the squared
-coefficients theta of the terms, lambda = sum theta_i S_i, and minus the log-likelihood is
-(1/2) sum n (ln lambda + P / lambda), n being the degrees of freedom. Fisher scoring on it is an
-iteratively re-weighted non-negative least squares of a few columns.
+The DCT-II diagonalises white noise and random walk exactly and flicker nearly. So its squared
+coefficients P are independent and chi-square distributed about their expectations lambda. These
+are sum theta_i S_i, with the squared coefficients theta of the terms. The negative log likelihood
+is (1/2) sum n (ln lambda + P / lambda) with n degrees of freedom. Fisher scoring then is
+iteratively reweighted non-negative least squares of a few columns.
 
-A ramp, and any other trend of the mean, is deterministic: before every step of the scoring it is
-taken out of the power as the noise so far has it, its uncertainty given back, which is a step of
-expectation and maximisation for the restricted likelihood.
+A ramp, like any other trend of the mean, is deterministic. Before each scoring step it is removed
+from the power under the current noise estimate, and its uncertainty is added back. This is a step
+of expectation-maximisation for the restricted likelihood.
 
 References
 ----------
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class Solution(NamedTuple):
-    """Squared coefficients, shape (columns,), and minus the log-likelihood up to a constant."""
+    """Squared coefficients, shape (columns,), and negative log likelihood up to a constant."""
 
     theta: Array
     loss: float
@@ -41,25 +41,25 @@ def maximise(groups: Groups, start: Array | None = None, *,
              fixed: dict[int, float] | None = None, moving_mean: bool = False,
              tolerance: float = 1e-7) -> Solution:
     """
-    Find the most likely squared coefficients: equation (6) of docs/statistics.md, or (7).
+    Maximise the likelihood of the squared coefficients, (6) or (7) of docs/statistics.md.
 
     Parameters
     ----------
     groups : Groups
         The spectrum of one axis.
     start : ndarray, shape (columns,), optional
-        Where to begin.
+        Starting values.
     fixed : dict, optional
-        Squared coefficient by column that is held at a value.
+        Squared coefficients to hold fixed, by column.
     moving_mean : bool, optional
-        Take the regressors of the groups out of the power, the ramp among them.
+        Remove the regressors of the groups, including the ramp, from the power.
     tolerance : float, optional
-        Change of the loss at which to stop.
+        Stop when the loss decreases by less than this.
 
     Returns
     -------
     Solution
-        About a mean that moves the loss is that of what is left of the power.
+        With `moving_mean`, the loss is that of the residual power.
 
     References
     ----------
@@ -81,13 +81,13 @@ def maximise(groups: Groups, start: Array | None = None, *,
     """
     held = fixed or {}
     free = [i for i in range(groups.design.shape[1]) if i not in held]
-    # One row to a column: what is done to all groups of a column then runs through memory.
+    # One contiguous row per column, for speed.
     design = np.ascontiguousarray(groups.design.T[free])
     offset = groups.design[:, list(held)] @ np.array(list(held.values()))
     tiny = 1e-12 * float(groups.power.max(initial=0.0)) + 1e-300
     about = about_mean(groups) if moving_mean else None
     power, part, value = groups.power, np.zeros(len(free)), np.inf
-    # Where nothing is known, the data is what is expected.
+    # Without starting values, expect the observed power.
     expected = np.maximum(power, tiny)
 
     def at(part: Array) -> tuple[Array, float]:
@@ -98,18 +98,18 @@ def maximise(groups: Groups, start: Array | None = None, *,
     if start is not None:
         part = start[free]
         expected, value = at(part)
-    # An end for a search that does not settle.
+    # Limit the number of iterations, should the search not converge.
     for _ in range(60):
         if about is not None:
             power = about(expected).noise
             value = at(part)[1] if np.isfinite(value) else value
         weighted = design * (groups.dof / expected**2)
-        # Which coefficients are above zero seldom changes from one step to the next.
+        # The set of nonzero coefficients seldom changes between steps, so pass it as a guess.
         goal = non_negative(weighted @ design.T, weighted @ (power - offset),
                             np.flatnonzero(part).tolist())
         there, share = goal, 1.0
         reached, loss = at(there)
-        # Halving the step on gains nothing.
+        # Halve the step while the loss grows.
         while loss > value + 1e-12 * abs(value) and share > 1e-3:
             share /= 2
             there = part + share * (goal - part)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Least squares without negative coefficients, for the few columns that a noise model has.
+Non-negative least squares for the few columns of a noise model.
 
 References
 ----------
@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 
 
 def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Array:
-    """Minimise x' gram x / 2 - target' x over x >= 0; `positive`: a guess which x are above."""
-    # Plain numbers: for four columns they are several times faster than arrays.
+    """Minimise x' gram x / 2 - target' x over x >= 0; `positive` guesses the nonzero entries."""
+    # For four columns, Python floats are several times faster than arrays.
     rows: list[list[float]] = gram.tolist()
     right: list[float] = target.tolist()
     columns = range(len(right))
     root = [sqrt(max(rows[i][i], 1e-300)) for i in columns]
     active = list(positive) or list(columns)
     solved: list[tuple[int, float]] = []
-    # The bound is for columns so similar that rounding makes `gram` indefinite.
+    # Limit the iterations, because near-collinear columns can make `gram` indefinite by rounding.
     for _ in range(4 * len(right) + 4):
         solved = _solve(rows, right, active)
         least, lowest = 0.0, -1
@@ -57,7 +57,7 @@ def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Ar
 def _solve(gram: list[list[float]], target: list[float], part: list[int]
            ) -> list[tuple[int, float]]:
     """Solve the symmetric system of the chosen rows and columns by Cholesky's method."""
-    # Loops over plain numbers: sums over generators take twice as long for so few.
+    # For so few numbers, sums over generators would take twice as long as these loops.
     lower: list[list[float]] = []
     x: list[float] = []
     for i in part:

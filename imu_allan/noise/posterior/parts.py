@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether a random walk goes on all through a record, or is what a mean has done once.
+Decide whether a random walk persists through a record, or is a single movement of the mean.
 
-A mean may settle, bend or jump in more ways than any list of trends has. Whatever it does, it
-does at some time; a random walk goes on. Parts of the record, each with a mean and a ramp of its
-own, must agree on its strength; where they show it together, they do without any one of them.
+A mean may settle, bend or jump in more ways than any list of trends covers. It does so at some
+time, while a random walk continues. So parts of the record, each with its own mean and ramp, must
+agree on its strength. If they show it together, it must remain without any one of them.
 """
 
 from collections.abc import Sequence
@@ -23,26 +23,26 @@ import numpy as np
 
 def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) -> bool:
     """
-    Distinguish a random walk from what a mean has done once.
+    Distinguish a random walk from a single movement of the mean.
 
     Parameters
     ----------
     posterior : Posterior
-        Of the whole, with a model that has a random walk.
+        Posterior of the whole record, with a model that contains a random walk.
     parts : sequence of sequence of Groups
-        Spectra of equal parts of one record, or of parts of several; each has a mean of its own.
+        Spectra of equal parts of one record, or of parts of several; each has its own mean.
     dt : float
         Sample interval in seconds.
 
     Returns
     -------
     bool
-        Whether parts agree on the random walk, and none is all that shows it.
+        Whether the parts agree on the random walk, and it does not rest on one of them alone.
 
     """
     every = [groups for part in parts for groups in part]
     if not all(groups.power.any() for groups in every):
-        # The axis stands still in one.
+        # The axis is constant in one part.
         return False
     together, count = joined_groups(every), len(parts)
     assert together.record is not None
@@ -53,9 +53,9 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
     record, of = model.spectra, int(model.row.of[0])
     known = np.interp(np.log(spectra.frequency), np.log(record.frequency),
                       record.dof[of] / np.maximum(record.whole[of], 1e-9))
-    # A part is worth as little as the whole where no model describes the record.
+    # Reduce the degrees of freedom of parts where no model describes the whole record.
     dof = np.minimum(spectra.dof, spectra.whole * known)
-    # Without each part, each part by itself, and all; then without a random walk.
+    # All but one part, one part alone, all parts; then all but one and all without random walk.
     seen = np.concatenate((~own, own, np.ones_like(own[:1])))
     spectra = spectra.taken(np.zeros(len(seen), np.int64)).worth(dof * seen)
     which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))
@@ -72,6 +72,6 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
         rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which))), 12).loss
     without, alone, [whole], still, [whole_still] = np.split(
         loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
-    # Only where they show it together can one of them be all that shows it.
+    # Leaving parts out is a test only if all parts together show the random walk.
     anywhere = whole_still <= whole or (without <= still).all()
     return bool(anywhere and whole - alone.sum() < UNEVEN)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The posterior over noise models of every axis: weighed draws from all models that matter.
+Posterior over the noise models of each axis: weighted draws from all models that matter.
 
 References
 ----------
@@ -44,27 +44,28 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _BY_CHANCE = 1e-3
-"""Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
+"""Tail probability up to which the deviation of a half-octave counts as sampling error."""
 _MOST = 10
-"""Models of each set of trends that are drawn from."""
+"""Most models per set of trends that draws are taken from."""
 _DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
-"""Draws from a model by its weight: those of the leading ones make the ends of intervals."""
+"""Least weight of a model, and its number of draws: the leading ones set the interval ends."""
 
 
 @dataclass(frozen=True)
 class Drawn:
     """
-    One model with its draws.
+    One noise model with its draws.
 
     Attributes
     ----------
     row : Rows
-        Of one row.
+        The fitted model, a single row.
     spectra : Spectra
-        That it was fitted to.
+        Spectra that it was fitted to.
     trends : tuple of Found
+        Trends of the mean that the model contains.
     weight : float
-        Its share of the evidence.
+        Its share of the evidence of all models.
     x, share : ndarray
         As in `Draws`.
 
@@ -78,24 +79,24 @@ class Drawn:
     share: Array
 
     def waveforms(self, duration_s: float) -> list[Waveform]:
-        """Return what its trends make of the mean."""
+        """Return the trends of the model as functions of time."""
         return [trend for one in self.trends for trend in one.kind.columns(one.value, duration_s)]
 
 
 @dataclass(frozen=True)
 class Posterior:
     """
-    What is known of the noise of one axis.
+    Posterior of the noise of one axis.
 
     Attributes
     ----------
     models : tuple of Drawn
-        The likeliest first; their weights add up to 1.
+        Most probable first; their weights add up to 1.
     p_value, misfit : float
-        Of the half-octave residuals of the best model: chi-square probability, and the largest
+        Chi-square probability of the half-octave residuals of the best model, and their largest
         relative misfit beyond sampling error.
     edge : int or None
-        Groups from here on that model leaves to themselves.
+        Group from which on the best model leaves the spectrum unexplained, if any.
     change : Change
         How much the level of the noise changes over the record.
 
@@ -108,11 +109,11 @@ class Posterior:
     change: Change = STEADY
 
     def trends(self, duration_s: float) -> list[Waveform]:
-        """Return the trends of the mean in the likeliest model."""
+        """Return the trends of the mean in the most probable model."""
         return self.models[0].waveforms(duration_s)
 
     def changes(self, count: int) -> Array:
-        """Factors of the noise density in as many draws, for its change between parts."""
+        """Return `count` draws of the factor by which the noise density changes between parts."""
         return self.change.factors(count)
 
 
@@ -120,18 +121,19 @@ def posteriors(groups: Sequence[Groups], dt: float,
                records: Sequence[RecordSpectrum | None],
                kinds: Sequence[TrendKind] = TRENDS) -> list[Posterior]:
     """
-    Weigh all models of several axes.
+    Compute the posteriors over the noise models of several axes.
 
     Parameters
     ----------
     groups : sequence of Groups
-        Of every axis, over the same bands.
+        Grouped spectrum of each axis, all over the same bands.
     dt : float
         Sample interval in seconds.
     records : sequence of RecordSpectrum or None
-        What the groups were made of, for trends of the mean; None for several records.
+        Spectra that the groups were made of, to fit trends of the mean; None to fit none, as for
+        several records joined.
     kinds : sequence of TrendKind, optional
-        What may move the mean.
+        Kinds of trend to consider.
 
     Returns
     -------
@@ -147,7 +149,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
     best = [_best(own) for own in sets]
     judged = [_judged(one) for one in best]
     factors = np.stack([_misfit(*both) for both in zip(best, judged, strict=True)])
-    # An axis is searched again where a group is worth a tenth less.
+    # Repeat the search for axes where a misfit reduces the weight of a group by a tenth or more.
     misfitted: NDArray[np.bool_] = np.any(factors > 1.1, axis=1)
     if misfitted.any():
         spectra = spectra.worth(spectra.dof / factors)
@@ -163,7 +165,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
 
 def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
           records: Sequence[RecordSpectrum | None], bank: Bank | None) -> list[list[TrendSet]]:
-    """Models of every axis without trends of the mean, and beside them."""
+    """Return the models of each axis, first without trends of the mean, then with each set."""
     beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
     if bank is not None:
         beside = beside_trends(spectra, starts, found, records, bank)
@@ -172,14 +174,14 @@ def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
 
 
 def _best(sets: Sequence[TrendSet]) -> tuple[Spectra, Rows]:
-    """Return the best row of an axis, with what it was fitted to."""
+    """Return the model of an axis with the most evidence, and the spectra it was fitted to."""
     best = max(sets, key=lambda one: float(one.rows.evidence.max()))
     return best.spectra, best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """Residuals of a model by half-octave, which every group is in."""
+    """Residuals of a model by half-octave, and the half-octave that each group belongs to."""
 
     normal: Array
     octave: NDArray[np.int64]
@@ -189,7 +191,7 @@ class _Judged:
 
 
 def _judged(best: tuple[Spectra, Rows]) -> _Judged:
-    """Judge the best row of an axis."""
+    """Test the residuals of the best model of an axis by half-octave."""
     spectra, row = best
     lam, weight, size, covariance = fitted_mean(spectra, row, row.x)
     dof = (weight * lam)[0]
@@ -213,12 +215,12 @@ def _judged(best: tuple[Spectra, Rows]) -> _Judged:
 
 
 def _misfit(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
-    """By how much less every group is worth where the best model does not describe the record."""
+    """Return divisors for the degrees of freedom of groups, from misfit and model uncertainty."""
     spectra, row = best
     factor = np.ones(spectra.dof.shape[1])
     if judged.p_value < DESCRIBED:
         place = np.arange(len(judged.normal))
-        # The misfit is averaged over 1.5 half-octaves: the record is worth that much less there.
+        # Divide by the local chi-square, smoothed by a Gaussian of 1.5 half-octaves.
         weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
         local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[judged.octave]
@@ -236,7 +238,7 @@ def _misfit(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
 
 
 def _drawn(sets: Sequence[TrendSet]) -> tuple[Drawn, ...]:
-    """Draw from the models of one axis that matter, of all sets of trends."""
+    """Draw from all models of one axis near the best, over all sets of trends."""
     top = max(float(one.rows.evidence.max()) for one in sets)
     total = np.logaddexp.reduce(np.concatenate([one.rows.evidence for one in sets]))
     found: list[tuple[float, Rows, TrendSet, Array, Array]] = []

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grouped spectra of several axes as the posterior takes them, in units of what is seen."""
+"""Prepare grouped spectra of several axes for the posterior, in units of detection limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,25 +32,26 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERMS]
-"""Of a design, by term: its own, or that of the term it is like."""
+"""Column of the design for each term: its own, or that of the term in `like`."""
 _OCTAVE = 0.5
-"""Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
+"""Half-width in octaves of the smoothing that detection limits are based on."""
 _STOPPED = 0.5
-"""Share of the pass band below which a group lies behind a filter."""
+"""Power relative to the pass band below which a group counts as filtered."""
 _PRIOR_DOF = 4.0
-"""Degrees of freedom that the terms count for in the smoothed spectrum."""
+"""Degrees of freedom that the fitted terms contribute to the smoothed spectrum."""
 
 
 @dataclass(frozen=True)
 class Start:
     """
-    Where the climb of an axis begins.
+    Starting point of the fits of one axis.
 
     Attributes
     ----------
     x : ndarray, shape (SLOTS,)
+        Parameters of a row.
     white : ndarray, shape (groups,)
-        Smoothed power over that of white noise of unit density.
+        Smoothed power relative to white noise of unit density.
 
     """
 
@@ -65,7 +66,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     Parameters
     ----------
     groups : sequence of Groups
-        With the ramp as a regressor, and others where the mean follows a thermometer.
+        Spectra with the ramp as a regressor, and others where the mean follows a thermometer.
     dt : float
         Sample interval in seconds.
 
@@ -80,7 +81,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         expected = np.maximum(one.design @ first.theta, 1e-300)
         about = about_mean(one)(expected)
         white = one.design[:, ALWAYS]
-        # Below lies nothing but rounding, or what has no square.
+        # Lower power is only rounding error, or underflows when squared.
         rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
         power.append(np.maximum(about.blocks, rounding))
         levels.append(np.maximum(smoothed(one, about.noise, expected), rounding))
@@ -93,7 +94,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level)
     uncertainty = np.where(passed < _STOPPED, LEAK_KNOWN / passed, 0.0)
     dof = whole / (1 + whole * uncertainty**2 / 2)
-    # Behind a filter noise of the sensor falls with what hides it, that of the output does not.
+    # A filter attenuates noise of the sensor together with what hides it, but not output noise.
     information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
     seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
@@ -115,15 +116,15 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
 
 
 def _scale(key: str, dt: float) -> float:
-    """Power of a term at a sample interval, over that at an interval of 1."""
+    """Return the power of a term at sample interval `dt`, relative to an interval of 1 s."""
     return {'noise_density': 1 / dt, 'bias_instability': 1.0}[key]
 
 
 def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
     """
-    Return the power of the neighbourhood: the level at which amplitudes are just seen.
+    Return the smoothed power, which determines the detection limits.
 
-    A few coefficients may be small by chance: what the terms explain counts as so many more.
+    A few coefficients may be small by chance, so the fitted terms count as `_PRIOR_DOF` more.
     """
     white = groups.design[:, ALWAYS]
     octave = np.log2(groups.frequency)
@@ -139,7 +140,7 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
 
 
 def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
-    """Return how much power groups have over that of white noise in the pass band."""
+    """Return the power of groups relative to that of white noise in the pass band."""
     passed = np.where(dof > 100, power, level) / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
@@ -147,13 +148,13 @@ def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> 
 
 
 def _just_seen(table: Table, like: Array, information: Array) -> Array:
-    """Logarithm of the amplitude of a free term that is just seen, by spectrum and grid point."""
+    """Return the log detection limit of a free term, shape (spectra, grid points)."""
     squares = np.exp(2 * (table.rows[None] + like[:, None]))
     return np.asarray(-0.25 * np.log(np.einsum('akg,ag->ak', squares, information)))
 
 
 def _in_units(table: Table, like: Array, size: Array) -> Table:
-    """Return the power of a free term at the amplitude that is just seen, by spectrum."""
+    """Return the power of a free term at its detection limit, one shape per spectrum."""
     of = np.zeros(len(like), np.int64)
     rows = table.rows + like[:, None] + 2 * size[:, :, None]
     return replace(table.taken(of), rows=rows.reshape(-1, like.shape[1]),
@@ -161,7 +162,7 @@ def _in_units(table: Table, like: Array, size: Array) -> Table:
 
 
 def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
-    """Logarithm of the corner at which a roll-off of the band can just be seen."""
+    """Return the log corner of the gentlest roll-off that can be detected, by spectrum."""
     bend = np.sin(np.pi * nu)**2
     weight = white**2 * information
     mean = (weight @ bend) / weight.sum(axis=1)
@@ -170,7 +171,7 @@ def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
 
 
 def _start(groups: Groups, unit: Array, level: Array) -> Start:
-    """Begin at the terms over the slower half of the band, in octaves."""
+    """Start from a fit of the terms to the slower half of the groups."""
     count = len(level)
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
     slower = maximise(groups.below(below), fixed={0: 0.0}, moving_mean=True, tolerance=1e-2)
@@ -178,7 +179,7 @@ def _start(groups: Groups, unit: Array, level: Array) -> Start:
     white = level / groups.design[:, ALWAYS]
     theta = slower.theta[_COLUMNS]
     theta[ALWAYS] = max(theta[ALWAYS], float(np.quantile(white, 0.05)))
-    # A climb begins above what can just be seen.
+    # Start no term below its detection limit.
     x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
     x[PLAIN + 1] = 1.0
     return Start(x, white)

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What regressors explain of spectra, and the power that is left about them.
+Regression of spectral coefficients on the regressors of the mean, and the residual power.
 
-With the noise's weights W = n / lambda the coefficients c are regressed on X: A = X'WX, b = X'Wc.
-The likelihood gains b'A^-1 b / 2, the restricted one loses (1/2) ln det A of that again, and what
-is left of the power is (c - X A^-1 b)^2 + x'A^-1 x, the last for the uncertainty of the trend.
-Several records have regressors of their own.
+The coefficients c are regressed on X with the weights W = n / lambda: A = X'WX, b = X'Wc. The log
+likelihood gains b'A^-1 b / 2, and the restricted likelihood subtracts (1/2) ln det A. The residual
+power is (c - X A^-1 b)^2 + x'A^-1 x; the last term is the uncertainty of the trend. If there are
+several records, each has its own regressors.
 
 References
 ----------
@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RIDGE = 1e-10
-"""Relative; far above rounding and far below what any two different regressors leave."""
+"""Relative ridge: far above rounding, far below the residual of any two different regressors."""
 
 
 def regressors(groups: Sequence[Groups]) -> Array:
-    """Products with the regressors of every record, shape (spectra, products, groups)."""
+    """Return products with the regressors of each record, shape (spectra, products, groups)."""
     found = []
     for one in groups:
         assert one.along is not None
@@ -42,12 +42,12 @@ def regressors(groups: Sequence[Groups]) -> Array:
 
 def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Array]:
     """
-    Regress on the mean's regressors under weights, shape (rows, groups).
+    Regress on the regressors of the mean with weights of shape (rows, groups).
 
     Returns
     -------
     gain : ndarray, shape (rows,)
-        Of the restricted likelihood.
+        Gain of the restricted log likelihood.
     size : ndarray, shape (rows, records, regressors)
     covariance : ndarray, shape (rows, records, regressors, regressors)
 
@@ -62,7 +62,7 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
         return gain, target / single, (1 / single)[..., None]
     norm = np.einsum('...ii->...i', gram)
     scale = np.sqrt(np.where(norm > 0, norm, 1.0))
-    # What no group sees, or nothing but rounding, is left out.
+    # The ridge removes regressors that are zero in all groups, or nothing but rounding error.
     ridge = np.where(norm > 0, RIDGE, 1.0)[..., None] * np.eye(count)
     unit = gram / (scale[..., :, None] * scale[..., None, :]) + ridge
     covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
@@ -73,7 +73,7 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
 
 
 def residual_power(power: Array, products: Array, size: Array, covariance: Array) -> Array:
-    """Power about the mean as expected of the noise alone, shape (rows, groups)."""
+    """Return the power about the mean, as expected of the noise alone, shape (rows, groups)."""
     second = size[..., :, None] * size[..., None, :] + covariance
     factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
     about = power + np.matmul(factors.reshape(len(size), 1, -1), products)[:, 0]
@@ -81,15 +81,15 @@ def residual_power(power: Array, products: Array, size: Array, covariance: Array
 
 
 class AboutMean(NamedTuple):
-    """A spectrum without its mean."""
+    """Spectrum without the moving mean."""
 
-    blocks: Array    # (groups,): power without the ramp in blocks, which know no sign
+    blocks: Array    # (groups,): power without the ramp in blocks, which have no signed values
     noise: Array    # (groups,): power without the mean, as expected of the noise alone
-    ramp: float | Array    # per second; of every group where there are several records
+    ramp: float | Array    # slope per second; (groups,) if there are several records
 
 
 def about_mean(groups: Groups) -> Callable[[Array], AboutMean]:
-    """Return what takes the mean out of a spectrum, given the expected power of the noise."""
+    """Return a function that removes the mean from a spectrum, given the expected noise power."""
     products = regressors([groups])
 
     def about(expected: Array) -> AboutMean:

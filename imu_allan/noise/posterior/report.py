@@ -1,11 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is reported of one axis, read off the posterior over its noise models.
+Report of one axis, derived from the posterior over its noise models.
 
-A term is reported where it is probably there; otherwise there is an upper bound. What moves the
-mean, which kind the slow noise is and whether a filter bends the spectrum are read off the same
-models.
+A term is reported if it is probably present; otherwise it has an upper bound. Trends of the mean,
+the kind of slow noise and filters are derived from the same models.
 """
 
 from collections.abc import Mapping
@@ -31,7 +30,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class BiasStep:
-    """A single step of the mean: when, in seconds of the record, and how far."""
+    """Single step of the mean: time in seconds from the start of the record, and size."""
 
     at_s: float
     size: float
@@ -40,34 +39,34 @@ class BiasStep:
 @dataclass(frozen=True)
 class AxisReport:
     """
-    What is reported of one axis.
+    Reported results of one axis.
 
     Attributes
     ----------
     estimates : dict
         By key of `TERMS`.
     p_value : float
-        Of the half-octave residuals.
+        Chi-square probability of the half-octave residuals.
     misfit : float
         Largest relative misfit of a half-octave beyond its sampling error.
     window_s : float or None
-        Effective averaging window of a low-pass, where there is one.
+        Effective averaging window of a low-pass, if there is one.
     edge_hz : float or None
-        Highest frequency that a model describes, where not all.
+        Highest frequency that the model describes, if it leaves the top unexplained.
     high_pass_hz : float or None
-        Corner of a filter that takes out the bias.
+        Corner of a filter that removes the bias.
     gauss_markov : GaussMarkov or None
     power_law : PowerLaw or None
-        Slow noise with another exponent than flicker's, which then is an upper bound.
+        Slow noise whose exponent is not that of flicker; flicker then has only an upper bound.
     random_walk_unclear : bool
-        Whether there is slow noise or drift of which it is not known what it is.
+        Whether there is slow noise or drift that could not be identified.
     trend : Trend
-        What moves the mean and is no noise.
+        Deterministic drift of the mean.
     bias_step : BiasStep or None
     between : dict
-        By key, the standard deviation between parts of the record beyond their errors.
+        Standard deviation between parts of the record beyond their errors, by key of `TERMS`.
     shallow : bool
-        Whether a model describes no more than the slowest part of the band.
+        Whether the model describes only the slowest part of the band.
 
     """
 
@@ -87,13 +86,13 @@ class AxisReport:
 
     @property
     def acceptable(self) -> bool:
-        """Whether enough is described, with residuals too small for a user to care."""
+        """Whether the model describes enough of the spectrum, with tolerable residuals."""
         return not self.shallow and (self.p_value > DESCRIBED
                                      or self.misfit <= TOLERATED_MISFIT)
 
     @property
     def values(self) -> dict[str, float]:
-        """Return the terms of the likeliest description by key, zero for those that are not."""
+        """Return the most probable values of the terms by key, zero for absent terms."""
         likely = {key: one.value if one.presence > OBSERVABLE else 0.0
                   for key, one in self.estimates.items()}
         if not self.estimates['rate_ramp'].observable:
@@ -104,24 +103,24 @@ class AxisReport:
 
     @property
     def mean_moves(self) -> bool:
-        """Whether the mean moves in a way that the noise terms leave out."""
+        """Whether the mean moves in a way that the noise terms do not describe."""
         trend = self.trend
         return (self.random_walk_unclear or self.bias_step is not None or trend.ramp is not None
                 or trend.warm_up is not None or trend.temperature is not None
                 or trend.cycle_s is not None)
 
     def behind_high_pass(self, corner_hz: float) -> 'AxisReport':
-        """Return the report of a signal of which a filter has taken out what is slow."""
-        # What such a filter leaves of the slow noise is for nobody to use.
+        """Return the report of a signal whose slow part was removed by a filter."""
+        # The slow noise that remains after such a filter is of no use to anyone.
         slow = {key: replace(self.estimates[key], observable=False) for key in SLOW_TERMS}
         return replace(self, high_pass_hz=corner_hz, estimates={**self.estimates, **slow})
 
     def with_cycle(self, period_s: float) -> 'AxisReport':
-        """Return the report of a record that a cycle of the mean was taken out of before."""
+        """Return the report with the cycle of the mean that was removed beforehand."""
         return replace(self, trend=replace(self.trend, cycle_s=period_s))
 
     def without_random_walk(self) -> 'AxisReport':
-        """Return the report with the random walk as a bound: it may be something else."""
+        """Return the report with the random walk as an upper bound, because it is uncertain."""
         walk = replace(self.estimates['rate_random_walk'], observable=False)
         return replace(self, estimates={**self.estimates, 'rate_random_walk': walk},
                        random_walk_unclear=True)
@@ -130,18 +129,18 @@ class AxisReport:
 def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | None = None,
              record: RecordSpectrum | None = None) -> AxisReport:
     """
-    Report an axis.
+    Derive the report of one axis from its posterior.
 
     Parameters
     ----------
     posterior : Posterior
-        Of one axis.
+        Posterior of one axis.
     dt : float
         Sample interval in seconds.
     temperature : TemperatureSeries, optional
-        That trends of the mean were made of.
+        Temperature that the trends were made from.
     record : RecordSpectrum, optional
-        Which the mean of is asked, beside trends of it.
+        Spectrum to estimate the ramp from, including the uncertainty of other trends.
 
     Returns
     -------

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which models matter: the fast end of the spectrum first, then every slow noise beside it.
+Search for the models that matter: first the fast end of the spectrum, then the slow noise.
 
-All axes are searched at once, so that every step is one batch.
+All axes are searched together, so that each step is one batch.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,21 +32,21 @@ Array = NDArray[np.float64]
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
 _FIRST_HALVES, _MOST_HALVES = 5, 20
-"""Half-octaves from the top that may be an edge: the first each, then every other."""
+"""Edges are tried at each of the first half-octaves from the top, then at every other one."""
 _KEPT_FAST, KEPT = 12.0, 9.0
-"""Nats below the best at which a model is dropped: e^-9 of the evidence is nothing."""
+"""Nats below the best at which a fast end, or a model, is dropped: e^-9 is negligible."""
 _MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
-"""Fast ends kept for the slow noise, slow noises crossed with them, and models in all."""
+"""Fast ends kept, slow noises that are combined with them, and models in total, per axis."""
 FAST = (Q, OUTPUT, LOW)
-"""Slots of what bends the fast end."""
+"""Slots of the shapes that change the fast end of the spectrum."""
 _SMOOTH_STARTS = (1.0, 4.0)
-"""Logarithms of the amplitude of a smooth drift at which a climb begins."""
+"""Starting values for the logarithm of the amplitude of smooth drift."""
 _BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
-"""Filters that may fall below an edge already."""
+"""Filters that may begin to roll off below an edge."""
 
 
 class Proposals:
-    """Rows of one axis, as they are thought of."""
+    """Collects models of one axis to be fitted."""
 
     def __init__(self, spectra: Spectra, of: int) -> None:
         self._spectra, self._of = spectra, of
@@ -54,7 +54,7 @@ class Proposals:
 
     def add(self, slots: Sequence[int], x: Array, family: int = 0, edge: int | None = None,
             prior: float = 0.0) -> None:
-        """Add a row with some slots, beginning at `x`."""
+        """Add a model with the shapes in `slots`, to be fitted from `x`."""
         has = np.zeros(SLOTS, dtype=bool)
         has[list(slots)] = True
         total = prior + structure_prior(self._spectra.tables,
@@ -63,7 +63,7 @@ class Proposals:
         self._found.append((has, family, groups if edge is None else edge, x, total))
 
     def rows(self) -> Rows:
-        """Return them as rows that have not climbed."""
+        """Return the collected models as rows that are not fitted yet."""
         has, family, edge, x, prior = zip(*self._found, strict=True)
         count = len(has)
         nothing = np.zeros(count)
@@ -74,21 +74,21 @@ class Proposals:
 
 def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
-    Climb every model that may matter, of all axes.
+    Fit every model that may matter, for all axes.
 
     Parameters
     ----------
     spectra : Spectra
-        Of all axes.
+        Spectra of all axes.
     starts : sequence of Start
-        One for every spectrum.
+        Starting point for each spectrum.
     dt : float
         Sample interval in seconds.
 
     Returns
     -------
     Rows
-        At most `MOST` an axis, the best first.
+        At most `MOST` per axis, the best first.
 
     """
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
@@ -110,12 +110,12 @@ def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
 
 
 def of_axis(rows: Rows, axis: int) -> Rows:
-    """Return the rows of one spectrum."""
+    """Return the rows of one axis."""
     return rows.take(np.flatnonzero(rows.of == axis))
 
 
 def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
-    """Return the distinct rows of every axis that come near its best, the best first."""
+    """Return up to `most` distinct rows per axis `within` nats of its best, the best first."""
     kept = []
     for axis in np.unique(rows.of).tolist():
         own = of_axis(rows, axis)
@@ -128,7 +128,7 @@ def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
 
 
 def _with(x: Array, **values: float) -> Array:
-    """Return a starting point with some of its slots set."""
+    """Return a copy of a starting point with some slots set by name."""
     new = x.copy()
     for name, value in values.items():
         new[_SLOT[name]] = value
@@ -140,7 +140,7 @@ _SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIM
 
 
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
-    """Propose what may bend the fast end, beside the slow noise of the terms."""
+    """Propose models of the fast end of one axis, combined with the usual slow noise."""
     nu = np.minimum(spectra.frequency * dt, 0.5)
     own, x = Proposals(spectra, axis), start.x
     slow, law = (N, B, K), (N, K, LAW, ALPHA)
@@ -169,7 +169,7 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
 
 
 def _behind_filters(spectra: Spectra, starts: Sequence[Start], fast: Rows, dt: float) -> Rows:
-    """Propose noise of the output behind filters, for axes whose top nothing else explains."""
+    """Propose output noise after a filter, for axes whose best model has an unexplained top."""
     found = fast.take(np.zeros(0, np.int64))
     for axis, start in enumerate(starts):
         if of_axis(fast, axis).edge[0] < spectra.dof.shape[1]:
@@ -190,13 +190,13 @@ def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: flo
         last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
         for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), 7):
             at = int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0)))
-            # White noise as strong as the spectrum is in the pass band.
+            # Start with white noise at the level of the spectrum in the pass band.
             white = 0.5 * np.log(start.white[min(at, len(nu) - 1)] / unit)
             own.add(slots, _with(start.x, low=corner, white=white, **values), family)
 
 
 def _edges(nu: Array) -> Iterator[tuple[int, int]]:
-    """Half-octaves from the top, and the group that the last of them begins with."""
+    """Yield possible edges as (half-octaves from the top, first group above the edge)."""
     halves = half_octaves(nu)
     for half in (*range(1, _FIRST_HALVES), *range(_FIRST_HALVES, _MOST_HALVES + 1, 2)):
         edge = int(np.searchsorted(halves, -half))
@@ -206,14 +206,14 @@ def _edges(nu: Array) -> Iterator[tuple[int, int]]:
 
 
 def _corner_at(key: str, nu: float) -> float:
-    """Corner of a filter that falls by a few percent at a frequency."""
+    """Return a starting value for the corner of a filter that rolls off near frequency `nu`."""
     if key == 'recursive_mean':
         return float(2 * np.sin(np.pi * nu))
     return float(np.tan(min(np.pi * nu, 1.2))) if key == 'butterworth_2' else 2.5 * nu
 
 
 def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
-    """Return the best row of each of the best fast ends of an axis, and a plain one."""
+    """Return the best row for each of the best fast ends of an axis, and one without any."""
     own = of_axis(fast, axis)
     seen: dict[tuple[object, ...], int] = {}
     for i in range(len(own)):
@@ -224,25 +224,25 @@ def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
     if any(_fast_part(kept.take(np.array([i]))) == [] and kept.edge[i] == spectra.dof.shape[1]
            for i in range(len(kept))):
         return kept
-    # What a filter behind the sensor takes out at the slow end passes for an edge at the fast one.
+    # The effect of a high-pass can pass for an edge, so a plain fast end is fitted as well.
     plain = Proposals(spectra, axis)
     plain.add((N, B, K), start.x)
     return Rows.joined([kept, plain.rows()])
 
 
 def _fast_part(row: Rows) -> list[int]:
-    """Slots of what bends the fast end in a row."""
+    """Return the slots of a row that change the fast end of the spectrum."""
     return [slot for slot in FAST if row.has[0, slot]]
 
 
 def extra_prior(spectra: Spectra, row: Rows) -> float:
-    """Return what the prior of a row holds beside that of its structure: that of an edge."""
+    """Return the part of the prior of a row that is not of its structure: that of an edge."""
     return float(row.prior[0]) - structure_prior(
         spectra.tables, float(spectra.gentle[row.of[0]]), row.has[0], int(row.family[0]))
 
 
 def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
-    """Every slow noise beside one fast end."""
+    """Propose every kind of slow noise, combined with one fast end."""
     own, fast, prior = Proposals(spectra, axis), _fast_part(end), extra_prior(spectra, end)
     x = end.x[0].copy()
     for slot in (B, K):
@@ -271,7 +271,7 @@ def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
 
 
 def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
-    """Propose the best slow noises beside the other fast ends."""
+    """Propose the best slow noises, combined with each of the other fast ends."""
     if len(ends) < 2:
         return []
     own = Proposals(spectra, axis)
@@ -294,5 +294,5 @@ def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
 
 
 def again(spectra: Spectra, rows: Rows, steps: int = 10) -> Rows:
-    """Climb rows once more, under other degrees of freedom."""
+    """Fit rows again after the degrees of freedom have changed."""
     return best_of(spectra, climb(spectra, replace(rows), steps), KEPT, MOST)

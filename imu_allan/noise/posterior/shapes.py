@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a spectrum may be made of: one small object a shape, and the one table of them.
+The spectral shapes that a noise model can contain, as small objects in one table.
 
-An additive shape comes with an amplitude; a response multiplies all that lies before it. Either
-has at most one nuisance parameter, on a uniform grid: an exponent, or the logarithm of a time or
-corner. All of it is relative to the sample rate and the length of the record.
+A term is added with an amplitude; a response multiplies everything before it in the signal path.
+Either has at most one nuisance parameter on a uniform grid: an exponent, or the logarithm of a
+time or corner. Frequencies are in cycles per sample; grids depend on the length of the record.
 """
 
 from collections.abc import Callable
@@ -19,28 +19,28 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
-"""Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
+"""Maps frequencies in cycles per sample and a nuisance to power, up to a constant factor."""
 
 _ROUNDING = 1e-15
-"""Share of the pass band that is left of the deepest stop band."""
+"""Smallest power response, relative to the pass band: keeps logarithms finite."""
 LOWEST_CORNER = 1e-3
-"""Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
+"""Lowest corner of a low-pass in cycles per sample: below, slow drift passes for its pass band."""
 FEWEST_GROUPS = 24
-"""Bands that a model has to describe: three octaves distinguish the terms."""
-# Points and weights over a band (Gauss-Legendre).
+"""Fewest bands that a model must describe: three octaves are enough to separate the terms."""
+# Nodes and weights of Gauss-Legendre quadrature over a band.
 _POINTS = np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6)
-_GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
+_GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # weights
 _SLOWEST = LOWEST_CORNER / 4
-"""In cycles per sample: of what is slower, nothing leaks."""
+"""Leakage from frequencies below this one is neglected (cycles per sample)."""
 _EVERY = (np.arange(128) + 0.5) / 256
-"""Frequencies from zero to half the sample rate."""
+"""Frequencies between zero and half the sample rate, to average a spectrum over."""
 _FOLDS = 4
-"""How often a frequency is folded, at most: beyond lie 2 % of the power."""
+"""Highest order of aliases that is computed; those beyond it hold 2 % of the power."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A uniform grid of a nuisance parameter."""
+    """Uniform grid of a nuisance parameter."""
 
     first: float
     last: float
@@ -49,7 +49,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Band:
-    """What a grid may depend on: the slowest band and the first that can be an edge."""
+    """Frequencies that a grid may depend on: the lowest band and the lowest possible edge."""
 
     slowest: float
     shortest_edge: float
@@ -58,22 +58,22 @@ class Band:
 @dataclass(frozen=True)
 class Shape:
     """
-    One thing that a spectrum may be made of.
+    A term or response that a spectrum can contain.
 
     Attributes
     ----------
     key : str
     density : float
-        Prior probability of presence per unit of the logarithm of its amplitude, or in all for a
-        response.
+        Prior probability of presence: of a term per unit of the logarithm of its amplitude, of a
+        response in total.
     power : callable
-        Power at frequencies per sample, given the nuisance.
+        Power at frequencies in cycles per sample, given the nuisance.
     grid : callable, optional
-        Range of the nuisance, given the band of a record.
+        Grid of the nuisance, given the band of a record.
     at_output : bool
-        Whether it is added behind every filter.
+        Whether the term is added after all filters.
     like : str
-        Key of the term whose share in gaps and at the ends of a record it has.
+        Key of the term that gaps and the ends of a record affect in the same way.
 
     """
 
@@ -86,7 +86,7 @@ class Shape:
 
 
 def _of_corner(highest: float, step: float = 0.1) -> Callable[[Band], Grid]:
-    """Corners from where the band below is just wide enough, up to a last one."""
+    """Return a grid of log corners, from the lowest with enough bands below it to `highest`."""
     def grid(band: Band) -> Grid:
         lowest = max(band.shortest_edge, LOWEST_CORNER)
         return Grid(np.log(min(lowest, highest / 2)), np.log(highest), step)
@@ -98,7 +98,7 @@ def _butterworth(order: int) -> Power:
 
 
 def _high_pass(nu: Array, corner: float) -> Array:
-    """First-order high-pass; the ends of a finite record leak what it has taken out."""
+    """Power response of a first-order high-pass, with leakage at the ends of a finite record."""
     falls = 1 / (1 + (np.sin(np.pi * nu) / np.pi)**2 * np.exp(-2 * corner))
     leak = min(float(nu[0]) / (np.pi * np.exp(corner)), 1.0)
     return np.asarray(1 - falls * (1 - leak))
@@ -119,10 +119,10 @@ TERMS = (
     Shape(SMOOTH_DRIFT, 0.03, lambda nu, _: spectrum.random_walk(nu, 1.0)**2, like=WALK),
 )
 """
-Terms without a nuisance; white noise is in every model, that of the output behind a filter.
+Terms without a nuisance. Every model contains white noise; output noise needs a filter before it.
 
-A mean that moves smoothly in a way that no trend of the list describes has a spectrum of f^-4,
-like the integral of a random walk.
+Smooth drift is a mean that moves smoothly in a way that no trend of the list describes. Its
+spectrum is f^-4, like that of an integrated random walk.
 """
 
 FREE_TERMS = (
@@ -132,14 +132,14 @@ FREE_TERMS = (
           lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
                                               np.log(50.0) + 1.4), 0.25), like=WHITE),
 )
-"""Terms with one: flicker of another exponent, and a Gauss-Markov process of any time."""
+"""Terms with a nuisance: slow noise of any exponent, and a Gauss-Markov process."""
 
 LOW_PASSES = (
     Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
     Shape('moving_mean', 0.05,
           lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2,
-          # Its notches are narrower than the steps of the others.
+          # The notches need a finer grid than the other filters.
           _of_corner(0.9, 0.04)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
@@ -148,25 +148,26 @@ LOW_PASSES = (
     Shape('gauss', 0.05, lambda nu, corner: np.exp(-np.log(2) * (nu / np.exp(corner)) ** 2),
           _of_corner(0.8)),
 )
-"""Responses of which a sensor has one at most; the first may be too gentle to be seen."""
+"""Low-pass responses, at most one per model; the first may be too gentle to be detected."""
 
 HIGH_PASSES = (Shape(HIGH_PASS, 0.1, _high_pass, lambda band: Grid(
     np.log(band.slowest / 2), np.log(max(0.2, 2 * band.slowest)), 0.25)),)
-"""What follows a bias is slower than a fifth of the sample rate."""
+"""A filter that tracks and subtracts a bias is slower than a fifth of the sample rate."""
 
 
 @dataclass(frozen=True)
 class Table:
     """
-    Logarithm of the power of shapes on their grids, cubic in between.
+    Logarithm of the power of shapes on their grids, with cubic interpolation between grid points.
 
     Attributes
     ----------
     first, last, step : ndarray, shape (shapes,)
+        Ends and spacing of each grid.
     rows : ndarray, shape (points, groups)
-        Of all shapes, one after the other.
+        Values of all shapes, one shape after the other.
     start, count : ndarray of int, shape (shapes,)
-        Where each begins in `rows`, and how many points it has.
+        First row of each shape, and its number of grid points.
 
     """
 
@@ -178,20 +179,20 @@ class Table:
     count: NDArray[np.int64]
 
     def place(self, shape: NDArray[np.int64], x: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """Row and position of values between grid points, and the scale of a derivative."""
+        """Locate values of nuisances: row, position within the step, scale of the derivative."""
         u = np.clip((x - self.first[shape]) / self.step[shape], 0, self.count[shape] - 1)
         i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
         return self.start[shape] + i, u - i, 1 / self.step[shape]
 
     def taken(self, shapes: NDArray[np.int64]) -> 'Table':
-        """Return some of the shapes; the rows stay where they are."""
+        """Return a selection of the shapes, which shares `rows` with this table."""
         return replace(self, **{key: getattr(self, key)[shapes] for key in (
             'first', 'last', 'step', 'start', 'count')})
 
 
 def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool = True
           ) -> tuple[Array, Array]:
-    """Interpolate rows (Catmull-Rom), shape (n, groups), and the derivative by the nuisance."""
+    """Interpolate rows and their derivatives by the nuisance, both of shape (n, groups)."""
     powers = np.zeros((len(t), 2 if slopes else 1, 4))
     powers[:, 0] = t[:, None] ** np.arange(4)
     powers[:, 1:, 1:] = (per[:, None] * powers[:, 0, :3] * np.arange(1, 4))[:, None]
@@ -199,25 +200,25 @@ def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool
     return found[:, 0], found[:, -1]
 
 
-# Of the four values about a place: E. Catmull and R. Rom, 1974.
+# Weights of the four values around a position: E. Catmull and R. Rom, 1974.
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
 def tables(nu: Array, step: Array, length: Array, interpolated: Array) -> 'Tables':
-    """Tables of all shapes with a nuisance at the groups' frequencies, in blocks of means."""
+    """Return cached tables of all shapes with a nuisance, at the frequencies of the groups."""
     return _tables(np.stack((nu, step, length, interpolated)).tobytes())
 
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables of the free terms, each its own, of the low-passes and of the high-passes."""
+    """Tables of the low-passes, of the high-passes and of each term with a nuisance."""
 
     terms: tuple[Table, ...]
     low_pass: Table
     high_pass: Table
 
     def ranges(self, family: NDArray[np.int64]) -> tuple[Array, Array]:
-        """First and last value of every nuisance beside low-passes, shape (n, nuisances)."""
+        """Return the ends of all nuisances, given the low-passes `family`, each (n, nuisances)."""
         return self._ranges[0, family], self._ranges[1, family]
 
     @cached_property
@@ -240,15 +241,15 @@ def _tables(layout: bytes) -> Tables:
 
 class Response:
     """
-    What groups see of a filter: the mean over their band, and what is folded and leaks there.
+    Effect of a filter on the power of groups: its mean over the band, with aliasing and leakage.
 
-    A mean over m samples passes (sin(pi m nu)/(m sin(pi nu)))^2 of what is m times as fast as its
-    rate allows; of white noise all that is folded adds up to 1, behind a filter it does not. The
-    ends of a block of L points leak what is slower, f, into the coefficients about kappa: over an
-    even and an odd one (1/sin(pi (kappa - f)) - 1/sin(pi (kappa + f)))^2 / 2L a unit of f.
+    The mean of m samples passes (sin(pi m nu)/(m sin(pi nu)))^2 of the power at an alias nu. For
+    white noise the aliases add up to 1; behind a filter they do not. Power at a lower frequency f
+    leaks at the ends of a block of L points into the coefficients near kappa. Averaged over an
+    even and an odd one this is (1/sin(pi (kappa - f)) - 1/sin(pi (kappa + f)))^2 / 2L per unit f.
 
-    Where the mean of its neighbours stands in for a lost sample, what that mean takes out is
-    missing, and the error is added at every frequency: of filtered noise less than of white noise.
+    The mean of its neighbours replaces a lost sample. The part that this mean removes is missing
+    from the power, and a white error is added, which is smaller for filtered noise.
     """
 
     def __init__(self, nu: Array, step: Array, length: Array, interpolated: Array) -> None:
@@ -262,7 +263,7 @@ class Response:
                     * (1 / np.sin(np.pi * (kappa - f)) - 1 / np.sin(np.pi * (kappa + f)))**2)
             first.append(count)
             at += [inside, slower]
-            # Of white noise a coefficient holds as much as without leaks.
+            # Leakage does not change the power of white noise.
             weight += [share * (1 - leak.sum()), leak]
             count += len(inside) + len(slower)
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
@@ -271,7 +272,7 @@ class Response:
         self._taken = _taken_by_mean(_EVERY)**2
 
     def of(self, power: Power, corner: float) -> Array:
-        """Return it of a low-pass."""
+        """Return the response to a low-pass, relative to white noise without a filter."""
         passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
         error = self._lost * (power(_EVERY, corner) * self._taken).mean()
         return np.asarray((passed * self._kept + error)
@@ -279,22 +280,22 @@ class Response:
 
 
 def _taken_by_mean(nu: Array) -> Array:
-    """Share of an amplitude that the mean of the neighbours of a sample takes out."""
+    """Share of an amplitude that is lost when the mean of its neighbours replaces a sample."""
     return np.asarray(1 - np.cos(2 * np.pi * nu[..., None] * np.arange(1, NEIGHBOURS + 1)
                                  ).mean(axis=-1))
 
 
 def _folded(nu: float, means: float) -> tuple[Array, Array]:
-    """Give places whose power means over a band see, and how much of it."""
-    # A band is an eighth of an octave, unless half the sample rate ends it.
+    """Return the frequencies whose power folds into a band of block means, and their weights."""
+    # A band is an eighth of an octave wide, unless it is cut at half the sample rate.
     inside = np.minimum(nu * 2.0**(_POINTS * min(1 / 16, float(np.log2(0.5 / nu)))), 0.4999)
-    # Below a fiftieth of their rate, means of samples fold next to nothing.
+    # Below a fiftieth of the rate of the means, aliasing is negligible.
     if nu * means < 0.02:
         return inside, _GAUSS
     fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
     places = inside[:, None] + fold / means
     share = (np.sin(np.pi * means * inside)[:, None] / (means * np.sin(np.pi * places)))**2
-    # What is folded more often is taken to be as strong as at the last.
+    # Aliases of higher order are assumed to be as strong as the last one.
     share[:, -1] += np.maximum(1 - share.sum(axis=1), 0.0)
     return (np.minimum(np.minimum(abs(places), 1 - places), 0.4999).ravel(),
             (_GAUSS[:, None] * share).ravel())
@@ -302,7 +303,7 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
 
 def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None
              ) -> Table:
-    """Tabulate shapes on their grids; low-passes as they are seen."""
+    """Tabulate the log power of shapes on their grids; with `seen`, as the groups see a filter."""
     rows, grids = [], []
     for shape in shapes:
         assert shape.grid is not None

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Deterministic drift of the mean as further shapes: regressors with amplitudes of any size.
+Deterministic drift of the mean: regressors that are added to the noise models.
 
-A trend has one column, a cycle two, and a nuisance on a grid. Its amplitude is uniform in the
-logarithm, so about noise of a given spectrum the integral over it is closed: with the gain g of
-the regression beside the ramp it is (density/2) sqrt(2 pi/g) e^(g/2) of one column, and
-(density/g) e^(g/2) of two.
+A trend has one column, a cycle two, and a nuisance on a grid. The prior of its amplitude is
+uniform in the logarithm. For noise of a given spectrum the integral over it then has a closed
+form. With the gain g of the regression beyond the ramp, it is (density/2) sqrt(2 pi/g) e^(g/2)
+for one column, and (density/g) e^(g/2) for two.
 """
 
 from collections.abc import Callable, Sequence
@@ -43,21 +43,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SLOWEST = 128
-"""Coefficients of the record in which a trend is looked for."""
+"""Number of the slowest coefficients of the record that are searched for trends."""
 _MOST = 2
-"""Trends at once: nothing distinguishes what a third explains from noise."""
+"""Most trends in one model: a third could not be distinguished from noise."""
 _LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
-"""Of a thermometer behind the sensor or ahead of it; below, both are one."""
+"""Lags of a thermometer behind or ahead of the sensor; shorter ones count as none."""
 CI95 = 3.841
-"""Likelihood ratio at the ends of a 95 % interval (Wilks)."""
+"""Twice the log likelihood ratio at the ends of a 95 % interval (Wilks)."""
 _NEAR = 30.0
-"""Nats within which a noise counts as one that a trend may stand beside."""
+"""Noise models within this many nats of the best are combined with trends."""
 
 
 @dataclass(frozen=True)
 class TrendKind:
     """
-    A way in which the mean may move.
+    A kind of deterministic drift of the mean.
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class TrendKind:
     density : float
         Prior probability of presence per unit of the logarithm of the amplitude.
     grid : callable
-        Values of the nuisance, equally likely, given the duration in seconds.
+        Equally likely values of the nuisance, given the duration in seconds.
     columns : callable
-        Trends over time, given the nuisance and the duration.
+        Functions of time, given the nuisance and the duration.
     continuous : bool
-        Whether there are values between those of the grid.
+        Whether the nuisance may lie between the values of the grid.
     most : int
-        How many of the kind a mean may have: a die and its housing warm up apart.
+        Most trends of this kind in one model: a die and its housing warm up separately.
     smooth : bool
         Whether the columns change smoothly with the logarithm of the nuisance.
 
@@ -86,7 +86,7 @@ class TrendKind:
     smooth: bool = False
 
     def slopes(self, value: float, duration_s: float) -> tuple[Waveform, ...]:
-        """Return the derivatives of the columns by the logarithm of the nuisance."""
+        """Return the derivatives of the columns by the log nuisance, if they are smooth in it."""
         if not self.smooth:
             return ()
         return tuple(partial(_difference, *pair) for pair in zip(*(
@@ -95,7 +95,7 @@ class TrendKind:
 
 
 _SLOPE = 0.01
-"""Relative change of a nuisance by which a derivative is taken."""
+"""Relative step of the nuisance for numerical derivatives."""
 
 
 def _difference(more: Waveform, less: Waveform, time: Array) -> Array:
@@ -115,14 +115,14 @@ TRENDS = (
 
 
 def lags_of(temperature: TemperatureSeries) -> Array:
-    """Return the lags of a thermometer behind the sensor that a record can show, in seconds."""
+    """Return the thermometer lags that a record can resolve, in seconds behind the sensor."""
     # A lag of more than an eighth of the record cannot be distinguished from the ramp.
     longest = temperature.duration_s / 8
     return np.sort([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
 
 
 def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
-    """Trends of a record with a thermometer: the temperature with a lag, and its square."""
+    """Return `TRENDS` preceded by the lagged temperature, and the same with its square."""
     lags = lags_of(temperature)
 
     def of(power: int) -> Callable[[float, float], tuple[Waveform, ...]]:
@@ -142,9 +142,9 @@ class Found:
     kind : TrendKind
     value : float
     interval : (float, float)
-        95 % of the nuisance.
+        95 % interval of the nuisance.
     share : float
-        Logarithm of what the integral over the nuisance adds to the evidence.
+        Log of the factor by which the integral over the nuisance changes the evidence.
 
     """
 
@@ -155,22 +155,22 @@ class Found:
 
     @property
     def width(self) -> int:
-        """Count its columns."""
+        """Return the number of columns."""
         return len(self.kind.columns(self.value, 1.0))
 
 
 @dataclass(frozen=True)
 class TrendSet:
     """
-    Models beside the same trends.
+    Noise models that are fitted together with the same trends.
 
     Attributes
     ----------
     found : tuple of Found
     spectra : Spectra
-        With the trends as regressors.
+        Spectra with the trends as regressors.
     rows : Rows
-        Climbed; prior and evidence have those of the amplitudes and nuisances of the trends.
+        Fitted models; prior and evidence include the amplitudes and nuisances of the trends.
 
     """
 
@@ -180,7 +180,7 @@ class TrendSet:
 
 
 class Bank:
-    """All candidates on the slowest coefficients of a recording, for any of its axes."""
+    """Transforms of all candidate trends at the slowest coefficients, shared by all axes."""
 
     def __init__(self, record: RecordSpectrum, kinds: Sequence[TrendKind]) -> None:
         self.kinds, self.duration_s = kinds, record.duration_s
@@ -189,7 +189,7 @@ class Bank:
 
     @cached_property
     def columns(self) -> list[Array]:
-        """Transform the candidates of every kind, as soon as they are asked for."""
+        """Transform the candidates of every kind; computed on first use."""
         return [self.regressors(kind, grid)
                 for kind, grid in zip(self.kinds, self.grids, strict=True)]
 
@@ -201,12 +201,12 @@ class Bank:
         return np.asarray(found.T.reshape(len(values), len(trends[0]), -1))
 
     def of(self, record: RecordSpectrum) -> 'AxisBank':
-        """Lay the candidates to one axis of the recording."""
+        """Return the candidates for one axis of the recording."""
         return AxisBank(self, record)
 
 
 class AxisBank:
-    """Candidates on the slowest coefficients of one axis that are no line."""
+    """Candidate trends at the slowest coefficients of one axis, without those of lines."""
 
     def __init__(self, bank: Bank, record: RecordSpectrum) -> None:
         self.bank, self.record, self.kinds = bank, record, bank.kinds
@@ -219,14 +219,14 @@ class AxisBank:
         return [columns[:, :, self._slow.which] for columns in self.bank.columns]
 
     def trends(self, found: Sequence[Found]) -> list[Waveform]:
-        """Give the trends themselves."""
+        """Return the trends as functions of time."""
         return [trend for one in found
                 for trend in one.kind.columns(one.value, self.bank.duration_s)]
 
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
-        """Prepare the gains about noises of some spectra, over the ramp and other trends."""
+        """Whiten by the spectra `lam` and remove the ramp and the trends in `beside`."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
-        # One over it, times anything, is a number.
+        # The lower limit keeps products with the reciprocal finite.
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
         others = [self._slow.ramp[:, None]]
         if self.record.trends or beside:
@@ -237,7 +237,7 @@ class AxisBank:
         return Whitened(root, basis * root[:, :, None], value[:, :, 0] * root)
 
     def gains(self, about: 'Whitened', number: int, values: Array | None = None) -> Array:
-        """Gain of a kind at the values of its grid, or at others, shape (noises, values)."""
+        """Return the gains of a kind along its grid, or at `values`, shape (noises, values)."""
         return about.gains(
             self._columns[number] if values is None else
             self.bank.regressors(self.kinds[number], values)[:, :, self._slow.which])
@@ -246,16 +246,16 @@ class AxisBank:
 @dataclass(frozen=True)
 class Whitened:
     """
-    Coefficients of a record about noises, without what other trends explain.
+    Coefficients of a record, whitened by noise models, without the part that other trends explain.
 
     Attributes
     ----------
     root : ndarray, shape (noises, coefficients)
-        One over the standard deviation.
+        Reciprocal of the standard deviation.
     basis : ndarray, shape (noises, coefficients, other trends)
-        Orthonormal once whitened, times that root.
+        Orthonormal basis of the whitened other trends, times `root`.
     value : ndarray, shape (noises, coefficients)
-        Whitened, times that root.
+        Whitened residual, times `root`.
 
     """
 
@@ -264,17 +264,17 @@ class Whitened:
     value: Array
 
     def one(self, number: int) -> 'Whitened':
-        """Return one of the noises alone."""
+        """Return the arrays of one of the noise models."""
         return Whitened(*(array[number:number + 1] for array in vars(self).values()))
 
     def gains(self, columns: Array) -> Array:
-        """Return what candidates explain, shape (noises, values)."""
+        """Return the chi-square that candidates explain, shape (noises, values)."""
         along = np.tensordot(self.value, columns, (1, 2))
         taken = np.tensordot(self.basis, columns, (1, 2))
         products = np.einsum('vin,vjn->vijn', columns, columns)
         gram = np.tensordot(self.root**2, products, (1, 3))
-        # A trend that nothing of the record sees, a step between two runs, explains nothing.
-        # A trend of which less is left beside others repeats them.
+        # The ridge rejects trends that no coefficient shows, such as a step between two runs, and
+        # trends that are almost a combination of the others.
         ridge = (1e-9 * np.trace(gram, axis1=2, axis2=3)
                  + np.finfo(np.float64).tiny)[:, :, None, None]
         gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
@@ -288,25 +288,25 @@ def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
                   records: Sequence[RecordSpectrum | None], bank: Bank
                   ) -> list[list[TrendSet]]:
     """
-    Fit the models of every axis beside each trend that promises something, greedily two of them.
+    Fit the models of each axis with every promising trend, and then greedily with a second one.
 
     Parameters
     ----------
     spectra : Spectra
-        Of all axes.
+        Spectra of all axes.
     starts : sequence of Start
-        Of every axis.
+        Starting point of each axis.
     rows : Rows
-        Without trends, of each axis the best first.
+        Models without trends, for each axis the best first.
     records : sequence of RecordSpectrum or None
-        Of every axis; none where no trend is looked for.
+        Spectrum of each axis; None where no trend is to be searched for.
     bank : Bank
-        What may move the mean.
+        Candidate trends.
 
     Returns
     -------
     list of list of TrendSet
-        By axis.
+        Fitted sets by axis.
 
     """
     searches = [_Search(spectra, axis, start, of_axis(rows, axis), bank.of(record))
@@ -328,7 +328,7 @@ def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
 
 
 class _Search:
-    """The search for trends of one axis."""
+    """Greedy search for the trends of one axis."""
 
     def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: AxisBank
                  ) -> None:
@@ -341,7 +341,7 @@ class _Search:
         self._about: Whitened | None = None
 
     def begin(self, still: Rows) -> None:
-        """Look about the noises that come near, as they are without trends."""
+        """Start from the noise models near the best, as fitted without trends."""
         near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - _NEAR))
         self._look(self._spectra, Rows.joined([self._best, near]))
 
@@ -350,7 +350,7 @@ class _Search:
             spectra.frequency, expected_powers(spectra, rows), self.chosen)
 
     def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...]]]':
-        """Trends worth fitting, beside those that are chosen."""
+        """Return the trends that are worth fitting, each added to those already chosen."""
         found: list[Candidate] = []
         if self._about is None:
             return found
@@ -359,7 +359,7 @@ class _Search:
                 continue
             gains = self.bank.gains(self._about, number).max(axis=1)
             best = int(np.argmax(gains))
-            # A trend of a lower gain is not worth fitting.
+            # With a gain below 9, a trend is not worth fitting.
             if gains[best] < 9.0:
                 continue
             one = likeliest(self.bank, number, self._about.one(best), self.chosen)
@@ -367,13 +367,13 @@ class _Search:
         return found
 
     def go_on(self, own: Sequence[TrendSet]) -> None:
-        """Add the best trend to the model, if it is clearly better than what was there."""
+        """Choose the best trend, if it clearly improves the evidence."""
         self._about = None
         if not own:
             return
         leader = max(own, key=lambda one: float(one.rows.evidence.max()))
         top = float(leader.rows.evidence.max())
-        # Another is looked for only beside a trend that is better by two nats.
+        # Continue the search only if the trend improves the evidence by two nats.
         if top > self._top + 2.0:
             self._top, self.chosen = top, leader.found
             best = np.array([int(np.argmax(leader.rows.evidence))])
@@ -381,21 +381,21 @@ class _Search:
 
 
 Candidate = tuple[_Search, tuple[Found, ...]]
-"""A search, and trends worth fitting."""
+"""A search, and a set of trends that is worth fitting."""
 
 
 def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
             ) -> list[tuple[_Search, TrendSet]]:
-    """Fit the noises of axes beside their candidates: one batch for each number of columns."""
+    """Fit the noise models with their candidates, in one batch per number of columns."""
     widths = [sum(one.width for one in found) for _, found in candidates]
     fitted = []
     for width in sorted(set(widths)):
         same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
         tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
                              for number, (search, _) in enumerate(same)])
-        # Half a nat is close enough to see where the trend is.
+        # Half a nat is close enough to locate the trend.
         beside, rows = _climbed(spectra, same, tried, 0.5)
-        # Until a strong trend is fitted, its residual passes for noise: then the start is nearer.
+        # At first, a strong trend passes for noise: refine it now that the noise is fitted beside.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
         beside, rows = _climbed(spectra, same, rows)
@@ -412,18 +412,18 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
 
 def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
              ) -> tuple[Spectra, Rows]:
-    """Fit rows of noises beside candidates of as many columns, each the candidate of its `of`."""
+    """Fit rows with candidates of equal column count; `of` of a row is the candidate's index."""
     groups = [search.bank.record.groups(*search.bank.trends(found)) for search, found in same]
     beside = spectra.beside(groups, [search.axis for search, _ in same])
     return beside, climb(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
-    """Fit the nuisances again, the last trend's at last, about the best noise beside them."""
+    """Refit the nuisances in turn, the last trend's last, with the best noise model."""
     search, found = candidate
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
     lam = expected_powers(beside, best)[0]
-    # The nuisances of several trends are fitted in turns, each beside the others.
+    # Each nuisance is fitted in turn, with the others held fixed.
     turns = 6 if len(found) > 1 else 1
     for _ in range(turns * len(found)):
         first, *others = found
@@ -434,11 +434,11 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
 
 
 def likeliest(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]) -> Found:
-    """Find the best value of a nuisance, and what the integral over it adds to the evidence."""
+    """Find the best value of a nuisance, and the log of what integrating over it contributes."""
     kind = bank.kinds[number]
     values, gains = _profile(bank, number, about, others)
     near, grid = np.exp((gains - gains.max()) / 2), bank.bank.grids[number]
-    # Values of the grid are equally likely.
+    # The integral runs over the index, because grid values are equally likely.
     place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
     share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
              if kind.continuous and len(grid) > 1 else float(near.mean()))
@@ -456,13 +456,13 @@ def expected_powers(spectra: Spectra, rows: Rows) -> Array:
 
 
 def _sizes(spectra: Spectra, rows: Rows, width: int) -> Array:
-    """Sizes of the last regressors beside every row, shape (rows, width)."""
+    """Return the fitted sizes of the last regressors, shape (rows, width)."""
     size = fitted_mean(spectra, rows, rows.x)[2]
     return size[:, 0, size.shape[2] - width:]
 
 
 def _occam(sizes: Array, found: Sequence[Found]) -> Array:
-    """Logarithm of the priors of amplitudes and nuisances, times what the regression took."""
+    """Return the log priors of the trends relative to the flat prior of the regression."""
     total, at = np.full(len(sizes), sum(one.share for one in found)), 0
     for one in found:
         square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
@@ -476,12 +476,12 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
 
 def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]
              ) -> tuple[Array, Array]:
-    """Gains along the nuisance of a kind, closer and closer about the best value."""
+    """Return nuisance values of a kind and their gains, refined around the best value."""
     kind, values = bank.kinds[number], bank.bank.grids[number]
     same = [one.value for one in others if one.kind.key == kind.key]
 
     def gained(at: Array, gains: Array) -> Array:
-        # Two nearly equal trends of opposite sign are the derivative of one, not two of a sensor.
+        # Two nearly equal trends of opposite sign would only describe a derivative.
         for value in same:
             gains = np.where(np.abs(np.log(at / value)) < np.log(2), 0.0, gains)
         return gains
@@ -489,7 +489,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Foun
     gains = gained(values, bank.gains(about, number)[0])
     if not kind.continuous or len(values) < 3:
         return values, gains
-    # The distance between values about the best is halved until the gain hardly changes.
+    # Halve the spacing around the best value until the gain hardly changes.
     for _ in range(24):
         best = int(np.argmax(gains))
         low, high = values[max(best - 1, 0)], values[min(best + 1, len(values) - 1)]
@@ -507,17 +507,17 @@ def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Foun
 
 
 def _interval(values: Array, gains: Array) -> tuple[float, float]:
-    """Where the likelihood ratio to the best value stays below that of a 95 % interval."""
+    """Return the 95 % interval of the nuisance from the profile of the likelihood ratio."""
     near = np.flatnonzero(gains > gains.max() - CI95)
     return (float(values[max(near[0] - 1, 0)]), float(values[min(near[-1] + 1, len(values) - 1)]))
 
 
 def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
     """
-    Propose noises to fit trends beside: terms, and those of the best model, with and without K.
+    Propose noise models for the search for trends, each with and without a random walk.
 
-    The fast end of the best model and a plain one are both tried: a mean that moves leaks into the
-    fast end and passes for a filter.
+    They are combinations of the terms, and the slow noise of the best model. Each is tried with
+    the fast end of the best model and a plain one, since a moving mean can pass for a filter.
     """
     own, seen = Proposals(spectra, axis), set()
     best = rows.take(np.array([0]))
