@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the log says unasked: every transition once, and progress from time to time.
+What the node logs by itself: every change of state once, and progress from time to time.
 
-Each `see_` method is given what is true now and compares it with what was true before.
+Each `see_` method receives the current state and compares it with the previous one.
 """
 
 from collections.abc import Sequence
@@ -24,17 +24,19 @@ from imu_allan.wording import counted, duration, measured, spoken
 from imu_allan.writers.words import message_of, presented
 
 PAUSE_S = 1.0
-"""Longer than a hiccup of Wi-Fi, and shorter than a driver takes to start. A judgment."""
+"""Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
+to start. Chosen by judgment."""
 SILENCE_S = 5.0
-"""Longer than a hiccup of Wi-Fi; any longer and a dead sensor is news late. A judgment."""
+"""Silence longer than this is reported: longer than a Wi-Fi dropout, yet early news of a dead
+sensor. Chosen by judgment."""
 REPEAT_S = 30.0
-"""A warning about something that flickers comes at most so often."""
+"""Shortest time between repeated warnings about a condition that comes and goes."""
 PROGRESS_S = 60.0
-"""As often as somebody who waits looks again."""
+"""Time between progress lines at first: about as often as a waiting user looks."""
 
 
 class Announcements:
-    """Compares what is with what was, and says the difference."""
+    """Compares the current state with the previous one, and logs what has changed."""
 
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
@@ -50,10 +52,10 @@ class Announcements:
         return self._began is not None
 
     def begin_run(self) -> None:
-        """Forget what was said about the run before."""
+        """Forget what was reported about the previous run."""
         self._began: float | None = None
         self._progress_at = 0.0
-        # Progress lines, or transitions of their own, report these.
+        # Progress lines, or conditions of their own, report these.
         self._said_codes = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
                             'clock_jumps'}
         for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
@@ -61,7 +63,7 @@ class Announcements:
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts) -> None:
-        """Report publishers that come and go, losses, and data that return."""
+        """Report publishers that appear or leave, lost messages, and messages after a pause."""
         self._overrun = facts.recent['overrun'] > 0
         self._see(reception_conditions(facts))
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
@@ -69,7 +71,7 @@ class Announcements:
                            'without', f'pause {self._topic}')
 
     def _see(self, conditions: Sequence[Condition]) -> None:
-        """Report what begins, and that it is over if its beginning was reported."""
+        """Report conditions that begin, and the end of those whose beginning was reported."""
         for name, present, _, message, over in conditions:
             if over is None:
                 continue
@@ -81,7 +83,7 @@ class Announcements:
                     message, f'{name} {self._topic}', REPEAT_S)
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
-        """Report the first sample, faults of clock and samples, and motion."""
+        """Report the first sample, faults of the clock and the samples, and motion."""
         timeline = summary.timeline
         if timeline.samples and self._began is None:
             self._began, self._progress_at = now, now + PROGRESS_S
@@ -94,7 +96,7 @@ class Announcements:
         self._see(timeline_conditions(facts, summary))
 
     def see_result(self, result: Result) -> None:
-        """Report coefficients that become observable, or no longer are, and findings."""
+        """Report coefficients that become observable or cease to be, and new findings."""
         changed: dict[tuple[bool, str], list[str]] = {}
         for name, axis in result.axes.items():
             for key, found in axis.coefficients.items():
@@ -118,7 +120,7 @@ class Announcements:
             self._say_once(remark.code, message_of(remark, live=True))
 
     def see_standing(self, facts: Facts) -> None:
-        """Report where the verdict of a standard has changed."""
+        """Report each standard whose verdict has changed."""
         for finding in facts.findings:
             if self._levels.get(finding.standard) == finding.level:
                 continue
@@ -131,22 +133,22 @@ class Announcements:
                 say(text, f'{finding.standard} {finding.level}', REPEAT_S)
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
-        """Report how far the run has come, a line a minute at first, an hour later."""
+        """Report the progress of the run, every minute at first and every hour later."""
         if self._began is None or now < self._progress_at or result is None or not result.axes:
             return
-        # In the first ten minutes somebody watches; a night makes ten lines.
+        # Users tend to watch the first ten minutes; after that a night adds about ten lines.
         self._progress_at = now + (PROGRESS_S if now - self._began < 600.0 else 3600.0)
         self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
     def _say_once(self, code: str, text: str) -> None:
-        # Where the queue overruns, all that is odd about the samples may come of it.
+        # While the queue overruns, that may be the cause of any other fault of the samples.
         if not self._overrun and code not in self._said_codes:
             self._said_codes.add(code)
             self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
 
 
 def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -> str:
-    """Say how much has come, what is observable and, while more comes, what is next."""
+    """Describe the samples, what is observable and, while messages come, what is expected next."""
     timeline = result.timeline
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
     used = f', {duration(rest_s(timeline, moved_s))} of it at rest' if moved_s else ''

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whoever calls a service is answered, however many call at once.
+Answers to service calls, however many clients call at once.
 
-What the middleware does alone loses requests and answers without a word: its queues hold ten.
+With its default queues of ten the middleware silently drops requests and answers.
 """
 
 import time
@@ -15,25 +15,25 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 REQUESTS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
-"""Requests that wait for their turn; of those beyond it the first would be dropped."""
+"""Up to this many requests wait for their turn; beyond it the oldest would be dropped."""
 ANSWER_S = 0.01
-"""From one answer to the next: ten, the queue of an ordinary client, take a tenth of a second."""
+"""Time between two answers: ten, which fill the queue of an ordinary client, take 0.1 s."""
 
 
 class Callers(ReentrantCallbackGroup):
-    """Those whose requests have been taken and not been answered."""
+    """The callback group of the services, which counts the callers that wait for an answer."""
 
     def __init__(self, node: Node) -> None:
         super().__init__()
         self.waiting = 0
         self._answered = 0.0
-        # Wakes the executor, which then asks those who wait.
+        # Wakes the executor, which then resumes the waiting services.
         self._turns = node.create_timer(ANSWER_S, self._rest_if_alone, callback_group=self,
                                         clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._turns.cancel()
 
     def can_execute(self, entity: object) -> bool:
-        """Leave further requests in their queue while many wait: each is asked at every turn."""
+        """Leave requests in the queue while many callers wait: each is polled at every wake-up."""
         return self.waiting < 100 or entity is self._turns
 
     def _rest_if_alone(self) -> None:
@@ -41,7 +41,7 @@ class Callers(ReentrantCallbackGroup):
             self._turns.cancel()
 
     def may_answer(self) -> bool:
-        """Whether it is the turn of whoever asks, who is woken again if it is not."""
+        """Return whether the service that asks may answer now; if not, it is woken again later."""
         now = time.monotonic()
         if now - self._answered < ANSWER_S:
             if self._turns.is_canceled():

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The node beside an IMU driver, in one class because the executor calls all of it.
+The node that characterizes an IMU, as one class because the executor calls all of it.
 
-The executor's one thread takes samples, feeds them to the run and answers services. Everything
-that takes longer (fit, plot, files) is done by the worker's thread on a snapshot, so that the
-middleware's queue never has to hold more than moments. Nothing that a driver, a listener or a disk
-does lets an error out of the executor's thread; if one gets out all the same, `serve` saves first.
+The executor's thread takes samples, feeds them to the run and answers services. Everything that
+takes longer (fits, plots, files) runs in a worker thread on a snapshot, so samples stay in
+the middleware's queue only for moments. Faults of drivers, subscribers or disks raise no error in
+the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
 import asyncio
@@ -51,27 +51,27 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 QUEUE_S = 2.5
-"""The queue holds so many seconds of samples at the expected rate."""
+"""The queue holds this many seconds of samples at the expected rate."""
 QUEUE_MESSAGES = 10_000
-"""The queue holds at least so many messages: 2 s of an IMU at 5 kHz."""
+"""The queue holds at least this many messages: 2 s of an IMU at 5 kHz."""
 TICK_S = 0.5
-"""A fifth of `QUEUE_S`, so that late ticks lose nothing; a shorter one wakes up for nothing, and
-fewer messages decoded together pay the fixed price of numpy more often."""
+"""Time between ticks: a fifth of `QUEUE_S`, so that late ticks lose nothing. Shorter ticks wake up
+needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
 HURRY_S = 0.05
-"""Between two ticks where the queue would not hold what comes within `TICK_S`."""
+"""Shortest time between ticks, for rates at which the queue would overflow within `TICK_S`."""
 TICK_MESSAGES = QUEUE_MESSAGES // 4
-"""Taken together at most, as far as can be predicted from how fast the last ones came."""
+"""Most messages to take in one tick, as far as the latest rate predicts their number."""
 
 
 class CharacterizationNode(AnyExecutorNode):
     """
-    Characterizes the IMU on ``imu/data_raw``, in whichever executor spins it.
+    Characterizes the IMU on ``imu/data_raw``, under any kind of executor.
 
     Parameters
     ----------
     node_name : str, optional
     options
-        Of `rclpy.node.Node`, such as ``namespace`` and ``parameter_overrides``.
+        Keyword arguments of `rclpy.node.Node`, such as ``namespace`` and ``parameter_overrides``.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class CharacterizationNode(AnyExecutorNode):
 
     def __init__(self, node_name: str = 'imu_allan', **options: Any) -> None:
         super().__init__(node_name, **options)
-        # An executor of several threads calls services and timer at the same time.
+        # A multithreaded executor calls services and timer concurrently.
         self._lock = RLock()
         self._ended = False
         self._log = Log(self.get_logger())
@@ -115,13 +115,13 @@ class CharacterizationNode(AnyExecutorNode):
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(self, self._receptions, self._publications, self._log)
         run = self._storage.first_run()
-        # Held back means lost in a crash: no more than half of what may be lost.
+        # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
                           lambda: min(LOOK_S, self._storage.checkpoint_period / 2),
                           self._leave, self._log,
                           lambda number: self._receptions[number].subscription.publisher_gids())
 
-        # Services wait for the worker while samples come in: they have a group of their own.
+        # Services wait for the worker while samples come in, so they have their own group.
         self._callers = Callers(self)
         for name, serve in ('~/save', self._save), ('~/reset', self._reset):
             self.serve_waiting(Trigger, name, serve, qos_profile=REQUESTS,
@@ -135,14 +135,14 @@ class CharacterizationNode(AnyExecutorNode):
             self._results.fit(self._run)
         self._storage.try_output()
         self._last_tick = now
-        # With use_sim_time and no /clock a timer by the clock of ROS never ticks.
+        # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
                                         Clock(clock_type=ClockType.STEADY_TIME))
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
 
     def serve(self, stop: StopRequest) -> int:
-        """Work until `stop` is set, then save: cheaper than an executor; return the status."""
-        # A timer would wake the executor twice: once more for having been called.
+        """Run until `stop` is set, more cheaply than by spinning, then save; return the status."""
+        # A timer would wake the executor twice per tick: again after its callback.
         self.destroy_timer(self._timer)
         executor = SingleThreadedExecutor()
         executor.add_node(self)
@@ -154,10 +154,10 @@ class CharacterizationNode(AnyExecutorNode):
                 if time.monotonic() - self._last_tick >= wait_s:
                     wait_s = self._tick()
         except ExternalShutdownException:
-            # ROS is gone, what was learnt is not.
+            # ROS has been shut down, but the run can still be saved.
             pass
         except Exception as error:
-            # Whatever it was: days of samples must not go with it.
+            # Whatever the error, it must not lose days of samples.
             well = False
             self._log.bug(error, 'the node ends and saves what it has learnt')
         finally:
@@ -165,7 +165,7 @@ class CharacterizationNode(AnyExecutorNode):
         return 0 if self.finish() and well else 1
 
     def destroy_node(self) -> None:
-        """Save what has not been saved, and end."""
+        """Save what has not been saved yet, then destroy the node."""
         self.finish()
         super().destroy_node()
 
@@ -185,7 +185,7 @@ class CharacterizationNode(AnyExecutorNode):
         return Reception(subscription, facts, decode, Announcements(self._log, facts.topic))
 
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
-        """Refuse together what the node would not start with; one alone may wait for the other."""
+        """Refuse inconsistent values set together; one set alone may precede the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
         reason = (_reason_against(given['aiding_interval'], given['coast'])
                   if {'aiding_interval', 'coast'} <= given.keys() else '')
@@ -206,7 +206,7 @@ class CharacterizationNode(AnyExecutorNode):
                     self._log.warning(f'{reason}: filter_random_walk is NaN until they fit',
                                       'filter')
 
-    # -- one tick: samples in, what is due started, what is done handed out ---------------------
+    # -- one tick: take samples, start what is due, deliver what is finished ---------------------
 
     def _on_timer(self) -> None:
         period_ns = round(self._tick() * 1e9)
@@ -233,7 +233,7 @@ class CharacterizationNode(AnyExecutorNode):
         return pace_s(count, elapsed_s)
 
     def _catch_up(self, now: float) -> int:
-        """Take in what has come until now; return how much it was on a topic at most."""
+        """Take in all messages so far; return their number on the busiest topic."""
         most = self._take(now)
         for number, lane in enumerate(self._run.lanes):
             self._thermometer.feed(number, lane.characterization)
@@ -244,20 +244,20 @@ class CharacterizationNode(AnyExecutorNode):
 
     def _take(self, now: float) -> int:
         if not self.context.ok():
-            # Once ROS is gone nothing more comes.
+            # No messages arrive after the shutdown of ROS.
             return 0
         most = max([reception.take(now) for reception in self._receptions])
         self._thermometer.take()
         return most
 
-    # -- one run after the other ----------------------------------------------------------------
+    # -- change of runs --------------------------------------------------------------------------
 
     @property
     def _run(self) -> Run:
         return self._runs.run
 
     def _leave(self, run: Run, why: UnusableState) -> None:
-        """Save a run whose place another takes, and keep its state aside."""
+        """Save a run that another one replaces, and keep its state aside."""
         self._storage.save(run)
         self._storage.keep_aside(run, why)
         self._storage.hurry()
@@ -300,9 +300,9 @@ class CharacterizationNode(AnyExecutorNode):
 
     async def _failure(self, future: 'Future[Any]') -> str | None:
         """
-        Let the executor go on until the worker is done, and it is the caller's turn.
+        Wait for the worker and for the caller's turn, while the executor goes on.
 
-        Return what went wrong.
+        Return what went wrong, or None.
         """
         executor = self.executor
         if isinstance(executor, Executor):
@@ -312,10 +312,10 @@ class CharacterizationNode(AnyExecutorNode):
         self._callers.waiting += 1
         try:
             while not (future.done() and self._callers.may_answer()):
-                # It comes back when the executor wakes the next time.
+                # Continues at the executor's next wake-up.
                 await asyncio.sleep(0)
         finally:
-            # Whoever waits when the node ends comes here once there is no timer any more.
+            # Leave the timer alone: if the node ends meanwhile, it no longer exists here.
             self._callers.waiting -= 1
         error = future.exception()
         return None if error is None else printable(error)
@@ -336,22 +336,22 @@ class CharacterizationNode(AnyExecutorNode):
     # -- the end --------------------------------------------------------------------------------
 
     def finish(self) -> bool:
-        """Take what is still queued, write state and result; return whether all was well."""
+        """Take in what is still queued, write state and result; return whether all succeeded."""
         with self._lock:
             ended, self._ended = self._ended, True
             return ended or self._finish()
 
     def _finish(self) -> bool:
-        # One after the other: what fails costs the others nothing.
+        # Every step is attempted, even if an earlier one has failed.
         done = [self._attempt(step) for step in (
             lambda: self._catch_up(time.monotonic()),
             self._runs.finish,
             lambda: self._storage.save_state_at_end(self._run),
-            # Drawings come last: there may be no time for them.
+            # Plots come last: there may be no time for them.
             lambda: (self._runs.unproven is None
                      or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
             lambda: self._storage.save_files_at_end(self._run),
-            # Nobody listens any more; but what became of files is reported.
+            # Nothing is published any more, but the outcome of writing files is logged.
             lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
         if (result := self._results.latest) is not None:
             for line in filter(None, (*verdict_lines(result), findings_line(result))):
@@ -372,7 +372,7 @@ class CharacterizationNode(AnyExecutorNode):
 
 
 def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
-    """Give the topics to subscribe to, with the sensor that comes on it if it is one alone."""
+    """Return the topics to subscribe to, each with its sensor if it carries only one."""
     gyro, accel = values['gyro_topic'], values['accel_topic']
     if not gyro and not accel:
         if values['accel_type']:
@@ -387,7 +387,7 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
 
 
 def _fields(values: Mapping[str, Any], half: Half | None = None) -> list[str]:
-    """Give the fields that are named for the messages on a topic; the others are empty."""
+    """Return the fields that the user names for the messages on a topic; the others are empty."""
     return ['' if half is not None and part not in (half, 'stamp') else values[f'{part}_field']
             for part in ('gyro', 'accel', 'stamp')]
 
@@ -397,16 +397,16 @@ def _units(values: Mapping[str, Any]) -> list[str]:
 
 
 def queue_messages(expected_rate: float) -> int:
-    """Give the depth of the queue for a rate in Hz; 0 is unknown."""
+    """Return the depth of the queue for a rate in Hz (0 if unknown)."""
     return max(QUEUE_MESSAGES, ceil(QUEUE_S * expected_rate))
 
 
 def pace_s(count: int, elapsed_s: float) -> float:
-    """Give the time to the next tick, in seconds, after `count` messages came in `elapsed_s`."""
+    """Return the seconds until the next tick, after `count` messages in `elapsed_s`."""
     return min(TICK_S, max(HURRY_S, elapsed_s * TICK_MESSAGES / max(count, 1)))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:
-    """Why two parameters are refused together; empty if they are not."""
+    """Return why two values are inconsistent; empty if they are consistent."""
     return '' if aiding_s <= coast_s else (
         f'aiding_interval: {aiding_s:g} s is longer than coast, {coast_s:g} s')

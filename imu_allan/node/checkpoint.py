@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The state file: what a node has learnt, kept over a crash or a reboot.
+The state file, which preserves the run of a node over a crash or a reboot.
 
-A file is the line ``imu_allan.state/2``, the SHA-256 of the rest, and NumPy arrays in the npz
+A file is the line ``imu_allan.state/VERSION``, the SHA-256 of the rest, and NumPy arrays in npz
 format without pickles. It is replaced atomically, so a reader finds the old state or the new.
 """
 
@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 State = Mapping[str, NDArray[Any]]
 
 VERSION = 6
-"""Of the layout: raised where another program would misread the file."""
+"""Version of the layout, raised when other versions of the program would misread the file."""
 _NAME = b'imu_allan.state/'
 _LARGEST_BYTES = 64_000_000
-"""A state has some megabytes; what is larger is another file, and not read into memory."""
+"""A state has some megabytes; a larger file is no state and is not read into memory."""
 
 
 class UnusableState(Exception):
@@ -45,7 +45,7 @@ class UnusableState(Exception):
 
 
 def _open_plain(path: Path, flags: int) -> IO[bytes]:
-    """Open a regular file, for this user alone; no link is followed, no pipe waited for."""
+    """Open a regular file, created for this user alone; refuse links and never block on a pipe."""
     handle = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
     file = os.fdopen(handle, 'rb')
     if not stat.S_ISREG(os.fstat(handle).st_mode):
@@ -55,7 +55,7 @@ def _open_plain(path: Path, flags: int) -> IO[bytes]:
 
 
 def encode_state(state: State) -> bytes:
-    """Give the content of a state file."""
+    """Return the content of a state file."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, 'w') as archive:
         for name, array in state.items():
@@ -66,7 +66,7 @@ def encode_state(state: State) -> bytes:
 
 
 def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a state file."""
+    """Return the arrays from the content of a state file."""
     if not data.startswith(_NAME):
         # An interrupted copy may have left the beginning of the name, or nothing.
         reason = 'damaged' if _NAME.startswith(data) else 'foreign'
@@ -131,12 +131,12 @@ class StateFile:
         self._lock.close()
 
     def remove(self) -> None:
-        """Leave nothing to go on with."""
+        """Remove the state, so that the next start begins a new run."""
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)
 
     def thin_out(self) -> list[str]:
-        """Remove the oldest states kept aside where they are too many; return their names."""
+        """Remove the oldest states kept aside if there are too many; return their names."""
         pattern = re.compile(re.escape(self.path.name) + r'\.[a-z_]+\.(\d{8}T[\d.]+Z)')
         removed, total = [], 0
         with contextlib.suppress(OSError):
@@ -146,14 +146,14 @@ class StateFile:
             aside = sorted(times, key=lambda path: times[path], reverse=True)
             for number, path in enumerate(aside):
                 total += path.stat().st_size
-                # More than anybody looks at, and no more than a memory card can spare.
+                # More than anybody would look at, and as much as a memory card can spare.
                 if number and (number >= 20 or total > 100_000_000):
                     path.unlink()
                     removed.append(path.name)
         return removed
 
     def _sweep_up(self) -> None:
-        # A process killed while it saved leaves its unfinished file.
+        # A process that is killed while saving leaves an unfinished file.
         leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + '[0-9a-f]{8}')
         with contextlib.suppress(OSError):
             for path in self.path.parent.iterdir():
@@ -161,7 +161,7 @@ class StateFile:
                     path.unlink()
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """Read the state that was saved last; None if there is no file."""
+        """Read the last saved state; return None if there is no file."""
         try:
             with _open_plain(self.path, os.O_RDONLY) as file:
                 data = file.read(_LARGEST_BYTES + 1)
@@ -185,7 +185,7 @@ class StateFile:
         return len(data)
 
     def keep_aside(self, reason: str) -> Path:
-        """Give the saved state another name, so that a new run cannot overwrite it."""
+        """Rename the saved state so that a new run cannot overwrite it, and return its path."""
         now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:

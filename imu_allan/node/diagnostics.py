@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is not as it should be with the samples, the fit and the files, as ``/diagnostics`` says it.
+Conditions of samples, fit and files that need attention, as published on ``/diagnostics``.
 
-The log reports the same conditions when they begin and when they are over.
+The log reports the same conditions when they begin and when they end.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,12 +25,12 @@ from imu_allan.writers.words import message_of, presented
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
                      'rest_within_motion', 'several_frames', 'spikes'})
-"""Codes of findings about what may be over: counts say whether it goes on."""
+"""Codes of findings whose cause may be over; the counts show whether it persists."""
 
 RECENT_S = 30.0
-"""Somebody who looks twice a minute sees what happened; what is longer ago is a total."""
+"""Window of recent counts: a user who looks twice a minute sees every event. Totals keep all."""
 SILENT_S = 2.0
-"""Without a message for so long nothing comes, and nothing is expected of time."""
+"""After this long without a message, reception has stopped and no waiting times are predicted."""
 _LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -38,36 +38,36 @@ Verdict = tuple[bytes, str]
 
 
 class Condition(NamedTuple):
-    """What may not be as it should be; nothing is reported of it unless it is present."""
+    """A condition that may need attention; it is reported only while it is present."""
 
     name: str
     present: bool
     level: bytes
     message: str
     over: str | None = None
-    """Of the log, once it is over: nothing if empty. The log has no such condition if None."""
+    """Text to log when the condition ends; none if empty. If None, the log omits the condition."""
 
 
 class Recent:
-    """Growth of counts within the last `RECENT_S`."""
+    """Increase of counts within the last `RECENT_S`."""
 
     def __init__(self) -> None:
         self._seen: dict[str, list[tuple[float, int]]] = {}
 
     def see(self, now: float, totals: Mapping[str, int], *, known: bool = False) -> None:
-        """Note the totals; those of a resumed run are `known`, one that falls begins anew."""
+        """Record totals; `known` ones, of a resumed run, are not recent. A drop restarts them."""
         for name, total in totals.items():
             seen = self._seen.setdefault(name, [(now, total if known else 0)])
             if total < seen[-1][1]:
                 seen[:] = [(now, 0)]
             if total > seen[-1][1]:
                 seen.append((now, total))
-            # The first entry is what had been counted when the window began.
+            # The first entry is the total at the beginning of the window.
             while len(seen) > 1 and now - seen[1][0] > RECENT_S:
                 seen.pop(0)
 
     def __getitem__(self, name: str) -> int:
-        """Growth of one count."""
+        """Return the recent increase of one count."""
         seen = self._seen.get(name)
         return seen[-1][1] - seen[0][1] if seen else 0
 
@@ -75,58 +75,58 @@ class Recent:
 @dataclass
 class Facts:
     """
-    What the node counts and remembers for ``/diagnostics``, of each topic of an IMU.
+    Counts and conditions of one topic of an IMU, for ``/diagnostics``.
 
-    What concerns the whole node stands in those of the first topic.
+    The facts of the first topic also hold what concerns the whole node.
     """
 
     topic: str
     queue: int
-    expected_rate: float  # Hz; 0 where it is unknown
-    state_file: str  # empty where none is kept
-    half: str | None = None  # the sensor that comes on the topic, where it is one alone
+    expected_rate: float  # Hz; 0 if unknown
+    state_file: str  # empty if none is kept
+    half: str | None = None  # the sensor on the topic, if it carries only one
     received: int = 0
     lost: int = 0
     malformed: int = 0
-    skipped: int = 0  # passed over in a pause
+    skipped: int = 0  # passed over while paused
     malformed_why: str = ''
     overrun: int = 0  # how often the queue was full when it was emptied
     recent: Recent = field(default_factory=Recent)
-    mixed: bool = False  # messages of two publishers are passed over now
-    mixed_samples: int = 0  # passed over for that
-    looping: bool = False  # the messages have come before, as of a recording in a loop
+    mixed: bool = False  # messages of two publishers are being passed over
+    mixed_samples: int = 0  # passed over because publishers were mixed
+    looping: bool = False  # earlier messages are repeated, as by a recording played in a loop
     publishers: int = 0
-    publisher_names: Sequence[str] = ()  # where there are several
+    publisher_names: Sequence[str] = ()  # if there are several
     refused: list[str] = field(default_factory=list)  # why publishers are not matched
     namesakes: int = 0  # other nodes of the same name
-    silent_s: float = 0.0  # since the last message, or since the first is waited for
-    pause_s: float = 0.0  # the longest before a message came, since the last report
-    received_hz: float = 0.0  # lately
-    cpu_s: float | None = None  # of the whole process for each message, lately
-    longest_hold_s: float = 0.0  # between two takings, since the last report
+    silent_s: float = 0.0  # since the last message, or since the wait for the first one began
+    pause_s: float = 0.0  # longest pause before a message, since the last report
+    received_hz: float = 0.0  # recent
+    cpu_s: float | None = None  # recent CPU time of the whole process per message
+    longest_hold_s: float = 0.0  # longest time between two calls of `take`, since the last report
     paused: bool = False
-    on_probation: bool = False  # messages are held until they show whose they are
+    on_probation: bool = False  # messages are held back until they show which IMU they are from
     fit_s: float | None = None
-    fit_error: str = ''  # as all of these: of the last attempt, empty where it did not fail
-    update_error: str = ''  # why the latest samples are of no use
+    fit_error: str = ''  # like the other errors: of the last attempt, empty if it succeeded
+    update_error: str = ''  # why the latest samples cannot be used
     save_error: str = ''
     checkpoint_error: str = ''
-    output_error: str = ''  # of trying the output folder
+    output_error: str = ''  # of the check of the output folder
     checkpoint_age_s: float | None = None
     resumed: str = ''  # what became of the state file at the start
-    moved_s: float = 0.0  # left out as motion
+    moved_s: float = 0.0  # excluded as motion
     temperature_topic: str = ''
     thermometers: int = 0
     temperature_c: float | None = None
-    temperature_missing: bool = False  # nothing has published it for a while
-    temperature_silent_s: float = 0.0  # where longer than the thermometer has ever taken
+    temperature_missing: bool = False  # the topic has had no publisher for a while
+    temperature_silent_s: float = 0.0  # 0 unless far longer than the usual pause
     findings: list[Finding] = field(default_factory=list)
 
 
 def diagnostics_message(node_name: str, stamp: Time,
                         topics: Sequence[tuple[Facts, TimelineSummary]], result: Result | None
                         ) -> DiagnosticArray:
-    """All statuses of the node."""
+    """Return all statuses of the node."""
     array = DiagnosticArray()
     array.header.stamp = stamp
     parts: list[tuple[str, str, Verdict, Mapping[str, object]]] = []
@@ -153,7 +153,7 @@ def diagnostics_message(node_name: str, stamp: Time,
 
 
 def waiting_for(result: Result) -> tuple[str, str, float] | None:
-    """Axis, term and seconds of the coefficient that is expected to become observable next."""
+    """Return axis, term and seconds of the coefficient that should become observable next."""
     waits = [(coefficient.observable_in_s, name, key)
              for name, axis in result.axes.items()
              for key, coefficient in axis.coefficients.items()
@@ -170,7 +170,7 @@ def _worst(conditions: Sequence[Condition], otherwise: str) -> Verdict:
 
 
 def reception_conditions(facts: Facts) -> list[Condition]:
-    """Say what may be wrong with what comes on a topic, the worst first."""
+    """Return what may be wrong with the messages on a topic, the worst first."""
     topic, recent, thermometer = facts.topic, facts.recent, facts.temperature_topic
     return [
         Condition('namesakes', facts.namesakes > 0, ERROR,
@@ -217,7 +217,7 @@ def _were(count: int) -> str:
 
 
 def _cause_of_loss(facts: Facts) -> str:
-    """Say where messages were lost, and what helps."""
+    """Describe where messages were lost, and the remedy."""
     if facts.recent['overrun']:
         return (f'the queue of {counted(facts.queue, "message")} is too short for what comes '
                 f'between two looks; leave qos_overrides.{facts.topic}.subscription.depth out, '
@@ -236,7 +236,7 @@ def _reception_values(facts: Facts) -> Mapping[str, object]:
 
 
 def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Condition]:
-    """Say what may be wrong with the samples and their stamps, the worst first."""
+    """Return what may be wrong with the samples and their stamps, the worst first."""
     rate, expected = _rate(summary) or 0.0, facts.expected_rate
     remarks = [(remark.code, message_of(remark, live=True))
                for remark in presented(summary.remarks)]
@@ -245,7 +245,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         ('missing', 'sample', ' missing'), ('duplicates', 'duplicate', ''),
         ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
-    # Some remarks say by themselves which messages are rejected.
+    # These findings already say which messages are rejected.
     rejected = 0 if {code for code, _ in remarks} & {
         'several_frames', 'several_publishers', 'rate_changed'} else facts.recent['rejected']
     return [
@@ -283,7 +283,7 @@ def _rate(summary: TimelineSummary) -> float | None:
 
 
 def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
-    """Give the totals of faults whose growth makes a warning."""
+    """Return the totals of faults whose increase is a warning."""
     timeline = summary.timeline
     return {'missing': timeline.missing, 'duplicates': timeline.duplicates,
             'out_of_order': timeline.out_of_order, 'rejected': timeline.rejected,

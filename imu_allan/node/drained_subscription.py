@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A subscription whose queue is emptied at leisure, as serialized bytes.
+A subscription that queues serialized messages until one call takes all of them.
 
 An ordinary rclpy callback costs the executor a wake-up, a wait set and a Python message per
-sample: at 1 kHz a third of a core. Here the subscription stays out of the executor's wait set, the
-middleware queues the samples in its own threads, and one call takes all that have come.
+sample: a third of a core at 1 kHz. This subscription stays out of the executor's wait set; the
+middleware queues the samples in its own threads.
 """
 
 from dataclasses import dataclass
@@ -31,12 +31,12 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 @dataclass(frozen=True)
 class Batch:
-    """Messages in the order they came."""
+    """Messages in order of arrival."""
 
     messages: list[bytes]  # serialized, encapsulation header included
-    receive_ns: NDArray[np.int64]  # by the middleware, since 1970, shape (n,)
-    numbers: NDArray[np.int64] | None = None  # that the publisher gave them, if it is known
-    full: bool = False  # the next would have pushed the first out
+    receive_ns: NDArray[np.int64]  # when the middleware received them, since 1970, shape (n,)
+    numbers: NDArray[np.int64] | None = None  # sequence numbers of the publisher, if known
+    full: bool = False  # one more message would have displaced the oldest
 
 
 def _node_of(offer: TopicEndpointInfo) -> str:
@@ -47,7 +47,7 @@ class DrainedSubscription:
     """
     Best-effort subscription that keeps the last `depth` messages until `take` is called.
 
-    ImuAllanError where the topic, named by the `parameter`, or the QoS asked for is refused.
+    Raises ImuAllanError if the topic, set by `parameter`, or the requested QoS is refused.
     """
 
     def __init__(self, node: Node, msg_type: type, topic: str, depth: int, parameter: str = ''
@@ -59,11 +59,11 @@ class DrainedSubscription:
         try:
             self._subscription = node.create_subscription(
                 msg_type, topic, lambda _: None, qos, raw=True, callback_group=OutOfWaitSet(),
-                # In the wait set an event of it wakes the executor for every message.
+                # An event handler in the wait set would wake the executor for every message.
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
         except NameValidationException as error:
-            # Its last line points at a place in the name.
+            # The last line of the error marks a position in the name.
             reason = ' '.join(str(error).split()).removesuffix(' ^')
             raise ImuAllanError(f'parameter {parameter}: {reason}') from error
         except RCLError as error:
@@ -71,20 +71,20 @@ class DrainedSubscription:
                                 'of another type, or its qos_overrides may be wrong') from error
         except (InvalidQosOverridesError, RuntimeError) as error:
             raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
-        # What the parameters say has been written into the profile.
+        # rclpy has written the overrides from the parameters into the profile.
         self._drops = qos.history == HistoryPolicy.KEEP_LAST
         self.depth = max(qos.depth, 1) if self._drops else depth
-        # Namespace and remapping applied.
+        # With namespace and remapping applied.
         self.topic = str(self._subscription.topic_name)
         self.type_name = '/'.join([*msg_type.__module__.split('.')[:2], msg_type.__name__])
 
     @property
     def publishers(self) -> int:
-        """How many publishers are matched."""
+        """Return the number of matched publishers."""
         return int(self._subscription.get_publisher_count())
 
     def refused_publishers(self) -> list[str]:
-        """Why publishers of the topic are not matched: a line for each."""
+        """Return why publishers of the topic are not matched, a line for each."""
         lines = []
         for offer in self._node.get_publishers_info_by_topic(self.topic):
             name = _node_of(offer)
@@ -102,18 +102,18 @@ class DrainedSubscription:
         return lines
 
     def publisher_names(self) -> list[str]:
-        """Nodes that publish the topic, sorted."""
+        """Return the names of the nodes that publish the topic, sorted."""
         return sorted(map(_node_of, self._node.get_publishers_info_by_topic(self.topic)))
 
     def publisher_gids(self) -> set[str]:
-        """Identities of the publishers of the topic."""
+        """Return the identifiers (GIDs) of the publishers of the topic."""
         return {bytes(offer.endpoint_gid).hex()
                 for offer in self._node.get_publishers_info_by_topic(self.topic)}
 
     def take(self) -> Batch:
-        """Everything that has come since the last call, at most `depth` messages."""
+        """Take everything received since the last call, at most `depth` messages."""
         taken, now = drain(self._subscription, self._msg_type, self.depth), time.time_ns()
-        # Not every middleware stamps the receipt; the publisher's stamp is the next best.
+        # Not every middleware records the receive time; the source time is the next best.
         receive = [info.get('received_timestamp') or info.get('source_timestamp') or now
                    for _, info in taken]
         numbers = [info.get('publication_sequence_number') for _, info in taken]

@@ -9,7 +9,7 @@ from imu_allan.interruption import quiet_interrupt
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until its duration is over or it is asked to stop; return the exit status."""
-    # Until the node handles signals itself.
+    # End quietly on an interrupt until the node handles signals itself.
     with quiet_interrupt():
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages of the IMU's topic that are not sensor_msgs/Imu, or hold it within.
+Decoding of messages that are not sensor_msgs/Imu, or that contain one.
 
-Read as a recording of them is: `imu_allan.recordings.messages` knows the types of drivers, finds
-an Imu inside of others, and takes fields that the user names. The fields are those of the Python
-class, which the subscription needs all the same.
+They are read as from a recording: `imu_allan.recordings.messages` knows the types of drivers,
+finds an Imu inside other messages, and takes fields that the user names. The fields of a type come
+from its Python class, which the subscription needs anyway.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,9 +26,9 @@ Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlo
 
 _NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
 _KIND = re.compile(r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?')
-"""What a field is of: an element, bounded or not, of an array, a sequence or alone."""
+"""The type of a field: an element type, bounded or not, alone, in an array or in a sequence."""
 _BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool'}
-"""Names that Python has for types whose name in a definition is another."""
+"""Type names of Python classes that differ from those in message definitions."""
 _OPTIONS = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
             '--accel': 'accel_field', '--stamp': 'stamp_field'}
 
@@ -51,7 +51,7 @@ def message_class(type_name: str) -> Any:
 
 
 def types_of(type_name: str) -> Types:
-    """Return the fields of a message type, and of those in it, from their Python classes."""
+    """Return the fields of a message type and of the types it contains, from their classes."""
     types: dict[str, tuple[Field, ...]] = {}
     waiting = [normal_name(type_name)]
     while waiting:
@@ -73,11 +73,11 @@ def _field(name: str, kind: str) -> Field:
 
 def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             gyro_unit: str = '', accel_unit: str = '') -> Decode:
-    """Return what decodes the messages of a type."""
+    """Return a function that decodes messages of a type."""
     if type_name == IMU and not (gyro or accel or stamp or gyro_unit or accel_unit):
         return lambda messages, receive_ns, on_malformed: blocks_from_messages(
             messages, receive_ns, on_malformed=on_malformed)
-    # Most nodes read sensor_msgs/Imu and have no use for these.
+    # Imported late: most nodes read sensor_msgs/Imu and do not need these.
     from imu_allan.recordings.messages.imus_in import imu_messages
     from imu_allan.recordings.options import RecordingOptions
     try:

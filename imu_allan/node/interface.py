@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What both nodes offer, as `--help` shows it: without ROS, which may be what is missing."""
+"""Interfaces of both nodes, as `--help` shows them: without ROS, which may be missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from imu_allan.writers.filters import CONSUMERS
 Value = str | int | float | tuple[str, ...]
 
 TOPIC = 'imu/data_raw'
-"""Of REP-145."""
+"""The name that REP-145 defines."""
 DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
-"""Beside the logs of ROS, which belong to the same user."""
+"""Next to the logs of ROS, which belong to the same user."""
 DEFAULT_STATE_FILE = '$ROS_HOME/imu_allan/<name>.state'
-"""Of the fully qualified name of the node; without ROS_HOME in ~/.ros."""
+"""``<name>`` is the fully qualified name of the node; ROS_HOME defaults to ~/.ros."""
 _LONGEST_TEXT = 1000
-"""Characters; a path or a topic has fewer, and whoever is on the network may set parameters."""
+"""Characters: longer than any path or topic. Anybody on the network may set parameters."""
 _MOST_TEXTS = 100
-"""Far more consumers or topics than anybody names; with `_LONGEST_TEXT`, 100 KB at most."""
+"""Entries of a list: far more than anybody needs; with `_LONGEST_TEXT`, 100 KB at most."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One parameter."""
+    """One parameter of a node."""
 
     name: str
     default: Value
@@ -40,12 +40,12 @@ class Setting:
     choices: Sequence[str] = ()
     may_be_empty: bool = True
     read_only: bool = False
-    below_start: bool = False  # can be changed to folders below that of the start only
+    below_start: bool = False  # at run time, only folders below the initial one are accepted
 
     def reason_against(self, value: Any) -> str:
-        """Why `value` is refused beyond type and range; empty if it is not."""
+        """Return why `value` is refused, apart from type and range; empty if it is accepted."""
         if value is None:
-            # Not set: whether that is allowed is a question of its type.
+            # Not set; `declare` decides by the type whether that is allowed.
             return ''
         if isinstance(value, float) and not math.isfinite(value):
             return f'{self.name}: {value} is not a finite number'
@@ -59,7 +59,7 @@ class Setting:
                     'are taken')
         if self.choices:
             for text in texts:
-                # A parameter cannot be an empty list: [''] stands for it.
+                # ROS has no empty list as a parameter, so [''] is used instead.
                 if text not in self.choices and (text or isinstance(value, str)):
                     return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
         return ''
@@ -141,10 +141,10 @@ SIMULATOR_SETTINGS = (
 
 @dataclass(frozen=True)
 class Interface:
-    """What a node is for, and the names through which it is used."""
+    """The purpose of a node, and its topics, services and parameters."""
 
     program: str
-    node: str  # its class, which is not imported before ROS is known to be there
+    node: str  # its class, imported only once ROS is known to be installed
     purpose: str
     subscribed: Sequence[tuple[str, str, str]]
     published: Sequence[tuple[str, str, str]]
@@ -184,7 +184,7 @@ SIMULATOR = Interface(
 
 
 def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
-    """Give the path that a parameter names, with the home folder in the place of ``~``."""
+    """Return the path that a parameter names, with ``~`` expanded to the home folder."""
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -194,16 +194,16 @@ def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
 
 
 def wants_help(args: Sequence[str]) -> bool:
-    """Whether a command line, without the name of the program, asks for help."""
+    """Return whether a command line, without the name of the program, asks for help."""
     return bool({'-h', '--help'} & set(takewhile(lambda word: word != '--ros-args', args)))
 
 
 def refused(args: Sequence[str]) -> str:
-    """Say what is wrong with the arguments that are not of ROS, which would change nothing."""
+    """Return what is wrong with arguments that are not for ROS and would have no effect."""
     of_ros = False
     for argument in args:
         if of_ros or argument == '--ros-args':
-            # "--" ends what is of ROS.
+            # "--" ends the ROS arguments.
             of_ros = argument != '--'
             continue
         name, sign, value = argument.lstrip('-').partition('=')
@@ -228,7 +228,7 @@ def help_text(interface: Interface) -> str:
 
 
 def _described(setting: Setting) -> tuple[str, str, str]:
-    """Give name, default and meaning of a parameter."""
+    """Return name, default and meaning of a parameter."""
     default, meaning = setting.default, setting.description
     if setting.lowest is not None:
         meaning += f' ({setting.lowest:g} to {setting.highest:g})'
@@ -239,5 +239,5 @@ def _described(setting: Setting) -> tuple[str, str, str]:
 
 
 def _folded(text: str, indent: str = '') -> list[str]:
-    # A terminal that nobody has made wider.
+    # The default width of a terminal.
     return wrap(text, 80, initial_indent=indent, subsequent_indent=indent)

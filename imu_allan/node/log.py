@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node's voice on /rosout: one line for each thing, and none of it over and over."""
+"""The log of a node on /rosout: one line for each event, repeated ever more rarely."""
 
 import math
 import time
@@ -10,17 +10,17 @@ from imu_allan.errors import printable
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 OFTEN_S = 10.0
-"""From the first line of a kind to the second; from there on each time twice as long, up to"""
+"""Time between the first two lines of a kind; it doubles with every line, up to `SELDOM_S`."""
 SELDOM_S = 600.0
-"""ten minutes. A traceback, which is long, has this distance from the first on."""
+"""Longest time between lines of a kind; for tracebacks, which are long, also the shortest."""
 
 
 class Log:
     """
-    A logger that makes every text printable and says things of one kind once in a while.
+    A logger that makes every text printable and limits how often lines of one kind appear.
 
-    What comes again and again, whatever figures are in it, is said at growing distances: a log of
-    days stays readable, whatever comes in. Of a kind is what a reader would answer in one way.
+    Lines of a kind repeat at growing intervals, whatever figures they contain, so that a log of
+    days stays readable. Lines are of one kind if the reader would react to them in the same way.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
@@ -28,24 +28,24 @@ class Log:
         self._said: dict[str, tuple[float, float]] = {}
 
     def info(self, text: str, kind: str = '') -> None:
-        """Say what goes well; always, unless it is of a kind that somebody may call for."""
+        """Log a normal event; limit only those of a `kind`, which users can trigger."""
         if not kind or self._is_due(kind, OFTEN_S):
             self._logger.info(printable(text))
 
     def warning(self, text: str, kind: str, every_s: float = OFTEN_S) -> bool:
-        """Say what the user should look at; whether it was said, see the class."""
+        """Log what the user should look at; return whether it was logged (see the class)."""
         due = self._is_due(kind, every_s)
         if due:
             self._logger.warning(printable(text))
         return due
 
     def error(self, text: str, kind: str, every_s: float = OFTEN_S) -> None:
-        """Say what does not work."""
+        """Log what does not work."""
         if self._is_due(kind, every_s):
             self._logger.error(printable(text))
 
     def bug(self, error: BaseException, consequence: str) -> None:
-        """Show the traceback of an error that nobody foresaw, and say what happens now."""
+        """Log the traceback of an unforeseen error, and what happens next."""
         if self._is_due(f'bug {type(error).__name__} {consequence}', SELDOM_S):
             trace = ''.join(traceback.format_exception(error))
             self._logger.error(f'{trace}internal error: {consequence}; please report it')
@@ -55,7 +55,7 @@ class Log:
         said, pause_s = self._said.get(kind, (-math.inf, every_s))
         if now - said < pause_s:
             return False
-        # What has kept quiet for long enough is news again.
+        # After a long enough silence the intervals start over.
         again = now - said < 2 * max(pause_s, SELDOM_S)
         self._said[kind] = now, min(2 * pause_s, SELDOM_S) if again else every_s
         return True

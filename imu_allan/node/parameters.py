@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a node: described, ranged, refused with a reason when they make no sense."""
+"""Declare parameters of a node with descriptions and ranges; refuse bad values with a reason."""
 
 from collections.abc import Callable, Iterable, Sequence
 import difflib
@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 
 def declare(node: Node, settings: Sequence[Setting],
             applied: Callable[[str, Any], None] | None = None) -> dict[str, Any]:
-    """Declare `settings` on `node`; later changes are checked, then handed to `applied`."""
+    """Declare `settings` and return their values; later changes are checked, then `applied`."""
     known = {setting.name: setting for setting in settings}
 
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
@@ -50,7 +50,7 @@ def declare(node: Node, settings: Sequence[Setting],
         value = list(default) if isinstance(default, tuple) else default
         try:
             declared = node.declare_parameter(setting.name, value, _descriptor(setting)).value
-            # An empty list on a command line has no type, so it is no list to ROS.
+            # An empty list on a command line has no type, so ROS gives None.
             values[setting.name] = [] if declared is None else declared
             if declared is None and not isinstance(value, list):
                 raise ImuAllanError(f'parameter {setting.name}: expected {_kind(default)}')
@@ -60,7 +60,7 @@ def declare(node: Node, settings: Sequence[Setting],
             reason = str(error).partition('Reason: ')[2] or str(error)
             if 'out of range' in reason:
                 reason = f'must lie between {setting.lowest:g} and {setting.highest:g}'
-            # rclpy puts the name behind the reason, once more.
+            # rclpy appends the name to the reason once more.
             reason = reason.removesuffix(f': {setting.name}').removeprefix(f'{setting.name}: ')
             raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
     node.add_post_set_parameters_callback(apply)
@@ -68,7 +68,7 @@ def declare(node: Node, settings: Sequence[Setting],
 
 
 def _leads_out(name: str, folder: str, start: str) -> str:
-    """Why a folder set at run time is refused: whoever is on the network may ask for it."""
+    """Return why a folder set at run time, by anybody on the network, is refused."""
     try:
         inner, outer = (Path(os.path.realpath(Path(text).expanduser()))
                         for text in (folder, start))
@@ -80,7 +80,7 @@ def _leads_out(name: str, folder: str, start: str) -> str:
 
 
 def warn_of_unknown(node: Node) -> None:
-    """Report parameters that were given to the node but that it does not have."""
+    """Warn of parameters that were given to the node but that it does not have."""
     given = given_parameters(node)
     names = list(node.list_parameters([], 0).names)
     for name in given:
@@ -96,7 +96,7 @@ def _kind(default: Value) -> str:
 
 
 def _descriptor(setting: Setting) -> ParameterDescriptor:
-    """Make the descriptor that rclpy enforces and shows."""
+    """Return the descriptor of a parameter, which rclpy enforces and shows."""
     descriptor = ParameterDescriptor(
         name=setting.name, description=setting.description, read_only=setting.read_only,
         additional_constraints=f'one of: {", ".join(setting.choices)}' if setting.choices else '')

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the processes of both nodes share: starting, being asked to stop, ending with a status."""
+"""The process of either node: start, stop on signals, and exit status."""
 
 from collections.abc import Iterator, Sequence
 import contextlib
@@ -19,37 +19,37 @@ from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
             if hasattr(signal, name)]
-"""A terminal that is closed, as by an SSH session that drops, hangs up."""
+"""SIGHUP comes when the terminal closes, for example because an SSH session drops."""
 
 
 class StopRequest:
-    """Set by a signal of `STOPPING`; what is under way is finished first."""
+    """Set by a signal of `STOPPING`; the work under way is finished first."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
 
     def __bool__(self) -> bool:
-        """Whether the process has been asked to stop."""
+        """Return whether the process has been asked to stop."""
         return self.signal is not None
 
     def receive(self, number: int, _: FrameType | None) -> None:
-        """Handle a signal: note it down, and nothing else."""
+        """Handle a signal by recording it, and nothing else."""
         self.signal = signal.Signals(number)
 
 
 def give_back_memory() -> None:
     """
-    Give free memory back to the system, where the C library can (GNU).
+    Return free memory to the system, where the C library can (GNU).
 
-    Messages are allocated by threads of the middleware and freed by ours, which scatters free
-    memory over pages that would otherwise only ever become more.
+    Threads of the middleware allocate messages and ours frees them. This scatters free memory
+    over ever more pages, which would otherwise never be returned.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
-    """Let a node work between the start and the shutdown of rclpy; return the exit status."""
+    """Run a node between the start and the shutdown of rclpy; return the exit status."""
     program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):
         return _print(help_text(interface))
@@ -80,10 +80,10 @@ def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
 
 def _do_without_shared_memory(program: str) -> None:
     """
-    Keep the middleware from a full /dev/shm, which would end the process with SIGBUS.
+    Keep the middleware away from a full /dev/shm, which would end the process with SIGBUS.
 
-    Fast DDS can use the network alone. LTTng, which the libraries of ROS are linked with for
-    tracing, needs a page of it as soon as it is loaded; no setting changes that.
+    Fast DDS can use the network alone. LTTng, which the ROS libraries link to for tracing, needs a
+    page of /dev/shm as soon as it is loaded; no setting changes that.
     """
     try:
         shared = os.statvfs('/dev/shm')
@@ -102,9 +102,9 @@ def _do_without_shared_memory(program: str) -> None:
 
 @contextlib.contextmanager
 def _stopped_by(stop: StopRequest) -> Iterator[None]:
-    # rclpy's own handlers raise KeyboardInterrupt wherever the program is, half-way through an
-    # update too, and shut the context down before a last result can be published.
-    # What is ignored from the start, as nohup has it for SIGHUP, is meant to be.
+    # rclpy's own handlers raise KeyboardInterrupt anywhere, even half-way through an update, and
+    # shut the context down before a last result can be published.
+    # Signals that are ignored at the start, such as SIGHUP under nohup, stay ignored.
     before = {number: signal.signal(number, stop.receive) for number in STOPPING
               if signal.getsignal(number) is not signal.SIG_IGN}
     try:
@@ -132,14 +132,14 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
     try:
         yield
     except ParameterException as error:
-        # One that every node has, such as use_sim_time: rclpy says which, and of what type it is.
+        # A parameter that every node has, such as use_sim_time: rclpy names it and its type.
         raise ImuAllanError(_one_line(error)) from error
     finally:
         try_shutdown()
 
 
 def _find_parameter_files(args: Sequence[str]) -> None:
-    """Report a missing file before rcl does, which takes two lines and names its own sources."""
+    """Report a missing file before rcl does so in two lines that name its own sources."""
     for word, path in pairwise(args):
         if word == '--params-file' and not Path(path).is_file():
             raise ImuAllanError(f'--params-file {path}: no such file')
@@ -150,7 +150,7 @@ def _one_line(error: object) -> str:
 
 
 def _print(text: str) -> int:
-    """Write to standard output, whose reader may have seen enough; return the exit status."""
+    """Write to standard output, which the reader may have closed; return the exit status."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

@@ -20,7 +20,7 @@ _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 
 
 class Publications:
-    """Every publisher of the node."""
+    """All publishers of the node."""
 
     def __init__(self, node: Node) -> None:
         def latched(kind: type, topic: str) -> Publisher:
@@ -42,8 +42,8 @@ class Publications:
         self._node = node
 
     def publish(self, by_topic: Mapping[str, Any]) -> None:
-        """Publish a result on every topic that has a part of it, unless it says the same."""
-        # As text: a NaN is no other than the one before.
+        """Publish the messages of a result by topic, unless they are the same as before."""
+        # Compare as text, so that NaN equals NaN.
         if str(by_topic) == str(self._published):
             return
         self._published = by_topic
@@ -51,7 +51,7 @@ class Publications:
             self._of_result[topic].publish(message)
 
     def serve_newcomers(self) -> None:
-        """Publish again where a volatile subscription has come, which has missed what was."""
+        """Publish again for new volatile subscriptions, which have missed the last result."""
         for topic, publisher in self._of_result.items():
             count = publisher.get_subscription_count()
             if count != self._subscribed[topic]:
@@ -65,5 +65,5 @@ class Publications:
 
 
 def _no_events() -> PublisherEventCallbacks:
-    # Every event handler costs each turn of the executor its share.
+    # Every event handler adds to the cost of each wake-up of the executor.
     return PublisherEventCallbacks(use_default_callbacks=False)

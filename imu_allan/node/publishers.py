@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which publisher a message is of.
+Assignment of messages to their publishers.
 
-rclpy does not hand on the identity of a message's publisher, but the number that every publisher
-gives its messages: those of one publisher rise one by one, those of another are elsewhere.
+rclpy does not report who published a message, only its sequence number. The numbers of one
+publisher increase one by one; those of another publisher lie elsewhere.
 """
 
 from collections.abc import Callable
@@ -16,54 +16,54 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 MIXED = -1
-"""Stands for two publishers whose numbers are too close to be distinguished."""
+"""Key of messages of two publishers whose numbers are too close to be distinguished."""
 _NEAR = 64
-"""Numbers so close may be those of another publisher that started in the same second."""
+"""Numbers this close may belong to another publisher that started in the same second."""
 _HICCUP_NS = 1_000_000_000
-"""Messages of two publishers come in turns, a bundle of each; a driver takes longer to restart."""
+"""Two publishers alternate faster than this, in bundles; a driver takes longer to restart."""
 
 
 @dataclass
 class _Publisher:
-    """One publisher; where numbers fell not long ago, more than one."""
+    """One publisher or, if the numbers fell recently, several with interleaved numbers."""
 
     key: int
     number: int  # of its last message
-    began_ns: int  # as the others: when a message was received
+    began_ns: int  # as the others below: a receive time
     last_ns: int
     fell_ns: int | None = None
 
 
 class Publishers:
-    """The publishers of a topic that have delivered something; `offers` gives who is there."""
+    """The publishers of a topic that have sent messages; `offers` returns the GIDs present."""
 
     def __init__(self, offers: Callable[[], set[str]] = set) -> None:
         self._offers = offers
         self._known: list[_Publisher] = []
-        # How many there have been.
+        # The number of publishers so far, used as keys.
         self._begun = 0
         self._gids: set[str] = set()
-        # Without numbers: who was there when the publisher began, and at its last message.
+        # Without numbers: GIDs present when the publisher began, and at its last message.
         self._own: set[str] = set()
         self._heard: set[str] = set()
 
     def delivering(self, now_ns: int) -> int:
-        """Count those that deliver now: a driver that started anew does not make two."""
-        # Who has sent nothing for five seconds has left, or may as well have.
+        """Count the publishers that send now; a driver that has restarted counts once."""
+        # A publisher that has sent nothing for five seconds counts as gone.
         lately = [one for one in self._known if now_ns - one.last_ns < 5_000_000_000]
         newest = max((one.began_ns for one in lately), default=0)
         return sum(2 if one.fell_ns is not None else 1 for one in lately
                    if one.last_ns >= newest)
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
-        """Return whose messages these are, `MIXED` where unknown, and how many got lost."""
+        """Return the publisher of each message, `MIXED` if unknown, and how many were lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:
             only = self._unnumbered(int(receive_ns[0]))
             only.last_ns = int(receive_ns[-1])
             return np.full(len(receive_ns), only.key), 0
-        # As it nearly always is. Who was heard before may have ended with the same number.
+        # The usual case. Only the latest: an earlier one may have ended with the same number.
         one = max(self._known, key=lambda one: one.last_ns, default=None)
         if (one is not None and one.fell_ns is None and numbers[0] == one.number + 1
                 and (numbers[1:] - numbers[:-1] == 1).all()):
@@ -77,14 +77,14 @@ class Publishers:
         return np.array(keys, np.int64), lost
 
     def _sender(self, number: int, now_ns: int) -> tuple[_Publisher, int]:
-        """Find who sent a message, and how many of its messages before are lost."""
+        """Find who sent a message, and how many of its earlier messages were lost."""
         for one in self._known:
             if one.fell_ns is not None and abs(number - one.number) <= _NEAR:
                 if number <= one.number:
                     one.fell_ns = now_ns
                 one.number, one.last_ns = max(number, one.number), now_ns
                 if now_ns - one.fell_ns > 5_000_000_000:
-                    # They fall no more. Whoever is left is to be looked at as if it were new.
+                    # The numbers no longer fall: one publisher is left, which is treated as new.
                     self._known.remove(one)
                     one = self._begin(number, now_ns)
                 return one, 0
@@ -92,10 +92,10 @@ class Publishers:
         before = sorted((one for one in self._known if 0 <= one.number < number),
                         key=lambda one: number - one.number)
         near = [one for one in before if number - one.number <= _NEAR]
-        # Who has been silent since another began speaks again only if nobody else may have spoken.
+        # One that was silent since another began is considered only if no other fits.
         fitting = [one for one in near or before if one.last_ns >= newest
                    or now_ns - one.last_ns < _HICCUP_NS] or near or before
-        # Any number of messages may be lost, but not where somebody has come meanwhile.
+        # Any number of messages may be lost, unless a new publisher explains the difference.
         if not fitting or (not near and self._newcomers()):
             return self._begin(number, now_ns), 0
         found = fitting[0]
@@ -107,10 +107,10 @@ class Publishers:
         return found, 0 if found.fell_ns is not None else missed
 
     def _unnumbered(self, now_ns: int) -> _Publisher:
-        """Find who sent a message without a number: only who is there decides it."""
+        """Find who sent messages without numbers, from the publishers that are present."""
         there, known = self._offers(), [one for one in self._known if one.number < 0]
         gone = bool(there and self._own and not there & self._own)
-        # The identity of a driver that was killed stays for a while.
+        # The GID of a driver that was killed remains for a while.
         silent = bool(known) and now_ns - known[-1].last_ns > _HICCUP_NS
         if not known or gone or (silent and not there <= self._heard and self._heard):
             self._known = [one for one in self._known if one.number >= 0]
@@ -119,7 +119,7 @@ class Publishers:
         return known[-1]
 
     def _newcomers(self) -> bool:
-        """Whether somebody is there who was not at the last look."""
+        """Return whether a publisher is present that was not there at the last check."""
         gids, before = self._offers(), self._gids
         self._gids = gids or before
         return not gids <= before
@@ -128,7 +128,7 @@ class Publishers:
         self._newcomers()
         self._begun += 1
         self._known.append(_Publisher(self._begun, number, now_ns, now_ns))
-        # Each restart of a driver is another one.
+        # Every restart of a driver adds a publisher.
         if len(self._known) > 16:
             self._known.remove(min(self._known, key=lambda one: one.last_ns))
         return self._known[-1]

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Everything that is taken from inside rclpy: what it does not document, and may change.
+All uses of undocumented internals of rclpy, which may change.
 
-`test/node/test_rclpy_inside.py` holds rclpy to it, and names what breaks.
+`test/node/test_rclpy_inside.py` checks that they work, and names what breaks.
 """
 
 import asyncio
@@ -19,31 +19,31 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 RCLError: type[Exception] = rclpy_implementation.RCLError
-"""What the C library of ROS refuses, such as arguments, or a full queue."""
+"""Raised where the C library of ROS refuses something, such as arguments or a full queue."""
 UnknownROSArgsError: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
 Info = dict[str, Any]
 Taken = tuple[bytes, Info]
-"""A message, and what the middleware says of it."""
+"""A message, and its metadata from the middleware."""
 
 
 class OutOfWaitSet(CallbackGroup):
-    """Never lets an executor with a wait set wait for a subscription of it."""
+    """Callback group whose subscriptions stay out of an executor's wait set."""
 
     def can_execute(self, _: object) -> bool:
-        """Refuse."""
+        """Return False for every entity."""
         return False
 
 
 def drain(subscription: Subscription, msg_type: type, most: int) -> list[Taken]:
-    """Take what waits in the queue of the middleware, at most so many messages."""
+    """Take the messages that wait in the queue of the middleware, at most `most`."""
     handle = subscription.handle
     with handle:
         return list(islice(iter(partial(handle.take_message, msg_type, True), None), most))
 
 
 class AnyExecutorNode(Node):
-    """A node whose `OutOfWaitSet` and whose services that wait work in an EventsExecutor, too."""
+    """A node whose `OutOfWaitSet` and waiting services also work in an EventsExecutor."""
 
     def __init__(self, name: str, **options: Any) -> None:
         self._waiting_services: dict[Callable[..., Coroutine[Any, Any, Any]], Any] = {}
@@ -51,25 +51,25 @@ class AnyExecutorNode(Node):
 
     def serve_waiting(self, kind: type, name: str,
                       serve: Callable[..., Coroutine[Any, Any, Any]], **options: Any) -> None:
-        """Offer a service that an executor may leave and come back to."""
+        """Offer a service whose coroutine an executor may suspend and resume."""
         self._waiting_services[serve] = self.create_service(kind, name, serve, **options)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Those whose messages an executor takes: an EventsExecutor asks no callback group."""
+        """Those for the executor to take from; an EventsExecutor ignores callback groups."""
         return (one for one in super().subscriptions
                 if not isinstance(one.callback_group, OutOfWaitSet))
 
     @property
     def executor(self) -> Executor | None:
-        """Who spins the node."""
+        """Return the executor that spins the node."""
         return super().executor
 
     @executor.setter
     def executor(self, executor: Executor | None) -> None:
         Node.executor.fset(self, executor)  # type: ignore[attr-defined]
         for serve, service in self._waiting_services.items():
-            # The EventsExecutor of Jazzy does not await what a service returns.
+            # The EventsExecutor of Jazzy does not await the coroutine that a service returns.
             service.callback = serve if isinstance(executor, Executor) else partial(_run, serve)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes in: taken from the queue, counted, and decoded, by publisher."""
+"""Reception of messages: taken from the queue, counted, and decoded by publisher."""
 
 from dataclasses import replace
 import time
@@ -19,14 +19,14 @@ Ints = NDArray[np.int64]
 
 
 class Reception:
-    """Empties the subscription at leisure."""
+    """Takes, counts and decodes the messages of one subscription."""
 
     def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode,
                  announcements: Announcements) -> None:
         self.subscription = subscription
         self.facts = facts
         self.announcements = announcements
-        # Of the last report: how many had come, and why nothing came.
+        # As of the last report: the number of messages, and the cause of silence.
         self.reported, self.complaint = 0, ''
         self._decode = decode
         self._waiting: list[tuple[Ints, Batch]] = []
@@ -37,7 +37,7 @@ class Reception:
         self.last_take = self.last_message = 0.0
 
     def take(self, now: float) -> int:
-        """Take what has come, and return how much; what comes in a pause is passed over."""
+        """Take the waiting messages and return their number; pass over those during a pause."""
         batch, facts = self.subscription.take(), self.facts
         facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
         facts.received += len(batch.messages)
@@ -46,7 +46,7 @@ class Reception:
         if not batch.messages:
             return 0
         self._look_for_pause(batch, now)
-        # What is passed over is not lost.
+        # Messages that are passed over do not count as lost.
         keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
         facts.lost += lost
         self.last_message = now
@@ -57,28 +57,28 @@ class Reception:
         return len(batch.messages)
 
     def publishers(self) -> int:
-        """How many publishers deliver, or would: one that was killed is matched for a while."""
+        """Count those that send or, if none does, are matched: a killed one stays matched."""
         return self._publishers.delivering(time.time_ns()) or self.subscription.publishers
 
     def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:
-        """Decode what waits, by publisher."""
+        """Decode the messages taken so far, by publisher."""
         waiting, self._waiting = self._waiting, []
         facts = self.facts
         if facts.mixed_samples > self._passed_over:
-            # It is said for five seconds after the last one.
+            # Report the condition for five seconds after the last such message.
             self._passed_over, self._mixed_until = facts.mixed_samples, now + 5.0
         facts.mixed = now < self._mixed_until
         return [(key, self._decoded(batch, np.flatnonzero(keys == key)))
                 for keys, batch in waiting for key in dict.fromkeys(keys.tolist())]
 
     def drop(self) -> None:
-        """Forget what has been taken and not been used yet."""
+        """Discard the messages that have been taken but not decoded yet."""
         self._waiting = []
 
     def _look_for_pause(self, batch: Batch, now: float) -> None:
         facts = self.facts
         if self._received_ns:
-            # A node that was held up finds a full queue; a wall clock may have been set.
+            # The shorter of the two: the node may have been delayed, or the wall clock set.
             pause = min(now - self.last_message,
                         float(batch.receive_ns[0] - self._received_ns) * 1e-9)
             facts.pause_s = max(pause, facts.pause_s)
@@ -88,7 +88,7 @@ class Reception:
         blocks = self._decode([batch.messages[row] for row in rows.tolist()],
                               batch.receive_ns[rows], self._count_malformed)
         if batch.numbers is None or sum(map(len, blocks)) != len(rows):
-            # A message that was left out, or held several samples, says no longer which is which.
+            # Messages that are left out or hold several samples make the numbers ambiguous.
             return blocks
         first, numbered, numbers = 0, [], batch.numbers[rows]
         for block in blocks:

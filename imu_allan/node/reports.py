@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Once a second: what is true now, for the log and for who listens to ``/diagnostics``."""
+"""Report the state of the node once a second, to the log and on ``/diagnostics``."""
 
 from collections.abc import Sequence
 import time
@@ -19,13 +19,13 @@ from imu_allan.wording import counted
 from rclpy.node import Node
 
 REPORT_S = 1.0
-"""The period of diagnostic_updater; an aggregator calls a status stale after 5 s."""
+"""As diagnostic_updater does; an aggregator considers a status stale after 5 s."""
 LOOK_S = 10.0
-"""The log looks at the timeline so often where no report does: a copy each time."""
+"""Without subscribers, examine the timeline this often for the log: it is copied each time."""
 
 
 class Reports:
-    """Gathers what is reported."""
+    """Collects, logs and publishes the facts about each topic."""
 
     def __init__(self, node: Node, receptions: Sequence[Reception], publications: Publications,
                  log: Log) -> None:
@@ -37,12 +37,12 @@ class Reports:
         self._last_cpu = time.process_time()
 
     def due(self, now: float) -> bool:
-        """Whether it is time for the next report."""
+        """Return whether it is time for the next report."""
         return now - self._last >= REPORT_S
 
     def report(self, now: float, run: Run, result: Result | None,
                checkpoint_age_s: float | None) -> None:
-        """Bring the facts up to date, write the log, and publish."""
+        """Update the facts, write the log, and publish."""
         cpu = time.process_time()
         received = sum(reception.facts.received - reception.reported
                        for reception in self._receptions)
@@ -93,13 +93,13 @@ class Reports:
                 reception.complaint = cause
 
     def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
-        """Look at the timeline, and log what changed."""
+        """Summarize the timeline, and log what has changed."""
         facts = reception.facts
         snapshot = lane.snapshot().characterization
         try:
             snapshot.finish()
         except ImuAllanError as error:
-            # The samples that the timeline holds back are of no use; the next ones may be.
+            # The samples that the timeline holds back are unusable; the next ones may be usable.
             facts.update_error = useless(error)
             self._log.error(facts.update_error, f'useless samples {facts.topic}')
         else:
