@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Result as the messages that ROS tools can read."""
+"""Conversion of a Result to messages that ROS tools can read."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -30,18 +30,18 @@ from std_msgs.msg import (
 
 SENSORS = ('gyro', 'accel')
 TUNED_TERM = 'filter_random_walk'
-"""Not measured but chosen, for a filter with a random walk and nothing else."""
+"""Tuned, not measured: for a filter that models the bias as a random walk alone."""
 ENDS = ('low', 'high')
 VECTORS = (TUNED_TERM, *(topic for term in LASTING_TERMS for topic in (
     term, *(f'{term}/interval/{end}' for end in ENDS))))
-"""What is published of a sensor as vectors: a 95 % interval as two, which every tool plots."""
+"""Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
 OCTAVES = 25
-"""Columns of the Allan deviation array: PlotJuggler leaves out arrays beyond 100 numbers."""
+"""Columns of the Allan deviation array; PlotJuggler ignores arrays of more than 100 numbers."""
 
 
 @dataclass(frozen=True)
 class Filter:
-    """How often something else corrects a filter, and the longest that it is unaided, in s."""
+    """Aiding interval of a filter, and the longest time that it is unaided, in s."""
 
     aiding_interval_s: float = 0.1
     coast_s: float = 60.0
@@ -49,7 +49,7 @@ class Filter:
 
 def result_messages(result: Result, node_name: str, stamp: Time,
                     filter_of: Filter = Filter()) -> dict[str, Any]:
-    """Every message of a result, by its topic below ``~/``; NaN is what is not known."""
+    """Return all messages of a result by topic below ``~/``; unknown values are NaN."""
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
     messages = {'result': String(data=document),
                 'coefficients': coefficients_message(result, node_name, stamp)}
@@ -69,12 +69,12 @@ def result_messages(result: Result, node_name: str, stamp: Time,
 
 
 def coefficients_message(result: Result, node_name: str, stamp: Time) -> DiagnosticArray:
-    """One status per axis, with value, interval and unit of every coefficient."""
+    """Return one status per axis, with value, interval and unit of every coefficient."""
     array = DiagnosticArray()
     array.header.stamp = stamp
     array.header.frame_id = result.source.frame_id or ''
     for name, axis in result.axes.items():
-        # What every filter asks for.
+        # Every filter needs these two.
         missing = [key for key in ('noise_density', 'rate_random_walk')
                    if not axis.coefficients[key].observable]
         level, message = DiagnosticStatus.OK, 'noise density and rate random walk are observable'
@@ -94,17 +94,17 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
 
 
 def _numbers(axis: AxisResult, filter_of: Filter) -> dict[str, float | None]:
-    """Give what is published of an axis in the vectors of its sensor, by topic."""
+    """Return the components of an axis in the vectors of its sensor, by topic."""
     numbers: dict[str, float | None] = {TUNED_TERM: None}
     if axis.coefficients['noise_density'].observable:
-        # Without a drift model, or noise, the axis's own status says why there is none.
+        # Without a drift model, or noise, the status of the axis says why there is none.
         with suppress(ImuAllanError):
             numbers[TUNED_TERM] = tune(
                 axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
     for term in LASTING_TERMS:
         found = axis.coefficients[term]
         numbers[term] = found.value
-        # That of a hidden term is from zero to its upper bound.
+        # The interval of a term that is not observable is from zero to its upper bound.
         ends = found.ci95 or (None if found.upper95 is None else 0.0, found.upper95)
         numbers |= {f'{term}/interval/{end}': bound for end, bound in zip(ENDS, ends, strict=True)}
     return numbers
@@ -112,9 +112,9 @@ def _numbers(axis: AxisResult, filter_of: Filter) -> dict[str, float | None]:
 
 def curve_message(axes: Mapping[str, AxisResult]) -> Float64MultiArray:
     """
-    Allan deviation of a sensor: rows tau (s), x, y, z, each of 25 octaves, padded with NaN.
+    Return the Allan deviation of a sensor: rows tau (s), x, y, z of 25 octaves, padded with NaN.
 
-    A curve of more octaves leaves out its shortest averaging times.
+    Longer curves omit their shortest averaging times.
     """
     curves = [dict(zip(axes[letter].curve.tau_s, axes[letter].curve.adev, strict=True))
               if letter in axes else {} for letter in 'xyz']
@@ -148,7 +148,7 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
                 for key, value in asdict(axis.goodness_of_fit).items()}
     for kind, tones in ('tones', axis.tones), ('weaker_tones', axis.weaker_tones):
         for i, tone in enumerate(tones):
-            # One of the others is a sum of lines.
+            # The number of lines matters only for weaker tones, which are sums of lines.
             entries |= {f'{kind}/{i}/{key}': value for key, value in asdict(tone).items()
                         if key != 'lines' or kind == 'weaker_tones'}
     return key_values({**entries, **_forecast_values(axis), **remark_values(remarks)})
@@ -162,7 +162,7 @@ def _with_interval(name: str, value: float | None, ci95: tuple[float, float] | N
 
 
 def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
-    """Give what was found in the order of the result, by code; the second of one has a number."""
+    """Return the findings in the order of the result, by code; repeated codes are numbered."""
     values: dict[str, str] = {}
     codes = [remark.code for remark in remarks]
     for number, (code, remark) in enumerate(zip(codes, remarks, strict=True)):
@@ -173,7 +173,7 @@ def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
 
 
 def _forecast_values(axis: AxisResult) -> dict[str, object]:
-    """Predict the unaided drift after a minute at rest; nothing before it is known."""
+    """Predict the unaided drift after a minute at rest; empty without a drift model."""
     if axis.drift_model is None:
         return {}
     found = predicted_drift(axis, FORECAST_S)
@@ -190,7 +190,7 @@ def _forecast_values(axis: AxisResult) -> dict[str, object]:
 
 
 def key_values(entries: Mapping[str, object]) -> list[KeyValue]:
-    """Give what is known as tools parse it back, numbers to the last digit."""
+    """Format the known values so that tools can parse them back, numbers to the last digit."""
     return [KeyValue(key=key, value=str(value).lower() if isinstance(value, bool) else
                      repr(float(value)) if isinstance(value, float) else str(value))
             for key, value in entries.items() if value is not None]

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the run under way has shown: fitted by the worker, published every period, drawn."""
+"""Results of the current run: fitted by the worker, published every period, and plotted."""
 
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -20,17 +20,17 @@ from imu_allan.result import Result
 from sensor_msgs.msg import CompressedImage
 
 FIT_GROWTH = 0.1
-"""The next fit waits until the record is longer by this: it narrows an interval by 5 %."""
+"""The next fit waits until the record has grown by this, which narrows intervals by 5 %."""
 SETTLED_S = 2.0
-"""Where no further sample comes for so long, what has come is fitted to the end."""
+"""After this long without a sample, a final fit includes all samples so far."""
 
 
 _Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float]
-"""The result, those of the lanes, messages, findings of the standards, and the time it took."""
+"""The result, results by lane, messages, findings against standards, and seconds it took."""
 
 
 class Results:
-    """Fits, publishes and draws."""
+    """Fits the current run, and publishes and plots the results."""
 
     def __init__(self, node_name: str, publications: Publications, worker: Worker, facts: Facts,
                  announcements: Announcements, values: Mapping[str, Any]) -> None:
@@ -47,27 +47,27 @@ class Results:
         self.publish_every(values['publish_period'])
 
     def publish_every(self, period_s: float) -> None:
-        """Set the time from one publication to the next, counted from now."""
+        """Set the period of publication, which starts now."""
         self._period_s = period_s
         self._next_publication = time.monotonic() + period_s
 
     def begin_run(self) -> None:
-        """Forget what was learnt of the run before."""
+        """Forget the results of the previous run."""
         self.latest = self._plotted = None
         self._facts.findings = []
         self._next_fit = time.monotonic()
 
     def due(self, now: float) -> bool:
-        """Whether it is time to publish; asked once a period it says so once."""
+        """Return whether it is time to publish; true once per period."""
         if now < self._next_publication:
             return False
-        # On a fixed grid: a period that is no multiple of the tick is kept on average.
+        # On a fixed grid, so that a period that is no multiple of the tick holds on average.
         periods = (now - self._next_publication) // self._period_s + 1
         self._next_publication += periods * self._period_s
         return True
 
     def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
-        """Have a new result made if one is due; whoever is new has the last one meanwhile."""
+        """Start a new fit if one is due; otherwise serve the last result to new subscribers."""
         settled = now - last_message > SETTLED_S
         if self._worker.under_way('fit'):
             return
@@ -78,9 +78,9 @@ class Results:
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
         """
-        Have the run fitted; what comes of it is published if the run still goes on then.
+        Start a fit of the run, whose result is published if the run is still current then.
 
-        With `to_the_end` nothing is left as it was in an earlier fit: no other may follow.
+        With `to_the_end`, nothing is reused from an earlier fit, as this fit may be the last.
         """
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
@@ -109,7 +109,7 @@ class Results:
             self.latest, of_lanes, messages, findings, took_s = future.result()
             self._facts.fit_s, self._facts.findings = took_s, findings
             run.learn(of_lanes, fed if tested is None else None)
-            # On a slow computer five times as long as it took: a fifth of a core.
+            # On a slow computer wait five times as long as the fit took, to use a fifth of a core.
             self._next_fit = began + max(5.0 * took_s, FIT_GROWTH * run.duration_s)
             give_back_memory()
             self._publications.publish(messages)
@@ -120,7 +120,7 @@ class Results:
         self._worker.start('fit', work, publish)
 
     def draw_if_watched(self, run: Run) -> None:
-        """Draw the last result and publish the plot, if it is new and somebody looks."""
+        """Plot the last result and publish the plot, if it is new and has subscribers."""
         result, plot = self.latest, self._publications.plot
         if (result is None or not result.axes or result is self._plotted
                 or self._worker.under_way('plot') or not plot.get_subscription_count()):
@@ -143,6 +143,6 @@ class Results:
 
 
 def _time(stamp_ns: int) -> Time:
-    # The nanoseconds of a broken stamp can carry its seconds beyond what a message can hold.
+    # The nanoseconds of a corrupt stamp may carry its seconds beyond the range of the message.
     seconds, nanoseconds = divmod(min(stamp_ns, 2**31 * 1_000_000_000 - 1), 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds)

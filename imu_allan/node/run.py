@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""One run: what belongs to it, is left behind when another begins, and goes on after a crash."""
+"""One run: everything that a new run starts afresh, and that is resumed after a crash."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -34,7 +34,7 @@ Fits = Mapping[str, AxisFit | None]
 
 
 class LaneSnapshot(NamedTuple):
-    """All that a lane had taken in at a moment."""
+    """Everything that a lane has taken in up to a moment."""
 
     characterization: Characterization
     half: Half | None
@@ -43,12 +43,12 @@ class LaneSnapshot(NamedTuple):
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a run had taken in at a moment."""
+    """Everything that a run has taken in up to a moment."""
 
     lanes: tuple[LaneSnapshot, ...]
 
     def fitted(self, tested: Backtests | None = None) -> tuple[list[Result], Fits]:
-        """Fit each lane: results, and fits by axis; what `tested` has is not tested again."""
+        """Fit each lane; return results, and fits by axis. Backtests in `tested` are reused."""
         results, fits = [], {}
         for characterization, half, remarks in self.lanes:
             result, found = characterization.fitted(remarks, tested=tested)
@@ -57,7 +57,7 @@ class Snapshot:
         return results, fits
 
     def as_one(self, results: Sequence[Result]) -> Result:
-        """Join the results of the lanes."""
+        """Join the results of the lanes, and add the words of the findings."""
         if len(results) == 1:
             return with_words(results[0])
         return with_words(united([
@@ -65,13 +65,13 @@ class Snapshot:
             for lane, result in zip(self.lanes, results, strict=True) if lane.half is not None]))
 
     def result(self) -> Result:
-        """Fit it."""
+        """Fit the snapshot and return the joint result."""
         return self.as_one(self.fitted()[0])
 
 
 @dataclass(eq=False)
 class Lane:
-    """What a run takes in of one topic, and what the node remembers about its samples."""
+    """What a run takes in from one topic, and what the node remembers about its samples."""
 
     characterization: Characterization
     half: Half | None = None
@@ -80,15 +80,15 @@ class Lane:
     seen: Seen = field(default_factory=Seen)
     fed: int = 0
     stamp_ns: int = 0
-    error: str = ''  # why the latest messages are of no use
+    error: str = ''  # why the latest messages cannot be used
 
     @property
     def span_s(self) -> float:
-        """Time that it holds samples of; 0 where their rate is not known."""
+        """Duration of its samples in s; 0 if their rate is unknown."""
         return rest_s(self.characterization.summary().timeline, 0.0)
 
     def snapshot(self) -> LaneSnapshot:
-        """Return an independent copy, with the messages that wait for their unit."""
+        """Return an independent copy that includes the messages whose unit is still undecided."""
         copy = self.characterization.snapshot()
         if self.unit is not None:
             for block in self.unit.waiting:
@@ -96,8 +96,8 @@ class Lane:
         return LaneSnapshot(copy, self.half, [] if self.unit is None else self.unit.remarks)
 
     def power_on(self) -> None:
-        """Keep the mean of what comes apart from that of what has come."""
-        # Whoever publishes now may have something else to say.
+        """Start a new power cycle, whose mean is separate from that of earlier samples."""
+        # The new publisher need not repeat earlier messages.
         self.seen.looping = False
         try:
             self.characterization.power_on()
@@ -105,7 +105,7 @@ class Lane:
             self.error = str(error)
 
     def update(self, blocks: Sequence[ImuBlock]) -> None:
-        """Take in messages; those that the timeline cannot use are reported in `error`."""
+        """Take in messages; `error` says why some of them cannot be used."""
         self.known.see(blocks)
         blocks = self.seen.unseen(blocks)
         if blocks:
@@ -124,18 +124,18 @@ class Lane:
 
 
 class Run:
-    """One lane, or that of the gyroscope and that of the accelerometer."""
+    """One lane, or one for the gyroscope and one for the accelerometer."""
 
     def __init__(self, *lanes: Lane, looks: SequentialLooks | None = None, mark: str = '') -> None:
         self.lanes = lanes
-        # Sets its folder apart: another node may have begun with the same sample.
+        # Makes its folder unique: another node may have begun with the same sample.
         self.mark = mark or secrets.token_hex(2)
-        # Messages that are in the last fit and checkpoint, and the time the fit spans.
+        # Messages in the last fit and checkpoint, and the duration of the fitted record.
         self.fitted = self.checkpointed = 0
         self.duration_s = 0.0
-        # Another has begun since.
+        # Whether another run has replaced it.
         self.over = False
-        # Both are kept by the thread that fits.
+        # Both are updated by the thread that fits.
         self.looks = Looks()
         self.sequential = SequentialLooks() if looks is None else looks
         self._backtests: Backtests | None = None
@@ -143,34 +143,34 @@ class Run:
 
     @property
     def fed(self) -> int:
-        """Messages it has been given."""
+        """Return the number of messages it has been given."""
         return sum(lane.fed for lane in self.lanes)
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp of the last message."""
+        """Return the stamp of the last message."""
         return max(lane.stamp_ns for lane in self.lanes)
 
     @property
     def span_s(self) -> float:
-        """Time that it holds samples of."""
+        """Duration of its samples in s."""
         return max(lane.span_s for lane in self.lanes)
 
     @property
     def backtests(self) -> Backtests | None:
         """
-        Backtests that are still good; None where the record has become longer by 15 %.
+        Backtests that are still valid; None once the record has grown by 15 %.
 
-        Before, what they say has hardly changed, and each filter runs over half of the record.
+        Until then they hardly change, and each of them runs a filter over half of the record.
         """
         return self._backtests if self.fed < 1.15 * self._tested else None
 
     def snapshot(self) -> Snapshot:
-        """Return an independent copy, which can be fitted in another thread."""
+        """Return an independent copy that another thread can fit."""
         return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
 
     def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
-        """Remember what a fit has shown."""
+        """Keep what later fits and checks of the IMU need from a fit."""
         self.duration_s = max(result.timeline.duration_s for result in results)
         for lane, result in zip(self.lanes, results, strict=True):
             lane.known.learn(result.source)
@@ -181,32 +181,32 @@ class Run:
 
 
 def useless(error: ImuAllanError) -> str:
-    """Say why messages are of no use, with the remedies that a node has in place of a command."""
+    """Return why messages cannot be used, with the remedies of a node, not of a command."""
     return str(error).replace(' or state the sample rate (analyze --rate)', '').replace(
         'analyze --clock', 'parameter clock')
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What a run depends on besides its samples."""
+    """Settings that a run depends on."""
 
     topic: str
     options: TimelineOptions
     messages: str = IMU
-    """How the messages are read: their type, and fields and units that the user names."""
+    """How the messages are read: their type, and the fields and units that the user names."""
     accel_topic: str = ''
-    """Of the accelerometer, where `topic` is that of the gyroscope alone."""
+    """Topic of the accelerometer, if `topic` carries the gyroscope alone."""
     finds_unit: bool = True
-    """Whether the unit of the acceleration is for the samples to show."""
+    """Whether the unit of the acceleration is found from the samples."""
 
     @property
     def topics(self) -> str:
-        """Both topics in words, or the one."""
+        """Both topics as text, or the only one."""
         return ', '.join(filter(None, [self.topic, self.accel_topic]))
 
     @property
     def streams(self) -> list[tuple[str, Half | None]]:
-        """Each topic, and the sensor that is taken from it if it is one alone."""
+        """Each topic, with its sensor if only one is taken from it."""
         if not self.accel_topic:
             return [(self.topic, None)]
         return [(self.topic, 'gyro'), (self.accel_topic, 'accel')]
@@ -214,7 +214,7 @@ class Setup:
 
 @dataclass
 class _Kept(Record):
-    """What is saved of a lane beside its characterization."""
+    """What is saved of a lane besides its characterization."""
 
     known: Known
     seen: Seen
@@ -223,7 +223,7 @@ class _Kept(Record):
 
 @dataclass
 class _Saved(Record):
-    """What is saved of a run beside its characterizations."""
+    """What is saved of a run besides its characterizations."""
 
     setup: Setup
     boot: str
@@ -233,10 +233,10 @@ class _Saved(Record):
 
 
 def pack(run: Run, setup: Setup) -> State:
-    """Give the arrays to save of a run."""
+    """Return the state of a run as arrays to save."""
     kept = []
     for lane in run.lanes:
-        # Messages that wait for their unit are not saved: they have not been seen yet.
+        # Messages whose unit is undecided are not saved, so they must not count as seen.
         waits = lane.unit is not None and lane.unit.waiting
         kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
                           None if lane.unit is None else lane.unit.decision))
@@ -247,7 +247,7 @@ def pack(run: Run, setup: Setup) -> State:
 
 
 def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
-    """Give the run that was saved, ready to go on: the next sample is not related to the last."""
+    """Return the saved run, ready to go on; its next sample is unrelated to the last one."""
     try:
         saved = restored(_Saved, part_of(state, 'run'))
         before = saved.setup
@@ -273,31 +273,31 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
 
 
 def _go_on(lanes: list[Lane], setup: Setup, saved_boot: str) -> None:
-    """Let what comes next be apart from what was saved."""
+    """Separate the samples to come from those that were saved."""
     boot = boot_id()
     for number, lane in enumerate(lanes):
         try:
             if boot and boot == saved_boot:
-                # Unless its driver has been started anew, the IMU has not been switched off.
+                # Unless its driver restarts, the IMU has stayed switched on.
                 lane.characterization.break_run()
             else:
                 lane.characterization.power_on()
-                # Every driver is a new one now: it marks no second power-on.
+                # Every driver is new after a boot and must not count as another power-on.
                 lane.known.publishers = []
         except ImuAllanError:
-            # All that had come was of no use.
+            # None of the saved samples was usable.
             lanes[number] = new_run(setup).lanes[number]
 
 
 def new_run(setup: Setup) -> Run:
-    """Give a run that has nothing yet."""
+    """Return a run without samples."""
     return Run(*(Lane(Characterization(kind='topic', topic=topic, options=setup.options),
                       half=half, unit=AccelerationUnit() if setup.finds_unit else None)
                  for topic, half in setup.streams))
 
 
 def boot_id() -> str:
-    """Return an identifier of this boot of the computer; empty where there is none."""
+    """Return the identifier of this boot of the computer; empty if unavailable."""
     try:
         return BOOT_ID.read_text().strip()
     except OSError:

@@ -17,7 +17,7 @@ from imu_allan.writers.output_path import followed, open_folder
 
 
 def try_folder(output_dir: str) -> None:
-    """Write a file into the output folder and remove it, as a save will have to."""
+    """Check that the output folder can be written to: create a file in it and remove it."""
     expanded = at_home(output_dir, 'output_dir')
     try:
         with contextlib.ExitStack() as undone:
@@ -34,17 +34,17 @@ def try_folder(output_dir: str) -> None:
 
 
 def other_folders(state_file: Path | None) -> Iterator[str]:
-    """Where a result goes when the output folder takes nothing, the likeliest first."""
+    """Yield folders to try if the output folder cannot be written to, likeliest first."""
     if state_file is not None:
         yield str(state_file.parent)
     yield DEFAULT_OUTPUT_DIR
-    # None of the folders that the system has for temporary files may be writable.
+    # Raised if none of the system's folders for temporary files is writable.
     with contextlib.suppress(OSError):
         yield str(Path(tempfile.gettempdir()) / 'imu_allan')
 
 
 def run_folder(output_dir: str, node_name: str, result: Result, mark: str) -> Path:
-    """Name the folder of one run by its first sample, and by the mark of the run."""
+    """Return the folder of a run, named by node, time of the first sample and mark."""
     start = (result.source.start_time or 'unknown').removesuffix('Z')
     name = f'{node_name.strip("/")}_{start}_{mark}'
     return at_home(output_dir, 'output_dir') / re.sub(

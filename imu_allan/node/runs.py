@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whose messages these are: of the run, of another IMU, of a stranger beside it.
+Assignment of messages to the current run, to the run of another IMU, or to none.
 
-Where the publisher is another one, or frame_id or rate are, messages are held until they show
-which IMU they are of. Those of another one make a run of their own, which takes the place of the
-one before when it has lasted long enough beside it; where the first IMU returns, its run goes on.
+When the publisher, the frame_id or the rate changes, messages are held back until they show which
+IMU they are from. Those of another IMU form a run of their own, which replaces the current one
+once it has lasted long enough. If the first IMU returns, its run goes on.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,35 +29,35 @@ from imu_allan.node.same_imu import (
 from imu_allan.wording import duration
 
 _ALONE_NS = 2_000_000_000
-"""Beside a publisher that has been silent for less, another one is a stranger."""
+"""Until the publisher in use has been silent for this long, any other one is a stranger."""
 
 
 @dataclass
 class _Topic:
-    """Where the messages of a topic go."""
+    """What is known about the source of the messages on a topic."""
 
     number: int
     facts: Facts
-    publisher: int | None = None  # whose messages they are
-    heard_ns: int = 0  # when it was last heard
-    elsewhere: bool = False  # they are of another IMU than that of the run
-    held: list[ImuBlock] = field(default_factory=list)  # of which it is not known yet
-    holding: int | None = None  # whose messages are held
-    looked_s: float = 0.0  # of another IMU, since it was last looked whether it is another
-    strangers: set[int] = field(default_factory=set)  # heard beside this publisher
+    publisher: int | None = None  # whose messages are in use
+    heard_ns: int = 0  # receive time of its last message
+    elsewhere: bool = False  # its messages are from another IMU than that of the run
+    held: list[ImuBlock] = field(default_factory=list)  # messages whose IMU is not known yet
+    holding: int | None = None  # publisher of the held messages
+    looked_s: float = 0.0  # samples of the other IMU since its identity was last checked
+    strangers: set[int] = field(default_factory=set)  # other publishers, heard beside this one
 
     @property
     def by_level(self) -> bool:
-        """Whether the level of the noise, too, decides whose messages are held."""
+        """Whether the noise level is also used to identify the IMU of the held messages."""
         return self.holding != self.publisher or self.elsewhere
 
     def pass_over(self, blocks: Sequence[ImuBlock]) -> None:
-        """Leave out messages of an unknown or another publisher."""
+        """Discard messages of an unknown or another publisher, and count them."""
         self.facts.mixed_samples += messages(blocks)
 
 
 class Runs:
-    """The run under way, and one of another IMU that may take its place."""
+    """The current run, and one of another IMU that may replace it."""
 
     def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
@@ -74,32 +74,32 @@ class Runs:
 
     @property
     def unproven(self) -> Run | None:
-        """Return the run of another IMU that has not taken the place of this one yet, or again."""
+        """Return the run of another IMU that has not replaced this one yet, or not again."""
         settled = self._other is None or (
             self._other.over and not any(topic.elsewhere for topic in self._topics))
         return None if settled else self._other
 
     def begin_anew(self) -> None:
-        """Leave everything; whose messages come stays known."""
+        """Begin a new run and drop held messages; the publishers stay known."""
         self._other = None
         for topic in self._topics:
             topic.holding, topic.held, topic.facts.on_probation = None, [], False
         self._take_up(new_run(self._setup))
 
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
-        """Take messages of one publisher that have come on a topic."""
+        """Take messages of one publisher on a topic."""
         topic = self._topics[number]
         rate_hz = self._known(topic).rate_hz
-        # What has piled up while the node was held up may be of one IMU first, then of another.
+        # Messages queued while the node was busy may be from one IMU first, then from another.
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
             self._take_part(topic, publisher, part)
 
     def _take_part(self, topic: _Topic, publisher: int, blocks: Sequence[ImuBlock]) -> None:
-        """Take messages that are looked at as one."""
+        """Take messages that are judged together."""
         last_ns = int(blocks[-1].receive_ns[-1])
         if publisher == MIXED:
-            # Of publishers with frame_ids of their own the timeline keeps to the first.
+            # If the publishers have different frame_ids, the timeline keeps to the first one.
             if len({block.frame_id for block in blocks}) == 1:
                 topic.pass_over(blocks)
             else:
@@ -120,13 +120,13 @@ class Runs:
             if not silent and topic.publisher not in (publisher, topic.holding):
                 topic.pass_over(blocks)
                 return
-            # Nothing more comes of what is held.
+            # No more messages will be added to those that are held.
             self._decide(topic)
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        # A publisher that replaces another is recognized by its level; the first after a restart,
-        # too, if so much may be lost in a crash.
+        # A new publisher is recognized by its noise level, which takes more messages. The first
+        # one after a restart waits for them only if a crash may lose that much.
         first = topic.publisher is None and self._look_s() < LOOK_S
         fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
         if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
@@ -134,7 +134,7 @@ class Runs:
             self._decide(topic)
 
     def finish(self) -> None:
-        """Decide on what is held, if it is enough to decide on anything."""
+        """Decide on the messages that are still held; too few are passed over."""
         for topic in self._topics:
             if topic.held:
                 self._decide(topic)
@@ -146,17 +146,17 @@ class Runs:
         return self._run_of(topic).lanes[topic.number].known
 
     def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
-        # Another sensor by its noise alone may be the same one, shaken for a while.
+        # What seems another sensor by its noise may be the same one, shaken for a while.
         return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
                 or self._known(topic).may_be_another(blocks))
 
     def _decide(self, topic: _Topic) -> None:
-        """Give the messages that are held to the run of their IMU."""
+        """Give the held messages to the run of their IMU."""
         held, publisher, by_level = topic.held, topic.holding, topic.by_level
         topic.held, topic.holding, topic.looked_s = [], None, 0.0
         topic.facts.on_probation = False
         if messages(held) < FEWEST_MESSAGES:
-            # So few show nothing.
+            # Too few to identify the IMU.
             topic.pass_over(held)
             return
         is_new = publisher != topic.publisher
@@ -187,20 +187,20 @@ class Runs:
         self._feed(topic, held)
 
     def _is_started_anew(self, known: Known, topic: _Topic) -> bool:
-        """Tell by who publishes whether a driver was started while the node was not there."""
+        """Return whether the driver, by its publishers, restarted while the node was down."""
         there = self._offers(topic.number)
         return bool(there and known.publishers) and there.isdisjoint(known.publishers)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              by_level: bool, is_new: bool) -> None:
-        """Give messages to the run of another IMU, a new one if it is none that is known."""
+        """Give messages to the run of the other IMU, or to a new run if they are not from it."""
         number, other, was_elsewhere = topic.number, self._other, topic.elsewhere
         if other is None or other.lanes[number].known.departure(
                 held, by_level=by_level) is not None:
             other = self._other = new_run(self._setup)
             known = self.run.lanes[number].known.another(held)
             while len(held) > 1 and known.may_be_another(held[:1]):
-                # From before the change.
+                # These are from before the change.
                 held = held[1:]
             other.lanes[number].known = known
             was_elsewhere = False
@@ -228,17 +228,17 @@ class Runs:
             if run.span_s >= self._proof_s():
                 self._replace()
         elif self._other is not None and any(one.elsewhere for one in self._topics):
-            # If the other sensor of the IMU begins anew, so does this one.
+            # If one sensor of the IMU begins a new run, so does the other.
             self._other.lanes[number].update(blocks)
 
     def _proof_s(self) -> float:
-        """Give how long another IMU has to last: a tenth of the run that it replaces."""
-        # A driver that is reconfigured settles in ten seconds; nobody waits longer than ten
-        # minutes. A judgment.
+        """Return how long another IMU has to last: a tenth of the run that it replaces."""
+        # A reconfigured driver settles within ten seconds; users do not wait longer than ten
+        # minutes. Chosen by judgment.
         return min(max(0.1 * self.run.span_s, 10.0), 600.0)
 
     def _replace(self) -> None:
-        """Let the run of the other IMU take the place of the one before."""
+        """Replace the current run by that of the other IMU."""
         before, run = self.run, self._other
         assert run is not None
         begins = 'the run of before goes on' if run.over else 'a new run begins'

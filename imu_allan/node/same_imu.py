@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether messages are those of the IMU that a run is about, or have come before.
+Decide whether incoming messages belong to the IMU of the current run, or repeat earlier ones.
 
-An IMU is known by its frame_id, by the rate of its messages and, where another publisher sends
-them, by the level of its noise.
+An IMU is recognized by its frame_id, by the rate of its messages and, if another publisher sends
+them, by its noise level.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,50 +24,51 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 LOOK_S = 2.0
-"""At 100 Hz 200 messages, which show another IMU in most cases; all of them wait so long."""
+"""Messages are held back this long, until they show whether the IMU is another one. At 100 Hz
+these are 200 messages, which suffice in most cases."""
 LONGEST_LOOK_S = 10.0
-"""Jitter has averaged out by then: the rate counts as it is."""
+"""Longest time to hold messages back; jitter has averaged out, so their rate is conclusive."""
 FEWEST_MESSAGES = 16
-"""A jitter of half an interval moves the rate of 16 messages by 5 %."""
+"""A jitter of half an interval changes the measured rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
-"""10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by as many messages sooner."""
+"""10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by this many messages sooner."""
 _GROUP = 64
-"""Samples whose level is one number."""
+"""Samples per group; each group gives one noise level."""
 _FEWEST_GROUPS = 4
-"""Fewer do not show how much they scatter. A judgment."""
+"""With fewer groups their scatter cannot be estimated. Chosen by judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
-"""Fewer show no level."""
+"""Fewest messages whose noise level can be compared."""
 _FIRST = 8
-"""Samples that are remembered from the start: a repetition is seen at once."""
+"""Samples remembered from the start, so that a repetition is recognized at once."""
 _MOST = 2048
-"""Samples that are remembered in all, 110 kB, chosen by their stamps: of a repetition whose start
-got lost one of the next few is among them, a hundred of a day at 100 Hz thousands later."""
+"""Samples remembered in total (110 kB), chosen by their stamps. If the start of a repetition is
+lost, one of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
 _SHORTEST_NS = 1_000_000_000
-"""A recording is longer; stamps that stand still are another fault."""
+"""Recordings are longer than this; stamps that stand still are another fault."""
 
 
 @dataclass
 class Known(Record):
-    """What is known of an IMU by its messages."""
+    """What is known of an IMU from its messages."""
 
     frame_id: str | None = None
-    clock: str | None = None  # by whose stamps the rate is measured
-    rate_hz: float | None = None  # of messages: of a sensor that is polled more than of samples
-    is_sure: bool = False  # about the rate
+    clock: str | None = None  # stamps that the rate is measured by
+    rate_hz: float | None = None  # of messages: if the sensor is polled, above that of samples
+    is_sure: bool = False  # whether `rate_hz` is final
     levels: Floats = field(default_factory=lambda: np.empty((0, 6)))
-    # Identities of who has published the topic since its driver was started.
+    # GIDs of the publishers of the topic since its driver was started.
     publishers: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._recent: list[ImuBlock] = []
 
     def see(self, blocks: Sequence[ImuBlock]) -> None:
-        """Take in messages that are of this IMU."""
+        """Take in messages of this IMU."""
         if self.frame_id is None:
             self.frame_id = blocks[0].frame_id
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
-            # Of 20 s at 200 Hz.
+            # 20 s at 200 Hz.
             self.levels = np.concatenate([self.levels, _levels(own)])[-64:]
             self._recent += own
         while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES
@@ -75,7 +76,7 @@ class Known(Record):
             self._recent.pop(0)
 
     def learn(self, source: Source) -> None:
-        """Take from a result by which stamps, and measure the rate until that is sure."""
+        """Take the clock from the source of a result, and measure the rate until it is certain."""
         if source.clock is None:
             return
         if source.clock != self.clock:
@@ -87,19 +88,19 @@ class Known(Record):
                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
-        """Learn another IMU by its first messages."""
+        """Return what the first messages of another IMU show of it."""
         other = Known(frame_id=blocks[-1].frame_id, clock=self.clock)
         other.rate_hz = other.measured_hz(blocks) or None
         return other
 
     def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
-        """Return, cheaply where nothing is wrong, whether the next messages want a look."""
+        """Return whether the next messages need a closer check; cheap in the normal case."""
         if self.frame_id is None or not blocks:
             return False
         if all(block.frame_id != self.frame_id for block in blocks):
             return True
         if any(block.frame_id != self.frame_id for block in blocks) or not self.rate_hz:
-            # What is of the other frame_id says nothing about the rate.
+            # Messages with another frame_id say nothing about the rate.
             return False
         for some in (blocks, [*self._recent, *blocks]):
             stamps = self._stamps(some)
@@ -107,7 +108,7 @@ class Known(Record):
                 continue
             span_s = float(stamps[-1] - stamps[0]) * 1e-9
             counted = (len(stamps) - 1) / span_s if span_s > 0 else 0.0
-            # Of few messages jitter moves the rate.
+            # The measured rate of few messages varies with jitter.
             allowed = RATE_TOLERANCE + 4 / len(stamps)
             if (abs(counted / self.rate_hz - 1) > allowed
                     and self._rate_difference(some) > allowed):
@@ -115,7 +116,7 @@ class Known(Record):
         return False
 
     def departure(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
-        """Return why messages are not of this IMU; None if they may be."""
+        """Return why messages are not from this IMU; None if they may be."""
         frame_id = blocks[-1].frame_id
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
@@ -131,19 +132,19 @@ class Known(Record):
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
                  fewest: int = FEWEST_MESSAGES) -> bool:
-        """Whether so many messages decide if they are of this IMU."""
+        """Return whether there are enough messages to decide if they are from this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
         if count >= _MOST_MESSAGES:
             return True
         if count < FEWEST_MESSAGES or lasted < seconds:
             return False
-        # Chance may have made a difference, or hidden one; jitter makes none of three tenths.
+        # A small difference may be random, or hide a real one; jitter does not cause 30 %.
         by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
             by_level and self._level_ratio(blocks, 2.0) is not None)
         return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
-        """Time that messages span, by their stamps or their receipt."""
+        """Return the seconds that messages span by stamps or by receive times, the longer one."""
         if not blocks:
             return 0.0
         return max(float(last - first) * 1e-9 for first, last in (
@@ -151,8 +152,8 @@ class Known(Record):
             (self._stamps(blocks[:1])[0], self._stamps(blocks[-1:])[-1])))
 
     def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
-        """Rate of messages by the clock; 0 where there are too few."""
-        # A message that comes twice is one.
+        """Return the rate of messages by the clock; 0 if there are too few."""
+        # A repeated message counts once.
         stamps = np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
         pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
         return 1e9 / pace.interval_ns if pace is not None and pace.interval_ns > 0 else 0.0
@@ -162,13 +163,13 @@ class Known(Record):
         return abs(measured / self.rate_hz - 1) if measured and self.rate_hz else 0.0
 
     def _level_ratio(self, blocks: Sequence[ImuBlock], sure: float) -> float | None:
-        """Ratio of the noise to that known, where they differ by so many standard errors."""
+        """Return the ratio to the known noise, if they differ by `sure` standard errors."""
         found: float | None = None
         for axis, groups in enumerate(_levels(blocks).T):
             before, error_before = _level_at_rest(self.levels[:, axis])
             now, error_now = _level_at_rest(groups)
             apart = abs(now - before)
-            # The noise of one sensor differs by a tenth from one day to another. A judgment.
+            # The noise of one sensor varies by a tenth from day to day. Chosen by judgment.
             if (before > 0 and apart > 0.1 * before
                     and apart > sure * np.hypot(error_before, error_now)
                     and (found is None or apart > abs(found - 1) * before)):
@@ -183,36 +184,36 @@ class Known(Record):
 @dataclass
 class Seen(Record):
     """
-    Samples that have come, so that a recording that is played in a loop counts once.
+    Earlier samples, remembered so that a recording played in a loop counts once.
 
-    The same samples twice would make intervals narrower than the data allow.
+    Counting samples twice would make intervals narrower than the data allow.
     """
 
     stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     samples: Floats = field(default_factory=lambda: np.empty((0, 6)))
-    bits: int = 0  # that the stamps of those that are remembered have in common
+    bits: int = 0  # one sample in 2**bits is remembered
     last_ns: int = 0
 
     def __post_init__(self) -> None:
-        # Whether the samples that come now have come before.
+        # Whether the current samples repeat earlier ones.
         self.looping = False
 
     def check(self) -> None:
-        """Raise ValueError where they do not belong together."""
+        """Raise ValueError if the attributes are inconsistent."""
         if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
                 or not 0 <= self.bits < 64 or self.last_ns < 0):
             raise ValueError('what is remembered of earlier samples is damaged')
 
     def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
-        """Give the samples of these blocks that are no repetition."""
+        """Return the samples of these blocks that are not repetitions."""
         passed = []
-        # A short recording that is played fast may begin several times in one block.
+        # A short recording that is played fast may start several times in one block.
         for block in (part for whole in blocks for part in _passes(whole)):
             again = 0 if self.looping else self._begins_again(block)
             if again is not None:
                 new = block.header_ns > self.last_ns
                 self.looping = not new.any()
-                # Of a recording that was joined in the middle, its beginning is new once.
+                # If the node joined in the middle, the beginning of the recording is new once.
                 new[:again] = True
                 block = block.part(new)
             if len(block):
@@ -236,7 +237,7 @@ class Seen(Record):
             self.stamps, self.samples = self.stamps[kept], self.samples[kept]
 
     def _begins_again(self, block: ImuBlock) -> int | None:
-        """Row of the first sample that has come before, None if there is none."""
+        """Return the row of the first sample that repeats an earlier one, or None."""
         if not len(self.stamps) or self.last_ns - int(self.stamps[0]) < _SHORTEST_NS:
             return None
         back = block.header_ns < self.last_ns
@@ -244,29 +245,29 @@ class Seen(Record):
             return None
         for row in np.flatnonzero(back & np.isin(block.header_ns, self.stamps)).tolist():
             same = self.samples[self.stamps == block.header_ns[row]]
-            # An axis that is absent is NaN, which equals nothing.
+            # Absent axes are NaN, which have to compare as equal.
             if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
                 return int(row)
         return None
 
 
 def _passes(block: ImuBlock) -> Iterator[ImuBlock]:
-    """Divide messages where their stamps fall back by as much as a recording is long at least."""
+    """Split messages where their stamps fall back by at least the length of a recording."""
     falls = np.flatnonzero(np.diff(block.header_ns) < -_SHORTEST_NS) + 1
     if len(falls) > 1 + len(block) // FEWEST_MESSAGES:
-        # No recording is so short: stamps of two clocks come in turn.
+        # Too often for a recording: the stamps of two clocks alternate.
         falls = falls[:0]
     for first, last in pairwise([0, *falls.tolist(), len(block)]):
         yield block.part(slice(first, last))
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:
-    """How many messages there are."""
+    """Return the number of messages."""
     return sum(len(block) for block in blocks)
 
 
 def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
-    """Give messages in parts of so many, the last of which may be smaller."""
+    """Yield messages in parts of `most`, the last of which may be smaller."""
     part: list[ImuBlock] = []
     for block in blocks:
         first = 0
@@ -282,7 +283,7 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
 
 
 def _levels(blocks: Sequence[ImuBlock]) -> Floats:
-    """Mean step from one sample to the next, of every axis in groups of 64, shape (g, 6)."""
+    """Return the mean absolute step between samples, by groups of 64 and axis, shape (g, 6)."""
     samples = np.concatenate([block.samples for block in blocks])
     with np.errstate(over='ignore', invalid='ignore'):
         steps = np.abs(np.diff(samples, axis=0))
@@ -291,12 +292,12 @@ def _levels(blocks: Sequence[ImuBlock]) -> Floats:
 
 
 def _level_at_rest(groups: Floats) -> tuple[float, float]:
-    """Mean of the levels at rest and its standard error; infinite where they are too few."""
+    """Return the mean level at rest and its standard error, infinite for too few groups."""
     groups = groups[np.isfinite(groups) & (groups > 0)]
     if len(groups) < _FEWEST_GROUPS:
         return 0.0, np.inf
-    # Louder ones are of a sensor that is moved, or knocked.
+    # Higher levels are from motion or knocks.
     calm = groups[groups < 1.5 * np.percentile(groups, 10)]
-    # Chance moves the level of 64 samples by a tenth; few may be close to each other by chance.
+    # The level of 64 samples varies by a tenth, though a few may be closer by chance.
     spread = max(calm.std(), 0.1 * calm.mean())
     return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

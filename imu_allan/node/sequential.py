@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What may be published of the fits of a growing record, in one place because each is a look at it.
+Decide which terms of repeated fits to a growing record may be published as observable.
 
-A test that is made sixty times is passed by chance more often than one that is made once. So a
-term is observable once every fit has shown it since the record was `GROWTH` times shorter: however
-many fits there are, a record has few such segments. Where the fit says how probable a term is,
-it has to be probable, too.
+A test that is repeated sixty times is passed by chance more often than a single one. Therefore a
+term is observable only if every fit has shown it since the record was `GROWTH` times shorter.
+However many fits there are, a record has few such periods. If the fit gives a term a probability,
+this has to be high, too.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,21 +15,21 @@ from imu_allan.result import Coefficient, Result, Timeline
 from imu_allan.state import Record
 
 GROWTH = 3.0
-"""The record grows by this while every fit has to show a term, which costs as much time. Without
-it 21 of 186 axes of ten minutes, each fitted 47 times, are wrong at some fit, however probable the
-term is. It is not there, or its interval misses by a half (`bench_looks.py --fit-growth 0.03`)."""
+"""Every fit has to show a term while the record grows by this factor, which delays the term.
+Otherwise 21 of 186 ten-minute axes, fitted 47 times each, show a wrong term at some fit, however
+probable. It is absent, or its interval misses by half (`bench_looks.py --fit-growth 0.03`)."""
 PROBABLE = 0.99
-"""One in a hundred of those that are so probable is wrong, if the fit is right about it. Of 450
-terms of 75 IMUs 29 came, 1 of them wrong (`bench/bench_looks.py --seeds 100:125`). With 0.9 it is
-1 of 14 on the axes above, a flicker taken for a random walk."""
+"""Smallest probability of a term: one in a hundred is wrong if the fit's probabilities are right.
+Of 450 terms of 75 IMUs, 29 were shown and 1 was wrong (`bench/bench_looks.py --seeds 100:125`).
+With 0.9, 1 of 14 is wrong on the axes above: flicker taken for a random walk."""
 
 
 @dataclass
 class SequentialLooks(Record):
     """
-    Looks at the results of one run, one after the other: after a restart one more, not the first.
+    Successive looks at the results of one run, which continue after a restart.
 
-    Another thread may save them meanwhile: what is in it is replaced, not changed.
+    Another thread may save them meanwhile, so attributes are replaced, never changed in place.
     """
 
     messages: int = 0
@@ -43,7 +43,7 @@ class SequentialLooks(Record):
         self._expected: dict[str, list[tuple[float, float]]] = {}
 
     def judged(self, result: Result, *, more_comes: bool = True) -> Result:
-        """Return the result as it may be published; nothing is expected where no more comes."""
+        """Return the result to publish; waiting times are given only if `more_comes`."""
         self._see_growth(result)
         self._growing &= more_comes
         return replace(result, axes={name: replace(axis, coefficients={
@@ -52,7 +52,7 @@ class SequentialLooks(Record):
             for name, axis in result.axes.items()})
 
     def _see_growth(self, result: Result) -> None:
-        """Note whether what comes makes the record longer: not in motion, nor on held values."""
+        """Note whether messages make the record longer: not in motion, nor with held values."""
         timeline = result.timeline
         messages = (timeline.samples + timeline.duplicates + timeline.out_of_order
                     + timeline.rejected)
@@ -60,10 +60,10 @@ class SequentialLooks(Record):
         record_s = rest_s(timeline, sum(span.duration_s for span in timeline.motion))
         if rate and messages > self.messages:
             added = (record_s - self.record_s) * rate
-            # Where fewer become part of the record, nothing is to be expected of time.
+            # If fewer become part of the record, waiting is of no use.
             self._growing = added > 0.1 * (messages - self.messages)
         if not self.messages:
-            # The first look at ten minutes is one; a shorter one is followed by others at once.
+            # A first look at ten minutes counts as one; shorter records are soon looked at again.
             self.first_s = record_s if record_s < 600.0 else 0.0
         self.messages, self.record_s = messages, record_s
 
@@ -74,7 +74,7 @@ class SequentialLooks(Record):
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
         probable = found.presence is None or found.presence >= PROBABLE
         wait_s = GROWTH * self.hidden_s.get(key, self.first_s) - self.record_s
-        # Noise density shows in the shortest record, and has nothing to be mistaken for.
+        # Noise density shows in the shortest record and cannot be confused with other terms.
         if (probable and wait_s <= 0) or key in self.shown or key.endswith('/noise_density'):
             self.shown = [*(one for one in self.shown if one != key), key]
             return found
@@ -84,7 +84,7 @@ class SequentialLooks(Record):
                        ci_halves_in_s=None, between=None)
 
     def _steady_wait(self, key: str, wait_s: float | None) -> float | None:
-        """Give a wait whose end has not receded since the record was `GROWTH` times shorter."""
+        """Return a wait if its end has not receded since the record was `GROWTH` times shorter."""
         if wait_s is None:
             self._expected.pop(key, None)
             return None
@@ -93,12 +93,12 @@ class SequentialLooks(Record):
         while len(looks) > 1 and GROWTH * looks[1][0] <= now_s:
             looks.pop(0)
         known = GROWTH * looks[0][0] <= now_s
-        # By chance it may move by a quarter.
+        # It may vary by a quarter at random.
         steady = now_s + wait_s <= 1.25 * min(end_s for _, end_s in looks)
         return wait_s if self._growing and known and steady else None
 
 
 def rest_s(timeline: Timeline, moved_s: float) -> float:
-    """Time of samples that are used, neither in a gap nor in motion; 0 without a rate."""
+    """Return the seconds of samples in use, without gaps and motion; 0 if the rate is unknown."""
     rate = timeline.sample_rate_hz
     return max(timeline.samples / rate - moved_s, 0.0) if rate else 0.0

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node in place of an IMU driver: Imu messages with known noise."""
+"""A node that replaces an IMU driver, and publishes Imu messages with known noise."""
 
 from math import inf
 import time
@@ -29,17 +29,17 @@ from std_srvs.srv import Trigger
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVICE_PERIOD_S = 0.05
-"""A service is answered, and a sleep ends, within this: no human notices."""
+"""Services are answered and sleeps end within this time, too short for users to notice."""
 _KNOCK_DECAY_S = 0.15
-"""Down to a thousandth after a second, two windows of the motion detector."""
+"""Decays to a thousandth within a second, which is two windows of the motion detector."""
 
 
 class SimulatorNode(Node):
     """
-    Publishes a simulated IMU at rest, in real time, faster, or as fast as it is taken.
+    Publishes a simulated IMU at rest, in real time, faster, or as fast as subscribers take it.
 
-    Header stamps are those of simulated time, whatever the speed. It is served by `serve`, not by
-    an executor alone: samples have to leave at their own time.
+    Header stamps are in simulated time at any speed. Run it by `serve`, not in an executor alone,
+    since samples have to be published at their own time.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class SimulatorNode(Node):
         self._knocks: list[int] = []
 
         if self._speed == 0:
-            # Only a writer that keeps all waits for a reader that has not taken yet.
+            # Only a KEEP_ALL writer waits for readers that are behind.
             qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0,
                              reliability=ReliabilityPolicy.RELIABLE)
         else:
@@ -79,14 +79,14 @@ class SimulatorNode(Node):
         executor.add_node(self)
         try:
             self._wait_for_subscriptions(executor, stop)
-            # The first sample is of now, not of when the node was made.
+            # The first sample is stamped now, not when the node was constructed.
             self._start_ns = round(self._values['start_time'] * 1e9) or time.time_ns()
             self.get_logger().info(
                 f'publishing {self._model.name or "a simulated IMU"} on '
                 f'{self._publisher.topic_name} at {self._rate:g} Hz'
                 + (f', {self._speed:g} times real time' if self._speed not in (0, 1) else ''))
             self._publish_all(executor, stop)
-            # What a reader has not taken yet would go with the writer.
+            # Samples that a reader has not received yet would be lost with the writer.
             while not (stop or self._publisher.wait_for_all_acked(Duration(seconds=0.5))):
                 executor.spin_once(timeout_sec=0)
             self.get_logger().info(f'published {self._next} samples')
@@ -110,7 +110,7 @@ class SimulatorNode(Node):
             if now - served >= _SERVICE_PERIOD_S:
                 served = now
                 executor.spin_once(timeout_sec=0)
-            # Some milliseconds of publishing between two looks at services and clock.
+            # Publish for some milliseconds between two checks of services and clock.
             count = min(256, self._total - self._next)
             if self._speed:
                 pace = self._rate * self._speed
@@ -144,7 +144,7 @@ class SimulatorNode(Node):
                 except RCLError:
                     if not self.context.ok():
                         raise
-                    # The queue of a writer that keeps all is full: it has waited 0.1 s already.
+                    # The queue of a KEEP_ALL writer is full, after `publish` has waited for 0.1 s.
                     continue
 
     def _drop(self, *_: object) -> Trigger.Response:
@@ -174,9 +174,9 @@ class SimulatorNode(Node):
 
 
 def _knock_shape(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ring from time zero on all axes and decay, shape (n, 6), of unit acceleration."""
+    """Return an oscillation on all axes that decays from time zero, shape (n, 6)."""
     after = np.maximum(seconds, 0.0)
-    # 17 Hz: several cycles in a window of the motion detector, below half of any usual rate.
+    # 17 Hz: several cycles per window of the motion detector, below half of any usual rate.
     ringing = np.where(seconds >= 0, np.exp(-after / _KNOCK_DECAY_S)
                        * np.cos(2 * np.pi * 17.0 * after), 0.0)
     return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))

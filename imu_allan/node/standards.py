@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a running IMU is held against: its datasheet, and itself as it was before."""
+"""Comparison of a running IMU with its datasheet and with an earlier result."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Stream = Characterization | Mapping[str, Characterization]
 
 @dataclass(frozen=True)
 class Finding:
-    """How the IMU stands to one standard."""
+    """How the IMU compares with one standard."""
 
     standard: str
     level: Literal['ok', 'warn', 'error']
@@ -34,10 +34,10 @@ class Finding:
 
 class Looks:
     """
-    The looks of one run at its datasheet: rare enough for a verdict to be as certain as it says.
+    Looks at one run against its datasheet, rare enough for verdicts to be as certain as stated.
 
-    Whoever looks often enough sees a good unit above its limit at some moment. The sequential test
-    allows for that, if each look comes when the record is longer by its `next_look`.
+    With frequent looks, a good unit is above its limit at some of them. The sequential test allows
+    for that if each look waits until the record has the length given by `next_look`.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Looks:
 
     def decided(self, stream: Stream, specification: NoiseModel, result: Result,
                 fits: Mapping[str, AxisFit | None] | None = None) -> Standing | None:
-        """Look again if it is time to; return the verdict once it is certain."""
+        """Look again if it is time to; return the verdict once it is certain, else None."""
         samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
@@ -56,7 +56,7 @@ class Looks:
 
 
 class Standards:
-    """The standards that the parameters name."""
+    """The standards that the parameters of the node name."""
 
     def __init__(self, spec_file: str = '', reference: str = '') -> None:
         self._specification: NoiseModel | None = None
@@ -73,7 +73,7 @@ class Standards:
 
     def judge(self, result: Result, stream: Stream, looks: Looks,
               fits: Mapping[str, AxisFit | None] | None = None) -> list[Finding]:
-        """Hold a result against every standard."""
+        """Compare a result with every standard."""
         findings = []
         if not result.axes:
             return [Finding(name, 'warn', 'cannot tell yet: no axis has a result')
@@ -94,7 +94,7 @@ def _against_specification(verdicts: Sequence[Verdict], decided: Standing | None
         about = sentences or ['no limit is broken so far']
         return Finding('specification', 'warn', f'nothing is certain yet: {"; ".join(about)}')
     if outcome != 'fail':
-        # An IMU that has passed may break a limit later; as long as it does not the verdict holds.
+        # An IMU that has passed may break a limit later; until then the verdict holds.
         outcome, sentences = summary(decided.verdicts)
     if outcome == 'pass':
         return Finding('specification', 'ok', 'every limit of the specification is kept, certain '
@@ -131,7 +131,7 @@ def _density_departure(name: str, now: AxisResult, before: AxisResult) -> Iterat
 
 
 def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[str]:
-    # What an accelerometer reads at rest depends on how it stands.
+    # The reading of an accelerometer at rest depends on its orientation.
     now, before = result.axes[name].mean, reference.axes[name].mean
     if not name.startswith('gyro') or now is None or before is None:
         return
@@ -145,10 +145,10 @@ def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[st
 
 def _line_departures(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
     for tone in now.tones:
-        # A fan or a wheel is not more constant than 3 %.
+        # The speed of a fan or a wheel is no steadier than 3 %.
         same = [line.amplitude for line in before.tones
                 if abs(line.frequency_hz / tone.frequency_hz - 1) < 0.03]
-        # Lines have no intervals; from one fit to the next their amplitude does not double.
+        # Lines have no intervals, but by chance their amplitude does not double between fits.
         if not same or tone.amplitude > 2.0 * max(same):
             known = f'{number(max(same))} in the reference' if same else 'none in the reference'
             yield (f'{name}: a line at {number(tone.frequency_hz)} Hz of '

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stays of a run: its state over a crash or a reboot, its files for whoever wants them."""
+"""Storage of a run: its state, to survive a crash or a reboot, and its result files."""
 
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -26,12 +26,12 @@ from imu_allan.writers.output_path import turn_in
 
 
 class NothingToSave(ImuAllanError):
-    """A result without axes."""
+    """Raised where a result has no axes."""
 
 
 @dataclass
 class _NextSave:
-    """The save asked for last; `snapshot` is empty once the worker has begun with it."""
+    """The last save requested; `snapshot` is empty once the worker has begun it."""
 
     of: tuple[Run, str, list[str]]
     fed: int
@@ -39,7 +39,7 @@ class _NextSave:
     future: 'Future[list[Path]]'
 
     def holds(self, fed: int) -> bool:
-        """Whether so many messages are in its files, or will be."""
+        """Return whether its files contain this many messages, or will."""
         return self.fed == fed and (not self.future.done() or (
             self.future.exception() is None and all(map(Path.exists, self.future.result()))))
 
@@ -87,12 +87,12 @@ class Storage:
             return StateFile(Path(os.environ.get('ROS_HOME') or '~/.ros') / 'imu_allan'
                              / f'{name}.state')
         except ImuAllanError as error:
-            # Nobody has asked for it.
+            # The default file was not asked for, so the node runs without it.
             self._log.warning(f'nothing is kept over a crash: {error}', 'no state', 0.0)
             return None
 
     def first_run(self) -> Run:
-        """Begin with the run of the state file, or with a new one."""
+        """Return the run from the state file, or a new one."""
         if self._state_file is None:
             return new_run(self._setup)
         try:
@@ -113,7 +113,7 @@ class Storage:
         return run
 
     def keep_aside(self, run: Run, verdict: UnusableState) -> None:
-        """Give the state of the run another name, so that the next one cannot overwrite it."""
+        """Rename the state of the run so that the next one cannot overwrite it."""
         state_file = self._state_file
         if state_file is None:
             return
@@ -125,7 +125,7 @@ class Storage:
                 try:
                     state_file.save(state)
                 except ImuAllanError as error:
-                    # What was saved before is worth keeping all the more.
+                    # The earlier state is then all the more worth keeping.
                     unsaved = str(error)
             return state_file.keep_aside(verdict.reason), unsaved
 
@@ -142,7 +142,7 @@ class Storage:
         self._worker.start('aside', keep, note)
 
     def forget_resumed(self) -> None:
-        """Report no longer what the run was resumed from: the user has begun another."""
+        """Forget what the run was resumed from, since the user has begun another one."""
         self._facts.resumed, self.has_resumed = '', False
 
     def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
@@ -155,19 +155,19 @@ class Storage:
                               f'{", ".join(removed)}', 'removed', 0.0)
 
     def hurry(self) -> None:
-        """Let the next checkpoint be due at once."""
+        """Make the next checkpoint due at once."""
         self._last_checkpoint = time.monotonic() - self.checkpoint_period
 
     def checkpoint_due(self, now: float, run: Run) -> bool:
-        """Whether the state is to be written now."""
+        """Return whether the state is to be written now."""
         period = self.checkpoint_period
-        # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
+        # Before the period ends, so that samples are on the disk within it.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
         return (self.keeps_state and due and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 
     def checkpoint(self, run: Run) -> 'Future[int]':
-        """Have the state of a run written."""
+        """Start writing the state of a run."""
         assert self._state_file is not None
         state_file = self._state_file
         began = self._last_checkpoint = time.monotonic()
@@ -183,18 +183,18 @@ class Storage:
         return self._worker.start('checkpoint', lambda: state_file.save(state), note)
 
     def checkpoint_age_s(self, now: float) -> float | None:
-        """Time since the last checkpoint that was written."""
+        """Return the age in s of the last checkpoint written; None if there is none."""
         return None if self._saved_at is None else now - self._saved_at
 
     # -- the output folder ----------------------------------------------------------------------
 
     def write_to(self, folder: str) -> None:
-        """Change the output folder, and have it tried."""
+        """Change the output folder, and check it."""
         self._output_dir = folder
         self.try_output()
 
     def try_output(self) -> None:
-        """Have it reported early whether the output folder can be written to, not at the end."""
+        """Start a check of the output folder, to report faults early and not only at the end."""
         folder = self._output_dir
 
         def note(future: 'Future[None]') -> None:
@@ -204,7 +204,7 @@ class Storage:
         self._worker.start('try', lambda: try_folder(folder), note)
 
     def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
-        """Have result, curves, plot and configurations written, into the output folder if none."""
+        """Start writing result, curves, plot and configurations; default is the output folder."""
         folder = folder or self._output_dir
         name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
         of, last = (run, folder, consumers), self._next_save
@@ -212,7 +212,7 @@ class Storage:
             return last.future
         snapshot = run.snapshot()
         if last is not None and last.of == of:
-            # Whoever asks while a save of the same waits for the worker is served by that one.
+            # If the same save is still queued, let it include the latest samples.
             with suppress(IndexError):
                 last.snapshot[0], last.fed = snapshot, run.fed
                 return last.future
@@ -228,13 +228,13 @@ class Storage:
                 with turn_in(own):
                     return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
-                # Nothing could be written.
+                # Only an empty folder is removed: nothing could be written.
                 with suppress(OSError):
                     own.rmdir()
 
         def note(future: 'Future[list[Path]]') -> None:
             if isinstance(future.exception(), NothingToSave):
-                # Whoever asked too early has the answer; nothing is wrong with the storage.
+                # The caller gets this as the answer; the storage works.
                 return
             self._facts.save_error = self._worker.failure('save', future)
             if self._facts.save_error:
@@ -251,7 +251,7 @@ class Storage:
     # -- the end --------------------------------------------------------------------------------
 
     def save_state_at_end(self, run: Run) -> bool:
-        """Write the state if it is newer than the last checkpoint; tell if all is well."""
+        """Write the state if it is newer than the last checkpoint; return whether that worked."""
         self._worker.drop_queued(('fit', 'plot', 'try'))
         if self._state_file is None or run.fed == run.checkpointed:
             return True
@@ -259,9 +259,9 @@ class Storage:
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """
-        Write the files, to another folder if the one asked for takes none; return if all is well.
+        Write the files, to another folder if the output folder fails; return if all is well.
 
-        What fails is reported by the worker, as of any save.
+        The worker logs failures, as for any save.
         """
         if not run.fed and not (self._unasked and self.has_resumed):
             return True
@@ -280,6 +280,6 @@ class Storage:
         return True
 
     def finish_run(self) -> None:
-        """Leave no state that nobody has asked for: the run has ended, and its files are saved."""
+        """Remove the state file if nobody asked for it, once the files of the run are saved."""
         if self._unasked and self._state_file is not None:
             self._state_file.remove()

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The thermometer beside the IMU, on a topic of its own."""
+"""Readings of a thermometer beside the IMU, from a topic of their own."""
 
 import time
 
@@ -16,16 +16,16 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
 _MOST_WAITING = 100_000
-"""Readings that wait until it is known which stamps the samples have: hours of most sensors."""
+"""Readings kept until the clock of the samples is known: hours from most sensors."""
 _MATCHING_S = 5.0
-"""Publishers are found within three seconds of the start."""
+"""A missing publisher is reported after this time; discovery takes up to three seconds."""
 _SILENCE_S = 30.0
-"""Most thermometers publish within it; of a slower one thrice its longest pause."""
+"""Longest usual silence, or three times the longest pause so far for slower thermometers."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
 class Thermometer:
-    """Takes readings, of the topic that is named or found beside the IMU, and hands them on."""
+    """Takes readings from the topic named, or found beside the IMU, and passes them to lanes."""
 
     def __init__(self, node: Node, log: Log, facts: Facts, lanes: int, named: str) -> None:
         self._node = node
@@ -41,14 +41,14 @@ class Thermometer:
             self._subscribe(named)
 
     def _subscribe(self, topic: str) -> None:
-        # Readings: seconds of the fastest thermometer, while the node fits.
+        # The queue of 1000 holds seconds of the fastest thermometer.
         self._subscription = DrainedSubscription(self._node, Temperature, topic, 1000,
                                                  'temperature_topic')
         self._last_publisher = time.monotonic()
         self._facts.temperature_topic = self._subscription.topic
 
     def look_beside(self) -> None:
-        """Take the only one beside the IMU once two looks have seen it: they come one by one."""
+        """Subscribe to the only one beside the IMU once two looks agree: topics appear slowly."""
         if not self._finds:
             return
         before, self._beside = self._beside, sorted(
@@ -61,14 +61,14 @@ class Thermometer:
         try:
             self._subscribe(found)
         except ImuAllanError as error:
-            # Nobody has asked for it: the run goes on without.
+            # It was not asked for, so the run goes on without it.
             self._log.warning(f'no temperature: {error}', 'no thermometer')
         else:
             self._log.info(f'temperature from {found}, the only thermometer in the namespace of '
                            'the IMU')
 
     def take(self) -> None:
-        """Take what has come; what is no Temperature is counted and passed over."""
+        """Take the waiting readings; count messages that are no Temperature as malformed."""
         if self._subscription is None:
             return
         batch = self._subscription.take()
@@ -78,7 +78,7 @@ class Thermometer:
             try:
                 message = deserialize_message(content, Temperature)
             except Exception:
-                # The middleware raises what it likes for bytes that are no message.
+                # The middleware may raise any exception for bytes that are no message.
                 self._facts.malformed += 1
                 continue
             stamp = message.header.stamp
@@ -106,11 +106,11 @@ class Thermometer:
         self._facts.temperature_silent_s = pause_s if pause_s > usual_s else 0.0
 
     def feed(self, lane: int, characterization: Characterization) -> None:
-        """Give the readings to a lane, once it is known by which stamps its samples are placed."""
+        """Pass the readings to a lane, once the clock that places its samples is known."""
         stamps, celsius = self._waiting[lane]
         if not len(celsius):
             return
-        # What is decided for good is at hand; to guess before takes a copy of what waits.
+        # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
         clock = characterization.clock or characterization.summary().clock
         if clock is None:
             return

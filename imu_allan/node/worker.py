@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The other threads, which work on copies: one for fits, plots and files, one for the state.
+The worker threads, which work on copies: one for fits, plots and files, one for the state.
 
-A fit or a drawing takes seconds on a busy computer, and a crash does not wait for it: what has
-come meanwhile would be lost.
+A fit or a plot takes seconds on a busy computer. If checkpoints had to wait for it, a crash
+meanwhile would lose the latest samples.
 """
 
 from collections.abc import Callable, Container
@@ -18,7 +18,7 @@ T = TypeVar('T')
 
 
 class Worker:
-    """Does the work that takes longer than the executor's thread may be held up."""
+    """Does the work that would hold up the executor's thread for too long."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -35,7 +35,7 @@ class Worker:
         return future
 
     def under_way(self, kind: str) -> bool:
-        """Whether a job of this kind is queued, running or not handed out yet."""
+        """Return whether a job of this kind is queued, running or not handed out yet."""
         return any(job == kind for job, _, _ in self._jobs)
 
     def hand_out(self) -> None:
@@ -46,24 +46,24 @@ class Worker:
             done(future)
 
     def failure(self, kind: str, future: Future[Any]) -> str:
-        """Report what went wrong in a job of a kind, if anything did; return it as a line."""
+        """Log the error of a finished job, if any; return it as a line, empty if none."""
         error = future.exception()
         if error is None:
             return ''
         if isinstance(error, ImuAllanError):
             self._log.error(str(error), f'{type(error).__name__} {kind}')
             return str(error)
-        # A bug in one fit must not end what has been collected for days.
+        # A bug in one fit must not end a run of days.
         self._log.bug(error, 'the node goes on')
         return f'internal error, see the log: {printable(error)}'
 
     def drop_queued(self, kinds: Container[str]) -> None:
-        """Leave out what has not begun, of these kinds."""
+        """Cancel the jobs of these kinds that have not begun."""
         self._jobs = [(kind, future, done) for kind, future, done in self._jobs
                       if kind not in kinds or not future.cancel()]
 
     def finish(self, kinds: Container[str]) -> None:
-        """Wait for what is running, drop what is queued, hand out what is done of these kinds."""
+        """Wait for running jobs, cancel queued ones, and hand out finished ones of these kinds."""
         for thread in (self._keeper, self._thread):
             thread.shutdown(wait=True, cancel_futures=True)
         self._jobs = [(kind, future, done) for kind, future, done in self._jobs
