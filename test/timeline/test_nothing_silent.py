@@ -1105,6 +1105,13 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
     assert not verdict(seed, axes_there=1).violations
 
 
+@pytest.mark.parametrize('seed', [
+    97_000_384,     # .9 s of late stamps every 11 s passed for what is read from a FIFO
+])
+def test_scenarios_of_the_later_faults_that_left_a_number_silently_wrong_do_no_more(seed):
+    assert not verdict(seed, 6000, 3, kinds=MORE_FAULTS).violations
+
+
 def some_with_each_fault(seeds: Sequence[int], kinds: Sequence[Sequence[Fault]] = FAULTS,
                          besides: Sequence[Sequence[Fault]] = ()) -> list[int]:
     """Give the seeds of scenarios with a fault that none before has, nor another test."""
