@@ -90,7 +90,8 @@ CODES: Mapping[str, Code] = {
     'clock_speed': _act(ratio=Number),
     'gravity': _act(mean=Annotated[float, 'm/s^2']),
     'implausible': _act(
-        what=Literal['mean', 'noise_density'], value=InUnit, limit=InUnit, unit=Text, likely=Text),
+        what=Literal['mean', 'noise_density', 'spread'], value=InUnit, limit=InUnit, unit=Text,
+        likely=Text),
     # messages are lost
     'many_missing': _act(share=Share, density_error_share=Share | None),
     'spikes': _know(messages=Count),

@@ -157,7 +157,7 @@ def _gravity(f: Any) -> str:
 
 
 def _implausible(f: Any) -> str:
-    what = 'a mean' if f.what == 'mean' else 'white noise'
+    what = {'mean': 'a mean', 'spread': 'a spread'}.get(f.what, 'white noise')
     likely = 'raw counts' if f.likely == 'counts' else f'{f.likely} in place of SI units'
     return (f'{what} of {f.value:.3g} {f.unit} is more than any such sensor has at rest '
             f'({f.limit:.3g}): {likely}, or motion')
@@ -487,7 +487,7 @@ WORDS: Mapping[str, Words] = {
         live='check the unit of the driver'),
     'implausible': Words(
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
-        'A mean or noise density is far beyond any sensor at rest.',
+        'A mean, spread or noise density is beyond any sensor at rest.',
         says=_implausible,
         do='state the unit (--gyro, --accel), or record it at rest',
         live='check the unit of the driver'),

@@ -3,7 +3,9 @@
 """Numbers that no sensor has at rest, with the likeliest reason."""
 
 from imu_allan.block import ImuBlock
+from imu_allan.characterization import characterize
 from imu_allan.characterization.stream import Characterization
+from imu_allan.sensor.plausible import implausible
 import numpy as np
 import pytest
 
@@ -30,11 +32,21 @@ def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, t
     # A poor one of 17 deg/h beside the turn of the Earth, and a quiet one.
     (1e-6, 7.3e-5, 1e-3, {}),
     (0.1, 0.5, 0.02, {'gyro': ('noise_density', 'deg/s')}),
-    (0.03, 1.5, 0.02, {'gyro': ('mean', 'deg/s')}),
+    (0.03, 2.0, 0.02, {'gyro': ('mean', 'deg/s')}),
     (13.0, 40.0, 0.02, {'gyro': ('noise_density', 'counts')}),
-    (0.001, 0.0, 2.0, {'accel': ('noise_density', 'mg')}),
-    (0.001, 0.0, 200.0, {'accel': ('noise_density', 'counts')}),
+    (0.001, 0.0, 3.0, {'accel': ('noise_density', 'mg')}),
+    (0.001, 0.0, 400.0, {'accel': ('noise_density', 'counts')}),
+    # A gyroscope of 20,000 deg/s, and the zero rate of another, beside an accelerometer of 100 g.
+    (0.0436, 1.31, 1.47, {}),
 ])
 def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
     found = implausible_axes(gyro, bias, accel)
     assert found == {f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
+
+
+def test_a_spread_is_reported_where_the_noise_density_is_not_known():
+    # What alternates is a line, and no noise beside it.
+    swing = np.tile([0.7, -0.7], 500) + np.random.default_rng(0).normal(size=1000) * 1e-3
+    [found] = implausible({'gyro_x': characterize(swing, 100.0)})
+    assert found.values['what'] == 'spread'
+    assert found.values['likely'] == 'deg/s'
