@@ -64,7 +64,8 @@ def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
             # As --help and --version do.
             status = stop.code
         shown = capsys.readouterr()
-        assert (status, shown.err) == (0, '')
+        assert shown.err == ''
+        assert status == 0
         return shown.out
     return run
 
