@@ -19,8 +19,8 @@ from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from sensor_msgs.msg import CompressedImage
 
-FIT_GROWTH = 0.1
-"""The next fit waits until the record has grown by this, which narrows intervals by 5 %."""
+FIT_GROWTH = 0.2
+"""The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
 SETTLED_S = 2.0
 """After this long without a sample, a final fit includes all samples so far."""
 
