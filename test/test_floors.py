@@ -6,6 +6,7 @@ import ast
 from graphlib import TopologicalSorter
 from itertools import pairwise
 import re
+import subprocess
 import sys
 
 import pytest
@@ -14,7 +15,7 @@ from sources import imported, libraries, MODULES, PACKAGE, tree_of
 FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
      'imu_allan.blas_threads', 'imu_allan.json_of_dataclasses', 'imu_allan.finding',
-     'imu_allan.result', 'imu_allan.state',
+     'imu_allan.result', 'imu_allan.verdict', 'imu_allan.state',
      'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption'),
     ('imu_allan.noise', 'imu_allan.cdr'),
     ('imu_allan.timeline', 'imu_allan.sensor'),
@@ -57,6 +58,23 @@ def test_numerics_need_numpy_and_scipy_alone():
     allowed = {'imu_allan', 'numpy', 'scipy', *sys.stdlib_module_names}
     assert not {module for module, path in MODULES.items()
                 if '.noise.' in module and libraries(path) - allowed}
+
+
+WITHOUT_SCIPY = """
+import sys
+from imu_allan.cli.main import main
+status = main(sys.argv[1:])
+print([name for name in sys.modules if name == 'scipy'], file=sys.stderr)
+sys.exit(status)
+"""
+
+
+@pytest.mark.parametrize('verb', ['explain', 'info'])
+def test_a_verb_that_estimates_nothing_does_not_wait_for_scipy(verb, short_recording):
+    done = subprocess.run([sys.executable, '-c', WITHOUT_SCIPY, verb,
+                           *([] if verb == 'explain' else [short_recording])],
+                          capture_output=True, text=True, check=True)
+    assert done.stderr == '[]\n'
 
 
 def unexplained(path):

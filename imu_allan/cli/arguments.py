@@ -146,8 +146,7 @@ def _paths(args: argparse.Namespace, name: str) -> list[str]:
 
 def specification_of(text: str) -> 'NoiseModel':
     """Return a datasheet: a file, or one that is shipped."""
-    from imu_allan.sensor.noise_model import load_model
-    from imu_allan.sensor.simulated_imu import find_model
+    from imu_allan.sensor.noise_model import find_model, load_model
 
     # A pipe is no regular file, which is all that a model is looked for among.
     given = Path(text)

@@ -48,8 +48,8 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the recording and print its path."""
     from imu_allan.recordings.write import write_recording
-    from imu_allan.sensor.noise_model import load_model
-    from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
+    from imu_allan.sensor.noise_model import find_model, load_model
+    from imu_allan.sensor.simulated_imu import simulated_blocks
 
     model = load_model(find_model(args.model))
     output = Path(args.output if args.output is not None else Path(args.model).stem)

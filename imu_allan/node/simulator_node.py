@@ -14,8 +14,8 @@ from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.sensor.noise_model import load_model
-from imu_allan.sensor.simulated_imu import find_model, SimulatedImu
+from imu_allan.sensor.noise_model import find_model, load_model
+from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.duration import Duration

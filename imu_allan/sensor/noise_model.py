@@ -24,7 +24,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, Quantity, TERMS
 from imu_allan.result import GaussMarkov
 from imu_allan.sensor.units import parse
@@ -80,6 +80,39 @@ class NoiseModel:
     mean: dict[str, float] = field(default_factory=dict)
     as_written: dict[str, dict[str, str]] = field(default_factory=dict)
     limits: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+def find_model(name: str) -> Path:
+    """
+    Find the file of a noise model.
+
+    Parameters
+    ----------
+    name : str
+        A path, or the name of a model that the package ships, such as ``consumer_mems``.
+
+    Raises
+    ------
+    ImuAllanError
+        If there is neither.
+
+    """
+    try:
+        path = Path(name).expanduser()
+    except RuntimeError as error:
+        raise ImuAllanError(f'{printable(name)}: this user has no home folder; write the path '
+                            'without ~') from error
+    if path.is_file():
+        return path
+    if path.name == name:
+        # The checkout, or what pip and colcon install beside the libraries.
+        for parent in Path(__file__).resolve().parents[1:]:
+            for folder in ('config', 'share/imu_allan/config'):
+                shipped = parent / folder / f'{path.stem}.yaml'
+                if shipped.is_file() and (shipped.parents[1] / 'package.xml').is_file():
+                    return shipped
+    raise ImuAllanError(f'{printable(name)}: no such file, and no model of that name is shipped; '
+                        'give the path of a noise model YAML file')
 
 
 def load_model(path: str | os.PathLike[str]) -> NoiseModel:

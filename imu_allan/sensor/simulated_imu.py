@@ -8,11 +8,9 @@ that ``imu_allan simulate`` writes both come from here.
 """
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import NoiseModel
@@ -74,39 +72,6 @@ def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
     elif axis == 'accel_z' and not any(name.startswith('accel') for name in model.mean):
         coefficients['mean'] = STANDARD_GRAVITY
     return coefficients
-
-
-def find_model(name: str) -> Path:
-    """
-    Find the file of a noise model.
-
-    Parameters
-    ----------
-    name : str
-        A path, or the name of a model that the package ships, such as ``consumer_mems``.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is neither.
-
-    """
-    try:
-        path = Path(name).expanduser()
-    except RuntimeError as error:
-        raise ImuAllanError(f'{printable(name)}: this user has no home folder; write the path '
-                            'without ~') from error
-    if path.is_file():
-        return path
-    if path.name == name:
-        # The checkout, or what pip and colcon install beside the libraries.
-        for parent in Path(__file__).resolve().parents[1:]:
-            for folder in ('config', 'share/imu_allan/config'):
-                shipped = parent / folder / f'{path.stem}.yaml'
-                if shipped.is_file() and (shipped.parents[1] / 'package.xml').is_file():
-                    return shipped
-    raise ImuAllanError(f'{printable(name)}: no such file, and no model of that name is shipped; '
-                        'give the path of a noise model YAML file')
 
 
 def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, seed: int = 0,

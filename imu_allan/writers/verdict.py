@@ -5,9 +5,9 @@
 from collections.abc import Mapping
 from typing import Literal
 
-from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
+from imu_allan.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.sentences import WORDS

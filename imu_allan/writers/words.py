@@ -12,10 +12,10 @@ from itertools import groupby
 from types import SimpleNamespace
 from typing import Any, get_args, get_origin, Literal
 
-from imu_allan.characterization.verdict import verdicts
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
 from imu_allan.result import Result
+from imu_allan.verdict import verdicts
 from imu_allan.wording import named
 from imu_allan.writers.sentences import Span, Text, WORDS
 

@@ -4,7 +4,7 @@
 
 from io import StringIO
 
-from imu_allan.characterization.verdict import verdicts
+from imu_allan.verdict import verdicts
 from imu_allan.writers.table import print_result
 from imu_messages import said
 import numpy as np
