@@ -174,6 +174,10 @@ class Runs:
         if why is not None:
             self._give_to_another_run(topic, why, held, by_level, is_new)
             return
+        if topic.elsewhere and not is_new and lane.known.is_louder_or_calmer(self._known(topic)):
+            # Few show no difference, but nobody has come in place of the other IMU.
+            self._feed(topic, held)
+            return
         if topic.elsewhere:
             topic.elsewhere = False
             self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '

@@ -124,11 +124,15 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        ratio = self._level_ratio(blocks, 5.0) if by_level else None
+        ratio = self._level_ratio(_levels(blocks), 5.0) if by_level else None
         if ratio is not None:
             return UnusableState('noise', 'another publisher sends messages whose noise is '
                                  f'{ratio:.2f} times as large, as another sensor would')
         return None
+
+    def is_louder_or_calmer(self, other: 'Known') -> bool:
+        """Return whether all that is known of both shows different levels of noise."""
+        return self._level_ratio(other.levels, 5.0) is not None
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
                  fewest: int = FEWEST_MESSAGES) -> bool:
@@ -140,7 +144,7 @@ class Known(Record):
             return False
         # A small difference may be random, or hide a real one; jitter does not cause 30 %.
         by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
-            by_level and self._level_ratio(blocks, 2.0) is not None)
+            by_level and self._level_ratio(_levels(blocks), 2.0) is not None)
         return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
@@ -162,10 +166,10 @@ class Known(Record):
         measured = self.measured_hz(blocks) if self.rate_hz else 0.0
         return abs(measured / self.rate_hz - 1) if measured and self.rate_hz else 0.0
 
-    def _level_ratio(self, blocks: Sequence[ImuBlock], sure: float) -> float | None:
+    def _level_ratio(self, levels: Floats, sure: float) -> float | None:
         """Return the ratio to the known noise, if they differ by `sure` standard errors."""
         found: float | None = None
-        for axis, groups in enumerate(_levels(blocks).T):
+        for axis, groups in enumerate(levels.T):
             before, error_before = _level_at_rest(self.levels[:, axis])
             now, error_now = _level_at_rest(groups)
             apart = abs(now - before)

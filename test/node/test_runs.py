@@ -21,7 +21,7 @@ from imu_allan.timeline import TimelineOptions, TimelineSummary
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import assert_density, at_rest, Heard, SECOND, START_NS
+from ros_harness import assert_density, at_rest, Heard, NOISE, SECOND, START_NS
 
 RATE_HZ = 100.0
 PROVEN_S = 300.0
@@ -315,3 +315,25 @@ def test_a_backtest_is_made_again_when_the_record_is_longer_by_a_part() -> None:
 
     assert [trained_s(0, 7000), trained_s(7000, 8000), trained_s(8000, 8100)] == [
         {350}, {350}, {405}]
+
+
+@pytest.mark.parametrize('noise', [1.2, slow(0.85)])
+def test_another_sensor_stays_another_however_long_it_takes_until_its_run_begins(
+        noise: float) -> None:
+    world = World()
+    # It has to last for a minute, within which it is looked at several times.
+    world.comes(at_rest(60_000), together=100_000)
+    world.comes(at_rest(10_000, start_s=605.0, seed=2, noise=noise * NOISE), publisher=2)
+    assert [why.reason for _, why in world.replaced] == ['noise']
+    assert world.samples == 10_000
+    assert_density(world.result.to_dict(), RATE_HZ, noise * NOISE)
+
+
+def test_a_sensor_that_is_shaken_while_its_driver_starts_is_the_same_one() -> None:
+    world = World()
+    world.comes(at_rest(60_000), together=100_000)
+    for start_s, noise in (605.0, 3 * NOISE), (625.0, NOISE), (645.0, NOISE):
+        world.comes(at_rest(2000, start_s=start_s, seed=round(start_s), noise=noise), publisher=2)
+    assert not world.replaced
+    assert sum('it goes on' in line for line in world.lines) == 1
+    assert world.samples == pytest.approx(64_000, abs=1500)

@@ -136,7 +136,8 @@ def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
     node = begin(ros, checkpoint_period=checkpoint_s, state_file=str(ros.folder / 'state'))
     sensor = Sensor(ros, 100.0)
     sensor.plug_in()
-    go_on(ros, sensor, 2, 30.0)
+    # For so long that the other one is looked at again before its run begins.
+    go_on(ros, sensor, 2, 200.0)
     fitted(ros, node)
     sensor.noise *= 1.2
     sensor.plug_in()
