@@ -231,6 +231,11 @@ class Characterization:
         """Stamps in use; None as long as nothing has been decided for good."""
         return self._timeline.clock
 
+    @property
+    def at_other_rate(self) -> bool:
+        """Whether the latest messages are left out, as they come at another rate."""
+        return self._timeline.at_other_rate
+
     def result(self, remarks: Iterable[Finding] = (), *,
                tested: Backtests | None = None) -> Result:
         """

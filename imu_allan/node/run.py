@@ -15,7 +15,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.imu_type import IMU
-from imu_allan.node.same_imu import Known, Seen
+from imu_allan.node.same_imu import Known, LONGEST_LOOK_S, Seen
 from imu_allan.node.sequential import rest_s, SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
@@ -81,6 +81,13 @@ class Lane:
     fed: int = 0
     stamp_ns: int = 0
     error: str = ''  # why the latest messages cannot be used
+    # First and last messages that the timeline left out for their rate since it took the last one.
+    left_out: list[ImuBlock] = field(default_factory=list)
+
+    @property
+    def leaves_out_all(self) -> bool:
+        """Return whether the timeline has left out everything, for its rate, for long enough."""
+        return self.known.lasted_s(self.left_out) > LONGEST_LOOK_S
 
     @property
     def span_s(self) -> float:
@@ -115,6 +122,16 @@ class Lane:
             self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
             for known in [block] if self.unit is None else self.unit(block):
                 self._pass_on(known, self.characterization)
+        self._see_rate(blocks)
+
+    def _see_rate(self, blocks: Sequence[ImuBlock]) -> None:
+        if not self.characterization.at_other_rate:
+            self.left_out = []
+        elif blocks:
+            self.left_out = [*self.left_out[:1], blocks[-1]]
+            if self.leaves_out_all:
+                # The rate may have changed before it was known, or by hardly more than is allowed.
+                self.known.take_over(self.characterization.summary())
 
     def _pass_on(self, block: ImuBlock, to: Characterization) -> None:
         try:

@@ -146,9 +146,10 @@ class Runs:
         return self._run_of(topic).lanes[topic.number].known
 
     def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
+        lane = self._run_of(topic).lanes[topic.number]
         # What seems another sensor by its noise may be the same one, shaken for a while.
         return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
-                or self._known(topic).may_be_another(blocks))
+                or lane.leaves_out_all or lane.known.may_be_another(blocks))
 
     def _decide(self, topic: _Topic) -> None:
         """Give the held messages to the run of their IMU."""

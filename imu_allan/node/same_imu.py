@@ -16,6 +16,7 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.recordings.same_recording import is_kept
 from imu_allan.result import Source
 from imu_allan.state import Record
+from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
@@ -86,6 +87,11 @@ class Known(Record):
             self.rate_hz = rate
             self.is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
+
+    def take_over(self, summary: TimelineSummary) -> None:
+        """Take rate and clock from the timeline, which leaves messages out by them."""
+        self.clock, self.rate_hz = summary.clock, summary.timeline.sample_rate_hz
+        self.is_sure = self.rate_hz is not None
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Return what the first messages of another IMU show of it."""
@@ -164,7 +170,8 @@ class Known(Record):
 
     def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
         measured = self.measured_hz(blocks) if self.rate_hz else 0.0
-        return abs(measured / self.rate_hz - 1) if measured and self.rate_hz else 0.0
+        # By the intervals, as the timeline has it.
+        return abs(self.rate_hz / measured - 1) if measured and self.rate_hz else 0.0
 
     def _level_ratio(self, levels: Floats, sure: float) -> float | None:
         """Return the ratio to the known noise, if they differ by `sure` standard errors."""

@@ -173,6 +173,11 @@ class TimelineStage(Record):
         return self._intake.decision.clock
 
     @property
+    def at_other_rate(self) -> bool:
+        """Whether the latest messages are left out, as they come at another rate."""
+        return self._placing.cursor.other_rate
+
+    @property
     def interval_ns(self) -> float | None:
         """Sample interval by the clock in use; None until it is measured."""
         decision = self._intake.decision

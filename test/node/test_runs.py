@@ -337,3 +337,24 @@ def test_a_sensor_that_is_shaken_while_its_driver_starts_is_the_same_one() -> No
     assert not world.replaced
     assert sum('it goes on' in line for line in world.lines) == 1
     assert world.samples == pytest.approx(64_000, abs=1500)
+
+
+def test_a_rate_that_differs_by_hardly_more_than_the_timeline_allows_begins_a_new_run() -> None:
+    world = World()
+    world.comes(at_rest(12_000), together=100_000)
+    world.comes(at_rest(12_264, 102.2, start_s=120.0, seed=2))
+    assert [why.reason for _, why in world.replaced] == ['rate']
+    assert world.timeline.rejected == 0
+    assert world.timeline.sample_rate_hz == pytest.approx(102.2, rel=1e-3)
+    assert world.samples > 5000
+
+
+def test_a_rate_that_changes_before_any_fit_begins_a_new_run() -> None:
+    runs = World().runs
+    for start_s, rate_hz in (0.0, 200.0), (60.0, 208.0):
+        block = at_rest(round(60 * rate_hz), rate_hz, start_s=start_s, seed=round(rate_hz))
+        for first in range(0, len(block), 100):
+            runs.take(0, 1, [block.part(slice(first, first + 100))])
+    [lane] = runs.run.lanes
+    assert lane.known.rate_hz == pytest.approx(208.0, rel=1e-3)
+    assert lane.fed > 5000
