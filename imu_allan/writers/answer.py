@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The answer: what somebody who configures a filter wants to know of a sensor, before anything else.
+The key figures of a sensor for somebody who configures a filter.
 
-The worst axis counts. What recording on would bring is said here, too. Report, terminal and demo
-say first what is made here, so that they say the same.
+They refer to the worst axis, and include what a longer recording would improve. Report, terminal
+and demo all take them from here, so that they agree.
 """
 
 from collections.abc import Mapping
@@ -23,21 +23,22 @@ from imu_allan.tuning.tune import FilterTuning, tune
 from imu_allan.writers.curves import axes_of, sensors_of
 
 AIDING_S = 0.1
-"""A camera or a wheel of 10 Hz corrects the filter."""
+"""Interval in seconds between corrections of the filter, by a camera or wheel odometry at 10
+Hz."""
 COAST_S = 60.0
-"""As where nobody says anything to an exporter: an outage in a tunnel."""
+"""Longest unaided time in seconds, the default of the exporters: an outage in a tunnel."""
 CALIBRATION_S = 60.0
-"""What a robot is left standing for before a run."""
+"""Seconds for which a robot typically stands still before a run."""
 _VAGUE = 10.0
-"""Where a bound of a forecast is further off than by this factor, it says nothing."""
+"""If a bound of a forecast differs from the value by more than this factor, it is not given."""
 UNCERTAIN = f'not known to a factor of {_VAGUE:g}'
-"""What is said instead of such an interval."""
+"""Text that replaces such an interval."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """
-    What is said of one sensor.
+    The key figures of one sensor.
 
     Attributes
     ----------
@@ -45,20 +46,20 @@ class Answer:
     constant : bool
         Whether every sample of every axis is the same.
     worst : mapping of str to (str, Coefficient)
-        By key of N and K, the letter of the worst axis and what it has; without those of which
-        not even a bound is known.
+        For the keys of N and K, the letter of the worst axis and its coefficient. Coefficients
+        without even a bound are omitted.
     tunings : mapping of axis name to FilterTuning
-        For a filter that is corrected every `AIDING_S` and alone for `COAST_S` at most.
+        For a filter that is corrected every `AIDING_S` and unaided for at most `COAST_S`.
     for_filter : tuple of (str, str, str)
-        Symbol, number and SI unit of N and K for such a filter of one bias state, of the axis
-        where each is largest; empty where none can be tuned.
+        Symbol, number and SI unit of N and K for such a filter with one bias state. Each is the
+        largest of all axes; empty if no axis can be tuned.
     forecast : str
-        How far off the angle or the position is after `COAST_S` unaided, the bias averaged over
-        `CALIBRATION_S` before; a standard deviation, empty where the data cannot show it.
+        Standard deviation of angle or position after `COAST_S` unaided, with the bias averaged
+        over `CALIBRATION_S` before. Empty if the data do not determine it.
     forecast_interval : str
-        Empty where `UNCERTAIN` is all that is known.
+        Its 95 % interval; empty if the forecast is `UNCERTAIN`.
     extrapolated : bool
-        Whether `COAST_S` is beyond what the recording knows: the model goes further than it saw.
+        Whether `COAST_S` is longer than the times that the drift model covers.
 
     """
 
@@ -74,7 +75,7 @@ class Answer:
 
 
 def answers(result: Result) -> list[Answer]:
-    """Return the answer for each sensor of the result of one recording."""
+    """Return the key figures of each sensor in the result of one recording."""
     found = []
     for sensor in sensors_of(result):
         axes = axes_of(result, sensor)
@@ -82,7 +83,7 @@ def answers(result: Result) -> list[Answer]:
                  if axis.drift_model is not None and not axis.constant}
         tunings = {}
         for name, axis in known.items():
-            # The reasons are those for which it cannot be tuned at all: nothing to show.
+            # An axis that cannot be tuned is omitted.
             with suppress(ImuAllanError):
                 tunings[name] = tune(axis, AIDING_S, COAST_S)
         found.append(Answer(
@@ -97,7 +98,7 @@ def answers(result: Result) -> list[Answer]:
 
 
 def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
-    """Return the axis with the largest value, or where none shows one the largest bound."""
+    """Return the axis with the largest value or, if there are no values, the largest bound."""
     seen = {name: axis.coefficients[key] for name, axis in axes.items()}
     values = {name: c.value for name, c in seen.items() if c.value is not None}
     if not values:
@@ -117,7 +118,7 @@ def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuni
 
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
-    """Write what integrating the worst axis comes to, and between what that lies."""
+    """Format the integrated drift of the worst axis, and its interval."""
     found = []
     for axis in axes.values():
         with suppress(ImuAllanError):
@@ -137,7 +138,7 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
 
 def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]
                ) -> tuple[str, str]:
-    """Write a standard deviation in the largest unit in which it is one at least, two digits."""
+    """Format a standard deviation and its interval in the largest unit that gives 1 or more."""
     unit, factor = next((pair for pair in units if float(wording.number(value * pair[1], 2)) >= 1),
                         units[-1])
     text, low, high = (wording.rounded(factor * v, 2) for v in (value, *interval))
@@ -146,7 +147,7 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
 
 
 def outlook_of(result: Result) -> str:
-    """Say what a longer recording would bring, by the Fisher information of the fitted model."""
+    """State what a longer recording would bring, by the Fisher information of the fitted model."""
     halves = [c.ci_halves_in_s for axis in result.axes.values()
               for c in axis.coefficients.values() if c.ci_halves_in_s]
     waiting: dict[str, list[tuple[float, str]]] = {}
@@ -169,9 +170,10 @@ def outlook_of(result: Result) -> str:
 def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
                  ) -> tuple[str, str, str]:
     """
-    Return a mean and its 95 % interval, which the fitted terms give it, as text.
+    Return a mean and its 95 % interval, derived from the fitted terms, as text.
 
-    An axis that shows no term has no interval, and four digits. `mean` is in the unit of a sample.
+    An axis without observable terms has no interval and gets four digits. `mean` is in the unit of
+    a sample.
     """
     half = NORMAL95 * error_of_mean(axis, duration_s)
     return wording.measured(*(convert(value, axis.unit, unit)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writing a file so that a reader sees the old content or the new, never a part."""
+"""Atomic writing of files: a reader sees the old content or the new, never a mixture."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.output_path import followed, open_folder
 
 CONFIGURATION = 'configuration of a filter'
-"""The kind of what `imu_allan.writers.filters` writes."""
+"""Kind of the files that `imu_allan.writers.filters` writes."""
 RESULT, VERDICTS, TUNING = (
     f'document imu_allan.{name}' for name in ('result', 'check', 'tuning'))
 PAGE, JUNIT, CURVES = 'page', 'JUnit report', 'table of curves'
 PICTURES = {'png': 'PNG picture', 'svg': 'SVG picture', 'pdf': 'PDF'}
-"""The kind of a picture by the ending of its name."""
+"""Kind of a picture by file name suffix."""
 _KINDS = (
     (PICTURES['png'], rb'\x89PNG\r\n'),
     (PICTURES['pdf'], rb'%PDF-'),
@@ -33,13 +33,13 @@ _KINDS = (
     ('table of coefficients in LaTeX', rb'(?s)% Needs .{,200}?imu_noise\.bib'),
     ('references in BibTeX', rb'@techreport\{ieee952,'),
     (CONFIGURATION, rb'(?s).{,16000}?, by imu_allan '))
-"""What this program writes, and how it begins."""
+"""Kinds of files that this package writes, and how they begin."""
 _BEGINNING = 1 << 14
-"""Bytes by which a file is known."""
+"""Bytes at the start of a file by which its kind is recognized."""
 
 
 def kind_of(beginning: bytes) -> str:
-    """Return what a file of this program is; empty for any other."""
+    """Return the kind of a file that this package wrote; empty for any other file."""
     if document := re.match(rb'\s*\{\s*"schema": "(imu_allan\.\w+)/', beginning):
         return f'document {document[1].decode()}'
     return next((kind for kind, mark in _KINDS if re.match(mark, beginning)), '')
@@ -47,22 +47,22 @@ def kind_of(beginning: bytes) -> str:
 
 def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
     """
-    Refuse a file that is there and is of another kind, before the work for it begins.
+    Raise ImuAllanError if an existing file is of another kind, before any work is done.
 
-    `kind` is as `kind_of` says it; links are followed, and what is empty may be replaced.
+    `kind` is one that `kind_of` returns. Links are followed, and empty files may be replaced.
     """
     if _is_stream(path):
         return
-    # What cannot be looked at is reported by the attempt to write.
+    # If the file cannot be read, the attempt to write reports the reason.
     with contextlib.suppress(OSError):
         _require_kind(str(path), str(followed(path)), kind)
 
 
 def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, str]) -> None:
     """
-    Refuse what `write_in` would refuse, before the work for it begins.
+    Raise the errors that `write_in` would raise, before any work is done.
 
-    `kinds` are by the name of the file in the folder, which need not be there.
+    `kinds` maps file names in the folder to their kinds. The folder need not exist.
     """
     for name, kind in kinds.items():
         _require_no_link(Path(folder) / name)
@@ -71,9 +71,9 @@ def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, s
 
 def write_in(folder: str | os.PathLike[str], name: str, data: bytes) -> Path:
     """
-    Write a file into an output folder, as `write_atomically`, and return its path.
+    Write a file into an output folder with `write_atomically`, and return its path.
 
-    Who gave the folder did not name the file: a link in its place is not followed.
+    The user named only the folder, so a link in place of the file is not followed.
     """
     path = Path(folder) / name
     _require_no_link(path)
@@ -83,15 +83,15 @@ def write_in(folder: str | os.PathLike[str], name: str, data: bytes) -> Path:
 
 def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
     """
-    Replace the content of `path` by `data`, all of it or nothing.
+    Replace the content of `path` by `data`, completely or not at all.
 
-    The bytes reach the disk under another name in the same folder before the name changes hands,
-    so that a crash or a power cut leaves the old file. Folders that are missing are made; a
-    symbolic link is followed, but for one that somebody else put into a folder that everybody may
-    write to; the permissions of a file that is replaced are kept. A file of another kind than
-    `data` is not replaced, for it may be the user's. What is no regular file, such as
-    ``/dev/stdout`` or a pipe, is written to and stays what it is. With `private` nobody else may
-    read the file; otherwise that is for the umask to say.
+    The data are first synced to disk under a temporary name in the same folder. The file is
+    renamed last, so a crash or power failure leaves the old file. Missing folders are created, and
+    the permissions of a replaced file are kept. Symbolic links are followed, except those of other
+    users in folders that everybody may write to. A file of another kind than `data` is not
+    replaced, since it may belong to the user. Anything but a regular file, such as ``/dev/stdout``
+    or a pipe, is written to and kept. With `private`, nobody else may read the file; otherwise the
+    umask decides.
     """
     try:
         if _is_stream(path):
@@ -115,9 +115,9 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
 
 
 def _is_stream(path: str | os.PathLike[str]) -> bool:
-    """Whether `path` is there and is neither a regular file nor a folder."""
+    """Return whether `path` exists and is neither a regular file nor a folder."""
     if _descriptor(path) is not None:
-        # Even where it leads to a file, others write to that as well.
+        # Even if it leads to a file, others may be writing to it as well.
         return True
     try:
         mode = os.stat(path).st_mode  # noqa: PTH116
@@ -127,15 +127,15 @@ def _is_stream(path: str | os.PathLike[str]) -> bool:
 
 
 def _descriptor(path: str | os.PathLike[str]) -> int | None:
-    """Return what this process has open under the name, such as its standard output."""
+    """Return the file descriptor that a name such as ``/dev/stdout`` refers to, or None."""
     text = os.fspath(path)
-    # What a shell puts in the place of ``>(command)``.
+    # A shell substitutes this for ``>(command)``.
     named = re.fullmatch(r'/(?:dev|proc/self)/fd/(\d{1,4})', text)
     return int(named[1]) if named else {'/dev/stdout': 1, '/dev/stderr': 2}.get(text)
 
 
 def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write to a device or a pipe; a disk is none, and a pipe must have a reader."""
+    """Write to a device or a pipe that has a reader; refuse block devices."""
     descriptor = _descriptor(path)
     if descriptor is not None:
         handle = os.dup(descriptor)
@@ -150,7 +150,7 @@ def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _replace(path: str | os.PathLike[str], target: str, data: bytes, private: bool,
              folder: int | None = None) -> None:
-    """Put `data` in the place of a file, whose name is one in `folder` if that is given."""
+    """Replace a file by `data`; its name is relative to `folder` if that is given."""
     before = None
     with contextlib.suppress(FileNotFoundError):
         before = os.stat(target, dir_fd=folder, follow_symlinks=False).st_mode
@@ -160,7 +160,7 @@ def _replace(path: str | os.PathLike[str], target: str, data: bytes, private: bo
         _require_kind(str(path), target, kind, folder)
     head, name = os.path.split(target)
     temporary = os.path.join(head, f'.{name[:100]}.{secrets.token_hex(4)}')  # noqa: PTH118
-    # The system applies the umask, which a process cannot even ask for without changing it.
+    # Let the system apply the umask, which a process cannot read without changing it.
     handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if private else 0o666,
                      dir_fd=folder)
     try:
@@ -184,7 +184,7 @@ def _require_no_link(path: Path) -> None:
 
 
 def _require_kind(path: str, name: str, kind: str, folder: int | None = None) -> None:
-    """Refuse a file, whose name is one in `folder` if that is given, that is of another kind."""
+    """Refuse to replace a file of another kind; `name` is relative to `folder` if given."""
     with os.fdopen(os.open(name, os.O_RDONLY, dir_fd=folder), 'rb') as file:
         beginning = file.read(_BEGINNING)
     if beginning and kind_of(beginning) != kind:
@@ -193,7 +193,7 @@ def _require_kind(path: str, name: str, kind: str, folder: int | None = None) ->
 
 
 def _sync(folder: int) -> None:
-    # Some network file systems cannot sync a folder, and one that is open by O_PATH cannot be.
+    # Some network file systems cannot sync folders, nor can a folder opened with O_PATH.
     with contextlib.suppress(OSError):
         handle = os.open('.', os.O_RDONLY, dir_fd=folder)
         try:

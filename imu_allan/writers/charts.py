@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The charts of the report: what is drawn into the page itself, for the desk and for the phone.
+The charts of the report, drawn as SVG into the page, for desktop and phone.
 
-Three axes share a panel; the band in which the points should fall, the terms and their names are
-shown for one of them at a time, the worst one until the reader chooses another.
+The three axes share a panel. The expected band, the terms and their names are shown for one axis
+at a time: the worst one, until the reader chooses another.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -32,14 +32,14 @@ class Chart:
     Attributes
     ----------
     name : str
-        Unique in the page.
+        Identifier, unique in the page.
     title, caption : str
     svg : str
-        The two drawings.
+        The two drawings, for desktop and phone.
     groups : tuple of (str, str, str)
-        Name, class and label of what can be looked at by itself.
+        Name, class and label of each group that the reader can select.
     focus : str
-        The group that is looked at in the beginning.
+        The group that is selected initially.
 
     """
 
@@ -53,7 +53,7 @@ class Chart:
 
 def both(name: str, label: str, height: float, narrow_height: float,
          draw: Callable[[Drawing, bool], None]) -> str:
-    """Draw for the page at a desk and in print, and on a phone."""
+    """Draw once for desktop and print, and once for phones; return both as SVG."""
     drawings = []
     for size, width, tall in (('at-desk', 1080.0, height), ('on-phone', 380.0, narrow_height)):
         drawing = Drawing(width, tall, f'{name}-{size}', label)
@@ -65,7 +65,7 @@ def both(name: str, label: str, height: float, narrow_height: float,
 def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
                  heights: tuple[float, float], draw: Callable[[Drawing, bool], None],
                  axes: Mapping[str, AxisResult], focus: str = '') -> Chart:
-    """Return the chart of a kind about the axes of a sensor."""
+    """Return a chart of the axes of a sensor."""
     name = f'{sensor}-{kind}'
     return Chart(name, f'{SENSORS[sensor]}: {title}', caption,
                  both(name, f'{SENSORS[sensor]}: {label}', *heights, draw), tuple(
@@ -73,13 +73,13 @@ def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
 
 
 def box_of(drawing: Drawing, narrow: bool, top: float = 26, bottom: float = 46) -> Box:
-    """Return the place of the axes in a drawing."""
+    """Return the position of the axes in a drawing."""
     return (56.0 if narrow else 64.0, top, drawing.width - (14 if narrow else 68),
             drawing.height - bottom)
 
 
 def shape_of(letter: str) -> str:
-    """Return the mark of an axis."""
+    """Return the marker shape of an axis."""
     return SHAPES['xyz'.index(letter)]
 
 
@@ -89,16 +89,16 @@ def worst_axis(axes: Mapping[str, AxisResult]) -> str:
 
 
 def padded(low: float, high: float) -> tuple[float, float, bool]:
-    """Return the range of a linear axis, with room at both ends."""
+    """Return the range of a linear axis, with a margin at both ends."""
     room = 0.06 * (high - low) or max(abs(high), 1e-9) * 0.01
     return low - room, high + room, False
 
 
 def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
     """
-    Draw the Allan deviation with the model, where its points should fall, and its terms.
+    Draw the Allan deviation with the fitted model, its expected band, and its terms.
 
-    None where no axis has a curve above zero.
+    Returns None if no axis has a curve above zero.
     """
     known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
     if not known:
@@ -115,7 +115,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         inside += [_of(name, _curve(panel, axis, models[name], (factor, shown),
                                     f'{name[-1]} axis', shape_of(name[-1])))
                    for name, axis in known.items()]
-        # Of all axes: a name of one would hide the curve of another.
+        # Avoid the curves of all axes: a label of one could hide the curve of another.
         avoid = np.vstack([panel.pixels(x, np.asarray(y) * factor) for name, axis in known.items()
                            for x, y in ((axis.curve.tau_s, axis.curve.adev), models[name][:2])])
         inside += [group(name[-1], 'detail', _term_labels(panel, axis, factor, avoid,
@@ -134,13 +134,13 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
 
 
 def _of(name: str, parts: Iterable[str], before: str = '') -> str:
-    """Return what is of an axis, shown and hidden with it."""
+    """Return a group of parts of one axis, which are shown and hidden together."""
     return group(name[-1], f'{before}axis-{name[-1]}', parts)
 
 
 def _framed(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisResult],
             limits: tuple[float, float], beyond: float) -> Panel:
-    """Return the panel of curves between limits in SI units, `beyond` times as long as they."""
+    """Return the panel for curves within `limits` (SI); extend the time axis by `beyond`."""
     unit = next(iter(axes)).unit
     factor, shown = engineering(1.0, unit)
     ends = (min(axis.curve.tau_s[0] for axis in axes) / 1.5,
@@ -154,7 +154,7 @@ def _framed(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisRe
 
 def _expected(panel: Panel, axis: AxisResult, model: curves.ModelCurve, factor: float
               ) -> list[str]:
-    """Return the area in which 95 % of the points should fall."""
+    """Return the band in which 95 % of the points should fall."""
     if not (model.adev > 0).any():
         return []
     low, high = curves.expected_band(axis, model.tau, model.adev)
@@ -163,7 +163,7 @@ def _expected(panel: Panel, axis: AxisResult, model: curves.ModelCurve, factor: 
 
 def _curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, unit: tuple[float, str],
            label: str, shape: str) -> list[str]:
-    """Return the line of the model, and the points above zero with what each tells."""
+    """Return the line of the model, and the points above zero with their tooltips."""
     factor, shown = unit
     x, y, titles, hollow = [], [], [], []
     for tau, adev, band, few in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95,
@@ -181,7 +181,7 @@ def _curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, unit: tuple
 
 def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
                  brief: bool) -> list[str]:
-    """Return the line of each term and process, a ring where it is read, and its value."""
+    """Return the lines of terms and processes, with reading points as rings, and values."""
     parts: list[str] = []
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
@@ -207,7 +207,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
     """
     Draw the Allan deviation of one axis of every result.
 
-    None where no result has the axis.
+    Returns None if no result has the axis.
     """
     known = {str(place): (name, result.axes[axis], result.timeline)
              for place, (name, result) in enumerate(results.items())
@@ -240,9 +240,9 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
 
 def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     """
-    Draw the wandering of the mean of every axis, and below it lowest and highest samples.
+    Draw the mean of every axis over time, and below it the lowest and highest samples.
 
-    None where the result does not have the signal.
+    Returns None if the result does not contain the signal.
     """
     known = {name: axis for name, axis in axes.items()
              if not axis.constant and len(curves.over_time(axis.signal)[0])}
@@ -274,12 +274,12 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
             time, mean = moved[name]
             at = curves.marked(mean, place)
             lines.append(_of(name, [main.line(time / scale, mean * factor, 'curve')]))
-            # In grey, colours look the same.
+            # Markers distinguish the axes in greyscale print.
             marks.append(_of(name, [main.points(
                 time[at] / scale, mean[at] * factor, shape_of(name[-1]),
                 [f'{name[-1]} axis, after {duration(time[i])}: {number(mean[i] * factor, 3)}'
                  for i in at])]))
-        # The marks lie over all of the lines.
+        # Draw the marks above all lines.
         drawing.add(main, [*lines, *marks])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
@@ -299,7 +299,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
             if kind == 'warmth':
                 drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
             else:
-                # On the paper: on the band of its own colour it would hardly be seen.
+                # Place it beside the band, as it would hardly be visible on the same colour.
                 drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
 
     text = ('Mean and extremes of equal segments of the recording. A drift, a warm-up or a knock '
@@ -316,10 +316,10 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
 
 def _shade(panel: Panel, timeline: Timeline, scale: float,
            axes: Mapping[str, AxisResult]) -> None:
-    """Shade what was left out, and mark where the parts begin that were fitted by themselves."""
+    """Shade excluded spans, and mark where the separately fitted segments begin."""
     for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
                               (timeline.gaps, 'gap', 'gap')):
-        # Of more, each has less than three of the 1080 points, and the page only grows.
+        # With more, each would be narrower than three of 1080 units and only enlarge the page.
         for span in spans[:400]:
             panel.parts.append(panel.span(
                 span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
@@ -332,9 +332,9 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
 
 def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     """
-    Draw the noise density of every part of the record with its interval.
+    Draw the noise density of every segment of the record with its interval.
 
-    None where no part is known.
+    Returns None if there are no segments.
     """
     known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
         segment.noise_density for segment in axis.stationarity.segments)}
@@ -377,9 +377,9 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
 
 def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
     """
-    Draw the power spectral density, measured and fitted, and the lines left out.
+    Draw the measured and the fitted power spectral density, and the excluded lines.
 
-    None where neither a spectrum nor a model is known.
+    Returns None if there is neither a spectrum nor a model.
     """
     known = {name: axis for name, axis in axes.items()
              if axis.spectrum is not None or curves.coefficients_of(axis)}
@@ -400,7 +400,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
                 panel.parts.append(group(name[-1], 'detail', [panel.span(
                     axis.band_edge_hz, rate / 2, 'beyond-band',
                     f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')]))
-            # The strongest: of more the labels hide each other.
+            # Only the strongest, since more labels would overlap.
             for tone in axis.tones[:12]:
                 amount = number(tone.amplitude * factor, 3)
                 panel.parts.append(group(name[-1], 'detail', [panel.upright(
@@ -433,9 +433,9 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                 tunings: Mapping[str, FilterTuning]) -> Chart | None:
     """
-    Draw unaided drift over time: expected of a filter by its tuning, and observed.
+    Draw the unaided drift over time, as predicted for a tuned filter and as observed.
 
-    None where nothing is known.
+    Returns None if neither is available.
     """
     known = {name: axis for name, axis in axes.items()
              if name in tunings or (axis.backtest is not None and axis.backtest.coast)}

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Several results side by side: sensors of one kind, or one sensor on several days.
+Comparison of several results: sensors of one kind, or one sensor on several days.
 
-The first result is the reference. A difference is given in units of the intervals of the two: the
-distance over the root sum of squares of the halves of the 95 % intervals that face each other. Of
-two recordings of the same sensor, one coefficient in twenty lies beyond 1 by chance.
+The first result is the reference. A difference is given in units of the combined interval. That is
+the root sum of squares of the facing half-widths of the two 95 % intervals. For two recordings of
+one sensor, one coefficient in twenty differs by more than 1 by chance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _LONGEST_NAME = 14
-"""Characters of a name in the table: no row is wrapped at 80 columns."""
+"""Characters of a name in the table, so that no row is wrapped at 80 columns."""
 MARKERS = 'os^Dv*Ph'
 _TWO_DIGITS = '{:.2g}'.format
 _DASHES = tuple(figure_style.DASHES.values())
@@ -44,15 +44,15 @@ class Difference:
     Attributes
     ----------
     axis, key, unit : str
-        Which coefficient, and its SI unit.
+        Axis, coefficient and its SI unit.
     reference, other : str
         Names of the results.
     coefficients : (Coefficient, Coefficient)
-        Of the reference and of the other.
+        The coefficient in the reference and in the other result.
     ratio : float or None
-        Other over reference; None where one is not observable.
+        Other divided by reference; None if one is not observable.
     in_intervals : float or None
-        Signed difference in units of the intervals; None where one is not observable.
+        Signed difference in units of the combined interval; None if one is not observable.
 
     """
 
@@ -68,15 +68,15 @@ class Difference:
 
 def names_of(paths: Sequence[Path]) -> list[str]:
     """
-    Return a short name for each file, all different.
+    Return a short, unique name for each file.
 
-    Files of one name are distinguished by their folders.
+    Files with equal names are distinguished by their folders.
     """
     for parts in range(1, 1 + max(len(path.parts) for path in paths)):
         names = ['/'.join(path.with_suffix('').parts[-parts:]) for path in paths]
         if len(set(names)) == len(names):
             shared = {name.rpartition('/')[2] for name in names}
-            # Of a/result and b/result nobody needs to read "result".
+            # For a/result and b/result, the common name "result" is dropped.
             return [name.rpartition('/')[0] for name in names] \
                 if parts > 1 and len(shared) == 1 else names
     return [f'{path.stem} ({place})' for place, path in enumerate(paths, 1)]
@@ -86,8 +86,9 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     """
     Compare every result with the first.
 
-    By axis, term and result; terms that neither shows are left out. ImuAllanError if there are
-    fewer than two results, or no axis is in all of them.
+    The differences are ordered by axis, term and result; terms observable in neither are omitted.
+    Raises ImuAllanError if there are fewer than two results, or no axis with an observable term is
+    in all of them.
     """
     if len(results) < 2:
         raise ImuAllanError('a comparison needs at least two results')
@@ -112,9 +113,9 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
 
 def verdicts(differences: Sequence[Difference]) -> list[str]:
     """
-    Say in sentences what differs by more than the intervals, all axes of a sensor together.
+    Describe in sentences what differs by more than the intervals, per sensor.
 
-    One for each result, sensor and term that differs; one that says so where nothing does.
+    Returns one sentence for each result, sensor and term that differs, and a summary.
     """
     known = [one for one in differences if one.in_intervals is not None]
     said = []
@@ -149,7 +150,7 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':
-    """Lay the differences out for a terminal."""
+    """Format the differences as a table for a terminal."""
     from rich.text import Text
 
     others = list(dict.fromkeys(one.other for one in differences))
@@ -173,12 +174,12 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
 
 def shown(coefficient: Coefficient) -> str:
-    """Return the coefficient in its engineering unit, or its bound."""
+    """Return a coefficient, or its bound, in its engineering unit."""
     return (reported(coefficient) or ('not observable',))[0]
 
 
 def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
-    """Draw the Allan deviation of every result, a panel for each axis."""
+    """Draw the Allan deviation of every result, with one panel per axis."""
     drawn = {axis: [result.axes[axis] for result in results.values() if axis in result.axes]
              for axis in AXES}
     drawn = {axis: found for axis, found in drawn.items() if found}

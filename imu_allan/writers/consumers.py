@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The programs that want to know how noisy an IMU is, in one table.
+Table of the programs that need the noise figures of an IMU.
 
-It stands alone so that the command knows them without loading numerics, and in tuples, which take
-a third of the time of dataclasses at every start of the command.
+The module imports no numerics, so that the command line can list them quickly. It uses tuples,
+which take a third of the time of dataclasses to define at every start.
 """
 
 from difflib import get_close_matches
@@ -15,15 +15,16 @@ from imu_allan.errors import printable, shorten
 
 class Aiding(NamedTuple):
     """
-    What usually corrects a consumer.
+    Measurements that usually correct a consumer.
 
     Attributes
     ----------
     interval_s : float or None
-        None for one without a bias state, which gets the measured noise density.
+        Interval in seconds; None for a consumer without a bias state, which gets the measured
+        noise density.
     reason : str
     coast_s : float
-        The longest unaided time; by default an outage in a tunnel.
+        The longest unaided time in seconds; by default an outage in a tunnel.
 
     """
 
@@ -44,27 +45,28 @@ MATLAB = Aiding(None, 'imuSensor models white noise, flicker and random walk its
 
 class Consumer(NamedTuple):
     """
-    A program that wants to know how noisy an IMU is.
+    A program that needs the noise figures of an IMU.
 
     Attributes
     ----------
     title : str
-        Its name as its authors write it.
+        Name as its authors write it.
     file : str
-        Suggested name of its configuration, different for every consumer.
+        Suggested name of its configuration file, unique among consumers.
     aiding : Aiding
-        What usually corrects it.
+        Measurements that usually correct it.
     bias : {'random_walk', 'gauss_markov'}
-        What it takes the bias for.
+        How it models the bias.
     share : {'axis', 'sensor', 'both', 'model'}
-        What has numbers of its own in the file: each axis; each sensor, those of its worst axis;
-        both sensors together one random walk, the larger; or the drift models themselves.
+        Which parts have separate numbers in the file. With 'sensor' they are those of its worst
+        axis; with 'both' the sensors share the larger random walk. With 'model' the file holds the
+        drift models themselves.
     one_time : bool
-        Whether it has one correlation time for all axes.
+        Whether all axes share one correlation time.
     predicts_hz : float or None
-        Rate at which it predicts; None for that of the samples.
+        Rate of its predictions; None for the sample rate.
     per_message : bool
-        Whether its numbers are of a message, each sensor at the rate of its own topic.
+        Whether its numbers refer to a message, each sensor at the rate of its topic.
 
     """
 
@@ -116,7 +118,7 @@ FAMILIES: dict[str, dict[str, Consumer]] = {
         'navego': Consumer('NaveGo', 'navego_imu.m', SATELLITES, 'gauss_markov', 'axis'),
         'psins': Consumer('PSINS', 'psins_imuerr.m', SATELLITES, 'gauss_markov', 'axis')},
     'autopilots': {
-        # EKF2_PREDICT_US is 10000 by default, EKF_TARGET_DT in AP_NavEKF3_core.h 0.012 s.
+        # The default of EKF2_PREDICT_US is 10000; EKF_TARGET_DT in AP_NavEKF3_core.h is 0.012 s.
         'px4': Consumer('PX4', 'px4_imu.params', AUTOPILOT, predicts_hz=100.0),
         'ardupilot': Consumer('ArduPilot', 'ardupilot_imu.params', AUTOPILOT, predicts_hz=83.0)},
     'simulators': {
@@ -134,7 +136,7 @@ FAMILIES: dict[str, dict[str, Consumer]] = {
                                 share='model'),
         'state_space_cpp': Consumer('a filter of your own, matrices in C++', 'state_space.hpp',
                                     ESTIMATOR, share='model')}}
-"""By the name in the command, the usual ones first."""
+"""Consumers by their name in the command, the most common ones first."""
 CONSUMERS = {name: consumer for family in FAMILIES.values() for name, consumer in family.items()}
 _ALIASES = {
     'camera_imu': 'kalibr', 'open_vins': 'openvins', 'vins': 'vins_fusion',
@@ -150,14 +152,14 @@ _ALIASES = {
     'gz_sim': 'gazebo', 'ignition': 'gazebo', 'pegasus_simulator': 'pegasus',
     'isaac_sim': 'pegasus', 'imu_sensor': 'matlab', 'yaml': 'plain', 'numbers': 'plain',
     'own': 'plain'}
-"""What people call them besides."""
+"""Alternative names."""
 
 
 def consumer_called(text: str) -> str:
     """
-    Return the name of a consumer for what a user calls it, in capitals or not.
+    Return the canonical name of a consumer, ignoring case and accepting aliases.
 
-    KeyError if none is called so; it says where all are named, and which are near.
+    Raises KeyError if it is unknown, with similar names and how to list all.
     """
     name = '_'.join(text.casefold().replace('-', ' ').replace('_', ' ').split())
     found = name if name in CONSUMERS else _ALIASES.get(name)

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is drawn of a result, as arrays, in one module so that pictures and page agree.
+Arrays to draw for a result, shared by pictures and page so that they agree.
 
-Curves, spectra and their limits; nothing here knows how they are drawn.
+They are curves, spectra and axis limits; nothing here depends on how they are drawn.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,13 +23,14 @@ Array = NDArray[np.float64]
 Kind = TypeVar('Kind')
 
 _FINE, _BETWEEN = 161, 8
-"""Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
+"""Points of a line, two pixels apart in a report, and finer points per point to average lobes
+over."""
 _MARKED = 8
-"""Marks on the curve of an axis: those of three stand apart in a phone's width, too."""
+"""Marks on the curve of an axis; those of three axes stay distinct even on a phone."""
 
 
 def sensors_of(result: Result) -> list[str]:
-    """Return which of gyro and accel the result has."""
+    """Return which of gyro and accel are in the result."""
     return [sensor for sensor in SENSORS if axes_of(result, sensor)]
 
 
@@ -39,7 +40,7 @@ def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
 
 
 def of_sensor(by_axis: Mapping[str, Kind], sensor: str) -> dict[str, Kind]:
-    """Return what there is of the axes of gyro or accel, in order."""
+    """Return the entries for the axes of gyro or accel, in order."""
     return {name: by_axis[name] for name in AXES if name.startswith(sensor) and name in by_axis}
 
 
@@ -51,17 +52,18 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
 
 class ModelCurve(NamedTuple):
     """
-    What `model_curve` returns.
+    The Allan deviation of a fitted model.
 
     Attributes
     ----------
     tau : ndarray, shape (n,)
-        In seconds, from the shortest time of which the model was fitted; empty where there is no
+        Averaging times in seconds, from the shortest one that was fitted. Empty if there is no
         model.
     adev : ndarray, shape (n,)
-        That of what is reported, in the unit of a sample; NaN where nothing is.
+        Allan deviation of the reported terms, in the unit of a sample; NaN where it is zero.
     bound : ndarray, shape (n,)
-        With the terms that are only bounded at their bounds; NaN where that makes no difference.
+        Allan deviation with the largest unobservable term at its upper bound; NaN where that makes
+        hardly any difference.
 
     """
 
@@ -72,19 +74,20 @@ class ModelCurve(NamedTuple):
 
 def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     """
-    Return the Allan deviation of the model between the averaging times, too.
+    Return the Allan deviation of the model on a fine grid of averaging times.
 
-    Without a sample rate the averaging times of the curve have to do.
+    Without a sample rate, the averaging times of the curve are used instead.
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
     model = reported_model(axis) if coarse.any() else FittedModel({})
     if not (coarse.any() or hidden_avar(axis, tau).any()):
         return ModelCurve(tau[:0], coarse[:0], coarse[:0])
-    # No curve of ours begins later than at a million samples.
+    # The first averaging time is never longer than a million samples in results of this package.
     if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < 1e6:
         return ModelCurve(tau, coarse, np.full(len(tau), np.nan))
-    # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
+    # Averaging times are whole numbers of samples. Sidelobes of tones that are finer than the grid
+    # are averaged.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
     avar = model.allan_variance(size, 1 / rate)
     if axis.all_tones:
@@ -96,13 +99,14 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     size, avar = size[keep], avar[keep]
     bound = avar + hidden_avar(axis, size / rate)
-    # A bound that adds less than a tenth lies on the line of the model.
+    # A bound that adds less than a tenth to the variance would coincide with the line of the
+    # model.
     return ModelCurve(size / rate, np.sqrt(np.where(avar > 0, avar, np.nan)),
                       np.sqrt(np.where(bound > 1.1 * avar, bound, np.nan)))
 
 
 def expected_band(axis: AxisResult, tau: Array, adev: Array) -> tuple[Array, Array]:
-    """Return between what 95 % of the points should fall if a model of an axis is right."""
+    """Return the band in which 95 % of the points should fall if the model is right."""
     curve = axis.curve
     dof = np.exp(np.interp(np.log(tau), np.log(curve.tau_s), np.log(np.maximum(curve.edf, 1e-3))))
     return (np.asarray(np.sqrt(chi_square.lower(0.025, dof) / dof) * adev),
@@ -110,18 +114,18 @@ def expected_band(axis: AxisResult, tau: Array, adev: Array) -> tuple[Array, Arr
 
 
 def shortest_fitted_s(axis: AxisResult) -> float:
-    """Return a period of the band's edge: shorter averages scatter by what lies beyond it."""
+    """Return the period of the band edge; shorter averages include noise above the fitted band."""
     return 1 / (axis.band_edge_hz or inf)
 
 
 def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
                   coefficients: Mapping[str, float] | None = None) -> Array:
     """
-    Two-sided power spectral density of the samples under the fitted model.
+    Return the two-sided power spectral density of the samples under the fitted model.
 
-    In squared sample units per Hz, of the samples; of the terms in `coefficients` (SI) alone where
-    they are given. NaN above the band that was fitted, of which the model says nothing, and of an
-    axis that has none. The ramp is deterministic and has no spectrum.
+    It is in squared sample units per Hz. If `coefficients` (SI) are given, only these terms are
+    included. NaN above the fitted band, where the model does not apply, and for an axis without a
+    model. The ramp is deterministic and has no spectrum.
     """
     if coefficients is not None:
         return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
@@ -133,16 +137,15 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
 
 def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
     """
-    Return the mean density of a spectrum in equal bands of a logarithmic axis.
+    Return the mean density of a spectrum in equal bands on a logarithmic axis.
 
-    The lowest frequencies come one by one, where a single bin may be a hundred times too high or
-    too low; a band is no wider than a quarter of an octave, and a bin that is wider stays by
-    itself.
+    A band is a quarter of an octave wide. At the lowest frequencies each bin is a band of its own,
+    and may be a hundred times too high or too low.
     """
     frequency, power = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
     if not len(frequency):
         return frequency, power
-    # 80 bands in all; half as wide they scatter 1.4 times as much, twice as wide they hide a hump.
+    # 80 bands in all; half the width gives 1.4 times the scatter, twice the width hides a hump.
     bands = np.floor(np.log2(frequency) / 0.25)
     _, starts, counts = np.unique(bands, return_index=True, return_counts=True)
     return (np.exp(np.add.reduceat(np.log(frequency), starts) / counts),
@@ -150,30 +153,31 @@ def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
 
 
 def few_degrees(axis: AxisResult) -> list[bool]:
-    """Say of each point of the curve whether too little stands behind it to trust its place."""
-    # Below, the 95 % interval of a deviation reaches over more than a factor of five.
+    """Return for each point of the curve whether it has too few degrees of freedom."""
+    # Below 3, the 95 % interval of a deviation spans more than a factor of five.
     return [dof < 3.0 for dof in axis.curve.edf]
 
 
 def reading_point(term: Term, axis: AxisResult, tau: Array,
                   truth: Mapping[str, float] | None = None) -> float:
     """
-    Return the averaging time at which a coefficient is read off its line.
+    Return the averaging time at which a coefficient is read from its line.
 
-    That of the bias instability is in the middle of where the model is lowest. `tau` holds the
-    averaging times to choose from, `truth` a model (SI) instead of that of the axis.
+    For the bias instability it is the middle of the flat part of the model. `tau` holds the
+    averaging times to choose from, and `truth` (SI) replaces the model of the axis.
     """
     if term.read_at is not None:
         return term.read_at
     model = reported_model(axis) if truth is None else FittedModel(truth)
-    # Lines and the low-pass bend the short end; what has a floor is the sum of the rest.
+    # Omit tones and low-pass, which distort the short end; the sum of the other noise has the flat
+    # part.
     total = FittedModel(model.coefficients, None, model.processes).allan_variance(tau, 1.0)
     flat = tau[total <= 1.1 * total.min()]
     return float(np.sqrt(flat[0] * flat[-1]))
 
 
 def written(coefficient: Coefficient, value: float) -> str:
-    """Return a value of `coefficient` with the digits of its interval, and its unit."""
+    """Return a value of `coefficient` with its unit, to the digits that its interval justifies."""
     shown, unit = engineering(value, coefficient.unit)
     if coefficient.ci95 is None:
         return f'{number(shown)} {typeset(unit)}'
@@ -183,9 +187,9 @@ def written(coefficient: Coefficient, value: float) -> str:
 
 def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
     """
-    Return a coefficient as text: value and both ends of its interval, its bound alone, or nothing.
+    Return a coefficient as text: value and interval ends, only its bound, or nothing.
 
-    In the unit of datasheets, or with `si` in that of the result.
+    It is in the unit of datasheets, or with `si` in that of the result.
     """
     scale = 1.0 if si else engineering(1.0, coefficient.unit)[0]
     if coefficient.value is not None and coefficient.ci95 is not None:
@@ -197,11 +201,11 @@ def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
 
 def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
     """
-    Lowest and highest Allan deviation to show.
+    Return the lowest and highest Allan deviation to show.
 
-    Points that stand on few degrees of freedom may lie anywhere: where there are better ones they
-    have no say, and the model has one. With `rings` also the points where the coefficients are
-    read, unless that would make the curve a small thing at the top.
+    Points with few degrees of freedom may lie anywhere, so they are ignored if there are better
+    ones; the model counts. With `rings`, the points where coefficients are read are included,
+    unless that would squeeze the curve to the top.
     """
     low, high = inf, 0.0
     reading = []
@@ -214,7 +218,7 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
                 low = min(low, max(band[0], value / 2))
                 high = max(high, min(band[1], value * 2))
             if model > 0:
-                # A line without what is only bounded may fall far below the points.
+                # Without the terms that are only bounded, the line may lie far below the points.
                 low, high = min(low, max(model, value / 3) / 1.3), max(high, model * 1.3)
         reading += [abs(value) for key, value in coefficients_of(axis).items()
                     if TERMS[key].read_at and value]
@@ -226,13 +230,13 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
 
 
 def beyond(axes: Iterable[AxisResult], limits: tuple[float, float]) -> bool:
-    """Say whether a point of the curves lies outside of what is shown."""
+    """Return whether a point of the curves lies outside the limits."""
     low, high = limits
     return any(0 < value < low or value > high for axis in axes for value in axis.curve.adev)
 
 
 def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
-    """Lowest and highest density to show: a decade about the model, lines cut off above it."""
+    """Return the density limits to show: about the model, with strong lines cut off."""
     low, high = inf, 0.0
     for axis in axes:
         rate = axis.sample_rate_hz or timeline.sample_rate_hz
@@ -252,10 +256,10 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
 
 def over_time(signal: Signal | None) -> tuple[Array, Array]:
     """
-    Return a signal as arrays: seconds, and in rows its lowest, mean and highest values.
+    Return a signal as arrays: time in seconds, and rows of lowest, mean and highest values.
 
-    Time in the middle of each segment; a segment that lacks one of the three is NaN. Nothing where
-    there is no signal, or none of its segments has all three.
+    The time is the middle of each segment; a segment that lacks one of the three is NaN. The
+    arrays are empty if there is no signal, or if no segment has all three.
     """
     if signal is None:
         return np.zeros(0), np.zeros((3, 0))
@@ -268,10 +272,10 @@ def over_time(signal: Signal | None) -> tuple[Array, Array]:
 
 def wander(axis: AxisResult) -> tuple[Array, Array]:
     """
-    Return how the mean of an axis wandered: that of each segment less that of all.
+    Return the mean of each segment of an axis, minus the overall mean.
 
-    Time in the middle of each segment in seconds, and the mean in the unit of a sample: NaN where
-    there were no samples, and nothing where the result does not have the signal.
+    The time is the middle of each segment in seconds. The mean is in the unit of a sample, and NaN
+    without samples. Both are empty if the result does not contain the signal.
     """
     time, (_, mean, _) = over_time(axis.signal)
     return time, np.asarray(mean - np.nanmean(mean)) if len(mean) else mean
@@ -279,10 +283,10 @@ def wander(axis: AxisResult) -> tuple[Array, Array]:
 
 def marked(mean: Array, place: int) -> NDArray[np.intp]:
     """
-    Choose where the curve of a mean has the mark of its axis, where colour is not enough.
+    Choose the points of a mean at which to draw the marker of its axis.
 
-    Indices, `_MARKED` at most; `place` is that of the axis among those in the same picture: the
-    marks of one lie between those of others.
+    Returns at most `_MARKED` indices. `place` is the index of the axis in the picture; it shifts
+    the markers so that those of different axes alternate.
     """
     known = np.flatnonzero(np.isfinite(mean))
     if not len(known):
@@ -292,17 +296,17 @@ def marked(mean: Array, place: int) -> NDArray[np.intp]:
 
 
 def time_unit(length_s: float) -> tuple[float, str]:
-    """Return the unit, in seconds and by name, in which a length of time is two or more."""
+    """Return the largest unit, in seconds and by name, of which `length_s` is at least two."""
     return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
                  if length_s >= 2 * size), (1.0, 's'))
 
 
 def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[str]]]:
     """
-    Return the noise of an axis that none of the terms is.
+    Return the noise of an axis that is not one of the standard terms.
 
-    For each the Allan deviation at `tau` in the unit of a sample, the point at which to name it,
-    and its name.
+    Each item holds the Allan deviation at `tau` in the unit of a sample, the index at which to
+    label it, and the label.
     """
     found = []
     if (process := axis.gauss_markov) is not None:
@@ -318,6 +322,6 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
 
 
 def law_instead(axis: AxisResult, key: str) -> str:
-    """Return in brief the slow noise that an axis has instead of a term, '' where it has none."""
+    """Return briefly which power law replaces a term of an axis; '' if none does."""
     law = axis.power_law
     return f'no flicker, 1/f^{law.exponent:.2f}' if law and key == 'bias_instability' else ''

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The look of every figure: colours, fonts and lines, and the frame of its panels.
+The style of all figures: colours, fonts and lines, and the frame of the panels.
 
-The three axes have colours that stay apart in colour-blind vision, and markers and dashes that
-stay apart in print. Everything is drawn with matplotlib's object interface and its own defaults,
-without pyplot, without a display and whatever lies in the current folder.
+The colours of the three axes are distinguishable with colour-blind vision, their markers and
+dashes also in greyscale print. Figures use matplotlib's object interface and its built-in
+defaults, without pyplot or a display, and independently of files in the current folder.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.gridspec import GridSpec
 
-# After Okabe and Ito's palette for colour-blind readers, with a deeper blue: to tritanopes theirs
-# is close to the green.
+# After Okabe and Ito's palette for colour-blind readers. The blue is deeper, as theirs resembles
+# the green to tritanopes.
 COLOURS = {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'soft': '#6b6b6b',
            'grid': '#e3e3e3', 'paper': '#ffffff', 'gap': '#8c8c8c', 'motion': '#e69f00',
            'good': '#eef3f7'}
 SERIES = (COLOURS['z'], COLOURS['x'], COLOURS['y'], '#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b')
-"""Of results beside one another; there are no more that can be distinguished."""
+"""Colours of results that are compared; no more than seven can be distinguished."""
 DARK = {'#d55e00': '#ff8c42', '#009e73': '#4fe3b4', '#2340a0': '#5a8cf0', '#1a1a1a': '#ececec',
         '#6b6b6b': '#a5a5a5', '#e3e3e3': '#333840', '#ffffff': '#16181c', '#eef3f7': '#232a33',
         '#cc79a7': '#e39ac4', '#b8860b': '#f0e442', '#56b4e9': '#9fd0f0'}
-"""What a picture in a page has instead of these where the page is dark."""
+"""Replacements for these colours in a picture when the page is dark."""
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
     'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
-"""Of the model's lines where several axes share a panel: in grey, x and y look the same."""
+"""Dashes of the model lines if several axes share a panel: x and y look the same in greyscale."""
 
 
 def empty_figure(width: float, height: float) -> Figure:
-    """Return a figure of this size in inches that needs no display."""
+    """Return a figure of the given size in inches that needs no display."""
     matplotlib_alone()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -63,9 +63,9 @@ def empty_figure(width: float, height: float) -> Figure:
 @contextmanager
 def plot_style(size: float = 9.0) -> Iterator[None]:
     """
-    Fonts, lines and colours of every figure, for as long as the context lasts.
+    Apply the fonts, lines and colours of all figures within the context.
 
-    Text has `size` points; the numbers beside the axes are a point smaller, 7 at least.
+    Text has `size` points; tick labels are one point smaller, but at least 7 points.
     """
     matplotlib = matplotlib_alone()
     with matplotlib.rc_context():
@@ -89,17 +89,17 @@ _IMPORTING = Lock()
 
 def matplotlib_alone() -> ModuleType:
     """
-    Import matplotlib without the settings of the current folder.
+    Import matplotlib without settings from the current folder.
 
-    When it is imported, matplotlib reads a file ``matplotlibrc`` there before any other. It may be
-    part of a recording that somebody else made, and have text run through LaTeX, be no text at
-    all, or be a pipe that nobody writes to.
+    On import, matplotlib first reads a file ``matplotlibrc`` there, which may belong to a
+    recording from somebody else. The file might run text through LaTeX, not be text at all, or be
+    a pipe that never delivers data.
     """
     with _IMPORTING:
         if 'matplotlib' in sys.modules:
             return sys.modules['matplotlib']
-        # To change the current folder instead would mislead other threads, which open files; none
-        # of them asks for this name.
+        # Changing the current folder instead would affect other threads that open files. None of
+        # them asks for this name.
         exists = os.path.exists
         os.path.exists = lambda path: path != 'matplotlibrc' and exists(path)
         try:
@@ -117,7 +117,7 @@ def frame_allan(panel: Axes, sensor: str, limits: tuple[float, float], *,
 
 def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[AxisResult]]
                  ) -> Iterator[tuple[str, Axes]]:
-    """Yield every axis with its panel: a row for each sensor, to one scale."""
+    """Yield every axis with its panel: one row per sensor, with a common scale."""
     for row, sensor in enumerate(dict.fromkeys(name.partition('_')[0] for name in curves)):
         names = [name for name in curves if name.startswith(sensor)]
         limits = limits_of([axis for name in names for axis in curves[name]])
@@ -153,7 +153,7 @@ def _frame(panel: Axes, sensor: str, power: int, limits: tuple[float, float], x_
     else:
         panel.tick_params(labelleft=False)
     if right:
-        # What is drawn is SI; grid and numbers on the left are those of the tables.
+        # The data are in SI units; grid and labels on the left use the units of the tables.
         second = panel.secondary_yaxis('right')
         second.set_ylabel(f'[{si}]')
         _mark_powers(second.yaxis, limits)
@@ -162,24 +162,24 @@ def _frame(panel: Axes, sensor: str, power: int, limits: tuple[float, float], x_
 def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
                  factor: float = 1.0) -> None:
     """
-    Mark powers of ten of a value times a factor.
+    Place the ticks at powers of ten of the value times `factor`.
 
-    Over a short range of `limits` also twice and five times as much.
+    Over a short range of `limits`, also at 2 and 5 times these.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    # From here on there are two powers of ten inside a range, wherever it begins.
+    # A longer range contains two powers of ten wherever it begins.
     short = limits is not None and limits[1] < limits[0] * 100.0
     subs = np.array((1.0, 2.0, 5.0) if short else (1.0,)) * 10.0**(-np.log10(factor) % 1)
     axis.set_major_locator(LogLocator(subs=subs, numticks=9))
-    # Small marks in between, and numbers set as formulas, are two thirds of the time of a figure.
+    # Minor ticks and labels set as formulas would take two thirds of the time of a figure.
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
 
 
 def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
-    """Name each curve at its right end, moved apart where two would overlap."""
-    # A point beyond the limits is not drawn: the last one that is carries the name.
+    """Label each curve at its right end; shift labels that would overlap."""
+    # Points beyond the limits are not drawn; attach the label to the last visible one.
     bottom, top = panel.get_ylim()
     ends = []
     for name, axis in axes.items():
@@ -193,7 +193,7 @@ def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
     tall = 72 * panel.bbox.height / panel.figure.dpi
     apart = max(0.055, 1.3 * float(panel.yaxis.label.get_fontsize()) / tall) * (high - low)
     heights = spread([float(np.log(value)) for _, value, _ in ends], apart)
-    # The outermost stay clear of the frame, all by the same shift.
+    # Keep the outermost labels clear of the frame by shifting all of them.
     shift = max(0.0, low + apart - min(heights)) - max(0.0, max(heights) - (high - apart))
     edge = max(axis.curve.tau_s[-1] for axis in axes.values())
     start = min(axis.curve.tau_s[0] for axis in axes.values())
@@ -206,7 +206,7 @@ def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
 
 
 def spread(values: list[float], apart: float) -> list[float]:
-    """Return `values` moved so that neighbours in order are at least `apart`."""
+    """Return `values` moved so that neighbours are at least `apart`, in the same order."""
     order = sorted(range(len(values)), key=values.__getitem__)
     moved = [values[i] for i in order]
     for _ in range(50):
@@ -222,7 +222,7 @@ def spread(values: list[float], apart: float) -> list[float]:
 
 
 def write_in_a_row(panel: Axes, parts: Sequence[tuple[str, str]]) -> None:
-    """Write coloured texts one after the other above `panel`."""
+    """Write coloured texts in a row above `panel`."""
     from matplotlib.artist import Artist
     from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
 

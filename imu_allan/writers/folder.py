@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The files that a characterization leaves in a folder."""
+"""Writing of the files of a characterization into a folder."""
 
 from collections.abc import Mapping, Sequence
 import os
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LAST_WRITTEN = 'allan_deviation.png'
-"""The file that `save_folder` writes last: where it is missing, the others may be, too."""
+"""The file that `save_folder` writes last; if it is missing, other files may be missing, too."""
 MOST_COMPARED = 7
-"""Results that are drawn in a colour each; there are no more that can be distinguished."""
+"""Most results drawn in separate colours; no more can be distinguished."""
 
 
 class IncompleteSave(ImuAllanError):
-    """All is written but the configuration of a filter, which this result does not give."""
+    """Everything is written except a filter configuration that the result does not permit."""
 
 
 def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
-    """Return what `save_folder` writes, as `imu_allan.writers.atomic` names kinds, by name."""
+    """Return the kinds (see `imu_allan.writers.atomic`) of the files of `save_folder` by name."""
     return {'result.json': RESULT, 'curve.csv': CURVES,
             **{CONSUMERS[consumer].file: CONFIGURATION for consumer in exports},
             'report.html': PAGE, LAST_WRITTEN: PICTURES['png']}
@@ -45,14 +45,14 @@ def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
                 report: bool = True, picture: bool = True) -> list[Path]:
     """
-    Write everything about one result.
+    Write all files about one result.
 
-    That is ``result.json``, ``curve.csv``, the configurations of `exports`, ``report.html`` and
-    ``allan_deviation.png``. Without `report` the page is left out, which takes most of the time.
-    Of an error, what comes before it in this list is written; IncompleteSave if a filter cannot be
-    configured from this result: everything else is written.
+    They are ``result.json``, ``curve.csv``, the configurations of `exports`, ``report.html`` and
+    ``allan_deviation.png``. Without `report` the page is omitted, which takes most of the time. On
+    an error, the files before it in this list have been written. Raises IncompleteSave, after
+    writing everything else, if a filter cannot be configured from this result.
     """
-    # The result first: it is what cannot be made again.
+    # Write the result first, since it cannot be recreated.
     folder = Path(folder)
     paths = [write_in(folder, 'result.json', result.to_json().encode()),
              write_in(folder, 'curve.csv', curves_csv(result).encode())]
@@ -75,7 +75,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
 
 def save_report(result: Result, folder: str | os.PathLike[str],
                 formats: Sequence[str] = FORMATS) -> list[Path]:
-    """Write ``report.html``, ``allan_deviation.FORMAT`` and a sheet a sensor, ``gyro.FORMAT``."""
+    """Write ``report.html``, ``allan_deviation.FORMAT`` and, per sensor, ``gyro.FORMAT``."""
     from imu_allan.writers.report import report_html
 
     folder = Path(folder)
@@ -89,7 +89,7 @@ def save_report(result: Result, folder: str | os.PathLike[str],
 
 def save_paper(result: Result, folder: str | os.PathLike[str], width_cm: float,
                formats: Sequence[str] = FORMATS) -> list[Path]:
-    """Write ``allan_deviation_WIDTHcm.FORMAT``, made for a column of a paper."""
+    """Write ``allan_deviation_WIDTHcm.FORMAT``, sized for a column of a paper."""
     figure = paper_figure(result, width_cm)
     return _save_plot(figure, Path(folder), f'allan_deviation_{width_cm:g}cm', formats, dpi=300)
 
@@ -112,8 +112,8 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
     """
     Write ``comparison.html`` and ``comparison.FORMAT`` of several results.
 
-    More than seven, which is how many colours there are, are shown as a population: grey curves,
-    median and band, and in colour the outliers.
+    More than seven, the number of colours, are shown as a population: grey curves with median and
+    band, and outliers in colour.
     """
     from imu_allan.writers.comparison import comparison_figure
     from imu_allan.writers.report import comparison_html

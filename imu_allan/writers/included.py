@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What numbers for a filter have in them that coefficients have not, and why an axis has none."""
+"""Trends contained in filter numbers but not in coefficients, and why an axis has no numbers."""
 
 from collections.abc import Mapping
 
@@ -10,9 +10,9 @@ from imu_allan.wording import about, duration, listed, named
 
 def included(axes: Mapping[str, AxisResult]) -> list[str]:
     """
-    Say which trends of the mean are part of numbers from the drift model, and the remedy.
+    Describe the trends of the mean in the numbers from the drift model, and the remedy.
 
-    A sentence for each trend; empty where nothing moves the mean.
+    Returns one sentence per trend; empty if there is none.
     """
     trends = {name: axis.trend for name, axis in axes.items()
               if axis.drift_model is not None and axis.trend is not None}
@@ -36,7 +36,7 @@ def included(axes: Mapping[str, AxisResult]) -> list[str]:
 
 
 def why_left_out(axis: AxisResult) -> str:
-    """Say why an axis has no numbers for a filter; empty for one that measures."""
+    """Return why an axis has no numbers for a filter; empty if it measures properly."""
     if axis.high_passed_hz is not None:
         return 'a filter has taken out its slow part'
     if axis.constant:

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A table, a paragraph on the method and its references, for a paper."""
+"""LaTeX output for a paper: a table, a paragraph on the method, and references."""
 
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
@@ -22,7 +22,7 @@ BIBLIOGRAPHY = text_of('imu_noise.bib')
 
 def escaped(text: str) -> str:
     r"""
-    Return text that LaTeX prints as it stands.
+    Escape text so that LaTeX prints it literally.
 
     Examples
     --------
@@ -37,9 +37,9 @@ def escaped(text: str) -> str:
 
 def noise_table(result: Result) -> str:
     r"""
-    Return the coefficients as a table (packages booktabs) and a paragraph on how they were found.
+    Return a table of the coefficients (package booktabs) and a paragraph on the method.
 
-    To be brought in with ``\input``; `BIBLIOGRAPHY` has what it cites.
+    Include it with ``\input``; `BIBLIOGRAPHY` contains the cited references.
     """
     lines = ['% Needs \\usepackage{booktabs}; the references are in imu_noise.bib.',
              '\\begin{table}', '  \\centering', '  \\caption{Noise coefficients with their '

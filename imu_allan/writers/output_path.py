@@ -1,13 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where an output really goes, and whose turn it is to write there.
+Resolution and locking of output paths.
 
-In a folder that everybody may write to, such as /tmp, somebody else may have put a symbolic link
-where an output is expected, and the output would go wherever the link leads. Linux refuses to
-follow such links where fs.protected_symlinks is set; here they are refused everywhere, and so are
-those of others in folders that others made there. Links that come between looking and writing are
-not followed either: the folder is opened step by step, and the file is made in what is open.
+In a folder that everybody may write to, such as /tmp, another user may have placed a symbolic link
+where an output is expected. The output would then go wherever the link leads. Linux refuses to
+follow such links if fs.protected_symlinks is set. This module always refuses them, and also links
+of other users in subfolders that other users created there. Links created between check and
+writing are not followed either: the folder is opened step by step, and the file is created
+relative to the open folder.
 """
 
 from __future__ import annotations
@@ -24,17 +25,18 @@ from imu_allan.errors import ImuAllanError, printable
 
 _STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
 _ONLY_PASSED = getattr(os, 'O_PATH', 0)
-"""Folders on the way may be ones that one may pass through and not list."""
+"""Folders on the path may permit traversal without permitting listing."""
 PATIENCE_S = 30.0
-"""Writing takes seconds; whoever holds a folder for longer keeps it."""
+"""Seconds to wait for the lock of a folder. Writing takes seconds; a longer lock is not
+transient."""
 
 
 def followed(path: str | os.PathLike[str]) -> Path:
     """
-    Return the absolute path without symbolic links, as ``os.path.realpath``.
+    Return the absolute path without symbolic links, like ``os.path.realpath``.
 
-    OSError if a link on the way lies in a folder that everybody may write to, or below one, and is
-    neither of this user nor of root.
+    Raises OSError for a link in or below a folder that everybody may write to, unless this user or
+    root owns the link.
     """
     if os.name != 'posix':
         return Path(os.path.realpath(path))
@@ -54,7 +56,7 @@ def followed(path: str | os.PathLike[str]) -> Path:
             current = step
             continue
         links += 1
-        # As many as Linux follows.
+        # The limit of Linux.
         if links > 40:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
         if shared and os.lstat(step).st_uid not in (os.geteuid(), 0):
@@ -62,7 +64,7 @@ def followed(path: str | os.PathLike[str]) -> Path:
                           'everybody may write to', step)
         target = str(Path(step).readlink())
         if target.startswith('/'):
-            # Whoever owns the link vouches for where it leads.
+            # The owner of the link is trusted for its target.
             current, shared = '/', False
         pending += target.split('/')[::-1]
     return Path(current)
@@ -70,10 +72,10 @@ def followed(path: str | os.PathLike[str]) -> Path:
 
 def require_writable(folder: str | os.PathLike[str]) -> None:
     """
-    Refuse a folder that cannot be written to, before the work for it begins.
+    Raise ImuAllanError if a folder cannot be written to, before any work is done.
 
-    A folder that is missing is not made; a full disk is not found out. Where it is missing, the
-    nearest one above that exists has to be a folder that may be written to.
+    A missing folder is not created; instead, its nearest existing parent has to be a writable
+    folder. A full disk is not detected.
     """
     nearest = Path(os.path.abspath(folder))  # noqa: PTH100
     try:
@@ -92,10 +94,11 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
 
 def open_folder(path: Path) -> int:
     """
-    Open a folder, made where it is missing, without following a link at any step.
+    Open a folder without following a link at any step; create it if missing.
 
-    `path` is absolute, without links, as of `followed`. The descriptor is for ``dir_fd``. OSError
-    if a step is none, may not be made or passed, or has become a link since.
+    `path` is absolute and without links, as returned by `followed`. Use the descriptor as
+    ``dir_fd``. Raises OSError if a step is not a folder, cannot be created or traversed, or has
+    become a link.
     """
     handle = os.open('/', _STEP | _ONLY_PASSED)
     try:
@@ -120,21 +123,21 @@ def open_folder(path: Path) -> int:
 @contextlib.contextmanager
 def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
     """
-    Wait until no other process writes to a folder, and keep the others waiting meanwhile.
+    Lock a folder against concurrent writers of this package; wait while it is locked.
 
-    The lock is on the folder itself: it leaves no file and ends with the process. Where the file
-    system has no locks, nobody waits. The folder is made where it is missing. ImuAllanError if
-    another process keeps it for longer than `PATIENCE_S`.
+    The lock is on the folder itself, so it leaves no file and ends with the process. A missing
+    folder is created. Without file system locks nobody waits. Raises ImuAllanError if another
+    process holds the lock for longer than `PATIENCE_S`.
     """
     try:
-        # Not there on Windows.
+        # Not available on Windows.
         import fcntl
     except ImportError:
         yield
         return
     with contextlib.ExitStack() as stack:
         handle = None
-        # What is wrong with the folder is reported by whoever writes to it.
+        # Problems of the folder are reported by the writing itself.
         with contextlib.suppress(OSError):
             passed = open_folder(followed(folder))
             stack.callback(os.close, passed)
@@ -152,7 +155,7 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
                         'choose another folder, or wait until it has ended') from None
             except OSError:
                 break
-            # From one look to the next: nobody notices so long a wait.
+            # A delay that nobody notices.
             time.sleep(0.05)
         yield
 
@@ -161,5 +164,5 @@ def _is_everybodys(folder: str) -> bool:
     try:
         return bool(os.stat(folder).st_mode & stat.S_IWOTH)  # noqa: PTH116
     except OSError:
-        # What is not there holds no links.
+        # A folder that does not exist contains no links.
         return False

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages: how a template is filled with what it shows, numbers and units in words."""
+"""HTML pages from templates."""
 
 from functools import cache
 from importlib.resources import files
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
 
 def filled(template: str, **context: Any) -> str:
-    """Return a page from the template of its name."""
+    """Return the page rendered from a template."""
     return _environment().get_template(template).render(
         mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS, **context)
 
 
 def text_of(name: str) -> str:
-    """Return a part of a page: a template, its style or its program."""
+    """Return the text of a template, style sheet or script."""
     return (files('imu_allan.writers') / 'templates' / f'{name}.j2').read_text(encoding='utf-8')
 
 
 @cache
 def _environment() -> 'Environment':
-    """Return the templates, which take a third of a page to compile, each when it is used."""
+    """Return the templates; each is compiled when first used, a third of a page's time."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     environment = Environment(loader=FunctionLoader(text_of), autoescape=True,

@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What stands inside the panels of a figure, in one module as they share dashes and inks.
+Contents of the panels of figures: Allan deviation with its terms, spectrum, and signal.
 
-Allan deviation and its terms, spectrum, signal: drawn with matplotlib's object interface, without
-pyplot and without a display.
+They share dashes and colours, and use matplotlib's object interface without pyplot or a display.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +32,7 @@ _SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
 _READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
             'rate_ramp': '√2 s'}
 _NAME_SIZE = 7.5
-"""Points: with the 6 of a superscript the smallest that survives a printer."""
+"""Font size in points. Superscripts then have 6 points, the smallest readable print."""
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
@@ -41,10 +40,10 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     """
     Draw the Allan deviation and the fitted model.
 
-    In a panel with its limits set. Points of few degrees of freedom are hollow; an arrow stands
-    where one lies beyond the limits. With the sample rate of `timeline` the model is drawn on a
-    fine grid, and shaded where 95 % of the points should fall if it is right; without, with the
-    intervals of the points.
+    The limits of the panel must be set. Points with few degrees of freedom are hollow, and arrows
+    mark points beyond the limits. With `timeline`, the model is drawn on a fine grid, with the
+    band in which 95 % of the points should fall. Without it, the intervals of the points are
+    drawn.
     """
     curve = axis.curve
     tau, adev = np.array(curve.tau_s), np.array(curve.adev)
@@ -56,7 +55,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
     if timeline is not None:
         drawn = curves.model_curve(axis, timeline)
-        # Short dashes: those of the models of three axes are longer.
+        # Short dashes, since the dashes of the models of three axes are longer.
         panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=(0, (2, 2)),
                    zorder=2.8)
     if timeline is not None and model.any():
@@ -86,9 +85,9 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
 def draw_terms(panel: 'Axes', axis: AxisResult,
                truth: Mapping[str, float] | None = None) -> None:
     """
-    Draw each observable term's own line, its slope, and a ring where its coefficient is read.
+    Draw the line of each observable term, its slope, and a ring at its reading point.
 
-    In a panel with its limits set; `truth` (SI) instead of the estimated coefficients.
+    The limits of the panel must be set. `truth` (SI) replaces the estimated coefficients.
     """
     curve = axis.curve
     if not curve.tau_s:
@@ -132,7 +131,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
 
 def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
           taken: list[Box]) -> None:
-    """Write beside a point what it is, with a line to it, where the text covers least."""
+    """Label a point, with a connecting line, where the text hides least."""
     ink, paper = COLOURS['ink'], COLOURS['paper']
     scale = 72 / panel.figure.dpi
     tall = panel.bbox.height * scale
@@ -145,7 +144,7 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
     seen = [(t, v) for values in (curve.adev, curve.model_adev)
             for t, v in zip(curve.tau_s, values, strict=True) if v > 0]
     x, y = points(*([value] for value in at))[0]
-    # Letters of DejaVu Sans are a tenth wider than those of a browser.
+    # DejaVu Sans is a tenth wider than the font of a browser.
     size = (max(map(len, lines)) * LETTER * 1.1 * _NAME_SIZE + 4,
             len(lines) * 1.25 * _NAME_SIZE + 3)
     box = best_place((x, y), size, (0, 0, panel.bbox.width * scale, tall),
@@ -161,7 +160,7 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:
-    """Draw the two-sided spectrum: measured where given, that of the model, and the tones."""
+    """Draw the two-sided spectrum: measured, if there is one, and modelled, with the tones."""
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
         return
@@ -190,7 +189,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     named: list[float] = []
     for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:8]:
         panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)
-        # Names of neighbours would be printed over one another: the strongest has it.
+        # Labels of neighbouring tones would overlap; label only the strongest.
         if len(named) < 3 and all(abs(np.log(tone.frequency_hz / other)) > 0.35
                                   for other in named):
             named.append(tone.frequency_hz)
@@ -202,10 +201,10 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
 
 def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -> None:
     """
-    Draw how the means wandered over the recording, its gaps, and the motion that was left out.
+    Draw the means over time, the gaps, and the excluded motion.
 
-    The temperature beside the sensor, where it is known, has its scale on the right. A strip
-    without curves where no axis has the signal.
+    A known temperature is drawn with a scale on the right. If no axis has a signal, the strip has
+    no curves.
     """
     colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)
@@ -214,7 +213,7 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
     panel.set_xlabel(f'time [{unit}]', labelpad=1)
     for spans, colour in ((timeline.motion, colours['motion']), (timeline.gaps, colours['gap'])):
         for span in spans[:2000]:
-            # A gap of a second in a day is still one visible line.
+            # Keep short gaps visible, such as a second in a day.
             width = max(span.duration_s / scale, length * 1.5e-3)
             panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
                           linewidth=0)

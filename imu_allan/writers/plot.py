@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures of a result, in one module because all sheets share heading, table and panels.
+Figures of a result, which share heading, table and panels.
 
-Every figure is one sheet, put together from the parts in `imu_allan.writers.panels` and `frames`.
+Each figure is one sheet, composed of the parts in `imu_allan.writers.panels` and `figure_style`.
 """
 
 from collections.abc import Mapping
@@ -45,17 +45,17 @@ def plot(result: Result) -> 'Figure':
     Parameters
     ----------
     result : Result
-        What is drawn.
+        The result to draw.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To be shown, changed or saved: ``imu_allan.plot(result).savefig('plot.png')``.
+        The figure, to be shown, changed or saved: ``imu_allan.plot(result).savefig('plot.png')``.
 
     Raises
     ------
     TypeError
-        If `result` is none.
+        If `result` is not a Result.
 
     """
     if not isinstance(result, Result):
@@ -66,9 +66,9 @@ def plot(result: Result) -> 'Figure':
 
 def overview_figure(result: Result) -> 'Figure':
     """
-    Draw the Allan deviation of every axis with intervals and fitted model, on one sheet.
+    Draw the Allan deviation of all axes, with expected bands and fitted models, on one sheet.
 
-    Gyroscope and accelerometer side by side, their coefficients above, the signal below.
+    Gyroscope and accelerometer are side by side, with coefficients above and signal below.
     """
     with plot_style():
         sensors = curves.sensors_of(result)
@@ -98,7 +98,7 @@ def overview_figure(result: Result) -> 'Figure':
 
 
 def overview_png(result: Result) -> bytes:
-    """Return the file content of the overview."""
+    """Return the overview as the content of a PNG file."""
     return render(overview_figure(result))
 
 
@@ -106,9 +106,9 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
 
-    The Allan deviation stands with the fitted model and where 95 % of its points should fall, the
-    model's terms with their slopes, and a ring where each coefficient is read off. ImuAllanError
-    if the result has no axis of `sensor`.
+    The Allan deviation is drawn with the fitted model, the band for 95 % of its points, and the
+    terms with slopes and reading points. Raises ImuAllanError if the result has no axis of
+    `sensor`.
     """
     axes = curves.axes_of(result, sensor)
     if not axes:
@@ -139,17 +139,17 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
 
 def paper_figure(result: Result, width_cm: float) -> 'Figure':
     """
-    Draw the Allan deviations for a column of a paper, which has its own caption.
+    Draw the Allan deviations for a column of a paper, without a caption.
 
-    The sensors stand beside one another from 12 cm on. No letter is smaller than 7 points in
-    print. ImuAllanError if no axis has an Allan deviation above zero.
+    From a width of 12 cm, the sensors are side by side. No text is smaller than 7 points in print.
+    Raises ImuAllanError if no axis has an Allan deviation above zero.
     """
     drawn = {sensor: {name: axis for name, axis in curves.axes_of(result, sensor).items()
                       if any(axis.curve.adev)} for sensor in curves.sensors_of(result)}
     drawn = {sensor: axes for sensor, axes in drawn.items() if axes}
     if not drawn:
         raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
-    # From 12 cm on two panels beside each other can be read.
+    # Two panels side by side are readable from 12 cm.
     beside = len(drawn) if width_cm >= 12.0 else 1
     width, height = width_cm / 2.54, _PAPER_ROW * (len(drawn) // beside)
     with plot_style(size=7.5):
@@ -170,13 +170,13 @@ def paper_figure(result: Result, width_cm: float) -> 'Figure':
 
 def render(figure: 'Figure', format: str = 'png',  # noqa: A002
            dpi: float = 150) -> bytes:
-    """Return the file content of a figure."""
+    """Return a figure as the content of a file."""
     content = io.BytesIO()
-    # The same result gives the same bytes: no date inside, no random identifiers in the SVG.
+    # Make the bytes reproducible: no date, and no random identifiers in SVG.
     metadata = {'png': {'Software': None}, 'svg': {'Date': None},
                 'pdf': {'CreationDate': None}}[format]
     with plot_style(), warnings.catch_warnings():
-        # A frame_id in a script that the font lacks shows as boxes; that is no reason to complain.
+        # Characters of a frame_id that the font lacks are drawn as boxes; do not warn about them.
         warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
         figure.savefig(content, format=format, dpi=dpi, metadata=metadata,
                        facecolor=figure.get_facecolor())
@@ -185,7 +185,7 @@ def render(figure: 'Figure', format: str = 'png',  # noqa: A002
 
 def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult]
                ) -> None:
-    """Say in the place of the pictures of a sensor why there are none."""
+    """Write why a sensor has no curves, in place of its panels."""
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',
                 va='center')
@@ -198,7 +198,7 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
 
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
-    """Draw the coefficients that at least one axis shows, with their intervals."""
+    """Draw a table of the coefficients that at least one axis shows, with their intervals."""
     ink, soft = COLOURS['ink'], COLOURS['soft']
     panel.axis('off')
     panel.set_xlim(0, 1)
@@ -208,7 +208,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable or curves.law_instead(axis, key)
                     for axis in axes.values())]
-    # Where nothing shows, the bounds of what is asked for first.
+    # If no term is observable, show the bounds of the most important ones.
     terms = terms or [TERMS[key] for key in LASTING_TERMS]
     for column, term in enumerate(terms):
         right = 0.05 + 0.95 * (column + 1) / max(3, len(terms))
@@ -255,6 +255,6 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
     for text, below, size, colour, weight in (
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),
             (key, 0.70, 8.5, 'soft', 'normal')):
-        # Names from a recording are text, not formulas: a dollar sign is a dollar sign.
+        # Names from a recording are plain text: a dollar sign does not start a formula.
         figure.text(0.02, 1 - below / top, text, fontsize=size, color=COLOURS[colour],
                     fontweight=weight, va='center', parse_math=False)

@@ -1,13 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The report: one HTML file, written in one module because its two pages share their parts.
+The report: a single HTML file, for one result or for a comparison.
 
-It shows everything and needs nothing else. The answer comes first, then the pictures, then the
-tables, then how it was computed. Style, program and pictures are inside the file. Its own security
-policy forbids every request and every script but the one it was written with, so that a report
-opened years later, offline, or mailed by a stranger shows what it showed on the first day and no
-more.
+It contains everything and loads nothing. The key figures come first, then the charts, the tables,
+and how they were computed. Style sheet, script and pictures are embedded. A content security
+policy forbids every request and every script but its own. So a report that is opened years later,
+offline, or mailed by a stranger shows exactly what it showed at first.
 """
 
 from base64 import b64encode
@@ -51,7 +50,7 @@ def report_html(result: Result) -> str:
     """Return the report of one result."""
     found, timeline = answers(result), result.timeline
     own = [(answer.sensor, axes_of(result, answer.sensor), answer) for answer in found]
-    # Each kind of both sensors in turn.
+    # Group the charts by kind, each for both sensors.
     charts = [*(signal_chart(result, sensor, axes) for sensor, axes, _ in own),
               *(density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
               *(drift_chart(sensor, axes, answer.tunings) for sensor, axes, answer in own),
@@ -84,9 +83,9 @@ def report_html(result: Result) -> str:
 
 def comparison_html(results: Mapping[str, Result]) -> str:
     """
-    Return the report that compares several results with the first of them.
+    Return a report that compares several results with the first of them.
 
-    ImuAllanError if the results have nothing in common.
+    Raises ImuAllanError if the results have nothing in common.
     """
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
@@ -103,7 +102,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
 def _page(template: str, **context: Any) -> str:
     from markupsafe import Markup
 
-    # Style and program are not templates; the name says only that they are parts of one.
+    # Style sheet and script are not templates, despite the suffix of their files.
     program = text_of('report.js')
     digest = b64encode(sha256(program.encode()).digest()).decode()
     return filled(template, style=Markup(text_of('report.css')), program=Markup(program),
@@ -116,7 +115,7 @@ def _facts(result: Result) -> list[str]:
 
 
 def _typeset(sentence: str) -> str:
-    # What follows a number is a unit, or a word that `typeset` leaves as it is.
+    # The word after a number is a unit, or one that `typeset` leaves unchanged.
     return re.sub(r'(?<=\d )[A-Za-z][\w/^()*]*', lambda match: typeset(match[0]),
                   sentence).replace('+-', '±')
 
@@ -131,7 +130,7 @@ def _cell(coefficient: Coefficient) -> dict[str, str]:
 
 
 def _density_of(segment: Segment, unit: str) -> tuple[str, str]:
-    """Say the noise density of a segment and its interval, or nothing."""
+    """Return the noise density of a segment and its interval as text; empty if unknown."""
     if segment.noise_density is None or segment.ci95 is None:
         return '', ''
     value, *ends = wording.measured(*(engineering(one, unit)[0] for one in (
@@ -140,7 +139,7 @@ def _density_of(segment: Segment, unit: str) -> tuple[str, str]:
 
 
 def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
-    """Say the level of the drift in a segment and its interval, or that none shows."""
+    """Return the drift level in a segment and its interval or bound as text; empty if unknown."""
     if segment.drift_sigma is None:
         return '', ''
     level = engineering(segment.drift_sigma, unit)[0]

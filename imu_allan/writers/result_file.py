@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The result file: JSON of the schema ``imu_allan.result/1`` and the curves as CSV."""
+"""The result file, JSON with the schema ``imu_allan.result/1``, and the curves as CSV."""
 
 import csv
 import io
@@ -16,27 +16,27 @@ from imu_allan.recordings.open_recording import holds_recording
 from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
-"""A result has some megabytes at most; what is larger is not read into memory."""
+"""Results have a few megabytes; larger files are not read into memory."""
 
 
 def save_result(result: schema.Result, path: str | os.PathLike[str]) -> None:
-    """Write the result file (JSON)."""
+    """Write a result as a JSON file."""
     write_atomically(path, result.to_json().encode())
 
 
 def load_result(path: str | os.PathLike[str]) -> schema.Result:
     """
-    Read a result file and check that it is whole.
+    Read a result file and validate it.
 
     Parameters
     ----------
     path : path
-        The file, or a folder that ``analyze --output`` or the node wrote.
+        The file, or a folder written by ``analyze --output`` or the node.
 
     Raises
     ------
     ImuAllanError
-        If the file cannot be read, is not of the schema, or contradicts itself.
+        If the file cannot be read, does not match the schema, or is inconsistent.
 
     """
     if Path(path).is_dir():
@@ -69,19 +69,19 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
 
 
 def is_result(path: str | os.PathLike[str]) -> bool:
-    """Return whether this is a result file, or a folder with one."""
+    """Return whether a path is a result file or a folder with one."""
     given = Path(path)
     return given.suffix == '.json' or (
         (given / 'result.json').is_file() and not holds_recording(given))
 
 
 def _result_in(folder: Path) -> Path:
-    """Return the result file of a folder."""
+    """Return the path of the result file in a folder."""
     if (folder / 'result.json').exists():
         return folder / 'result.json'
     several = sorted(str(found.parent) for found in folder.glob('*/result.json'))
     if several:
-        # As many as a line holds.
+        # As many as fit on a line.
         named = ', '.join([*map(printable, several[:5]), *(['...'] if len(several) > 5 else [])])
         raise ImuAllanError(f'{printable(folder)}: holds several results; name one of {named}')
     raise ImuAllanError(f'{printable(folder)}: a folder without result.json; of a recording make '
@@ -90,9 +90,9 @@ def _result_in(folder: Path) -> Path:
 
 def curves_csv(result: schema.Result) -> str:
     """
-    Allan deviation curves as CSV text, one row for each axis and averaging time.
+    Return the Allan deviation curves as CSV text, one row per axis and averaging time.
 
-    Header line, then rows in SI units and seconds; numbers read back exactly.
+    After a header line, the rows are in SI units and seconds; numbers read back exactly.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
@@ -108,7 +108,8 @@ def curves_csv(result: schema.Result) -> str:
 
 
 def _whole(digits: str) -> int | float:
-    # Further digits than 64 bits hold are no count and no stamp; as a float they are checked.
+    # Integers beyond 64 bits are neither counts nor stamps; read as floats, they are
+    # range-checked.
     return int(digits) if len(digits) < 20 else float(digits)
 
 
@@ -117,7 +118,7 @@ def _no_constant(name: str) -> NoReturn:
 
 
 def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
-    """Refuse what no estimator wrote, so that no writer needs to expect it."""
+    """Raise an error for content that no estimator writes, so that writers can rely on it."""
     if name not in AXES:
         raise ImuAllanError(f'{where}: unknown axis; known are {", ".join(AXES)}')
     quantity = AXES[name]

@@ -1,10 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The words of every code of a finding, in the order of `imu_allan.finding.CODES`.
+Texts for every code of a finding, in the order of `imu_allan.finding.CODES`.
 
-`f` holds the figures of a finding by name, without those that are not known: `'name' in f` asks.
-A number that differs between several axes formats as a span from the lowest to the highest.
+In the functions, `f` holds the values of a finding as attributes. Unknown values are absent; test
+with `'name' in f`. A value that differs between axes is formatted as a range from lowest to
+highest.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,11 +17,11 @@ from imu_allan.sensor.units import engineering
 from imu_allan.wording import about, counted, duration, listed, number, ranged, SENSORS
 
 Text = str | Callable[[Any], str]
-"""A sentence, or what makes it of the figures of a finding."""
+"""A sentence, or a function that makes one from the values of a finding."""
 
 
 class Span(tuple[Any, ...]):
-    """Numbers of several axes, which format as one where they read the same."""
+    """Values of several axes; formatted as a single value if they read the same."""
 
     def __format__(self, spec: str) -> str:
         return _each(self, lambda value: format(value, spec))
@@ -29,21 +30,21 @@ class Span(tuple[Any, ...]):
 @dataclass(frozen=True)
 class Words:
     """
-    What is said of one code.
+    The texts for one code.
 
     Attributes
     ----------
     title : str
-        In two or three words.
+        Name of the finding in two or three words.
     means, found : str
-        What it means for the numbers, and how it is found; for docs/findings.md.
+        What the finding means for the numbers, and how it is detected; for docs/findings.md.
     says : Text
-        One sentence with the figures.
+        One sentence with the values.
     do, live : Text
-        One sentence of what to do with a recording, and at a running node; empty where nothing
-        is to be done. `live` None: the same.
+        One sentence of advice for a recording, and for a running node; empty if there is nothing
+        to do. If `live` is None, `do` applies to both.
     general : str
-        What to do whatever the figures are, where `do` is made of them; for docs/findings.md.
+        Advice independent of the values, if `do` is a function; for docs/findings.md.
 
     """
 
@@ -57,12 +58,12 @@ class Words:
 
 
 def _each(value: Any, say: Callable[[Any], str], unit: str = '') -> str:
-    """Say a number, or numbers of several axes from the lowest to the highest."""
+    """Format a number, or the range of numbers of several axes."""
     return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
 
 
 def _most(value: Any) -> Any:
-    """Return a number, of several axes the largest."""
+    """Return a number, or the largest of several axes."""
     return max(value) if isinstance(value, Span) else value
 
 
@@ -71,7 +72,7 @@ def _least(value: Any) -> Any:
 
 
 def _different(value: Any) -> str:
-    """Say a number, of several axes each that is not the same."""
+    """Format a number, or the distinct numbers of several axes."""
     each = value if isinstance(value, Span) else (value,)
     return listed(list(dict.fromkeys(f'{one:g}' for one in each)))
 
@@ -85,7 +86,7 @@ def _percent(share: Any, digits: int = 0) -> str:
 
 
 def _in_unit(value: Any, unit: str, digits: int = 3) -> str:
-    """Say a value in the unit of datasheets."""
+    """Format a value in the unit of datasheets."""
     return _each(value, lambda one: number(engineering(one, unit)[0], digits),
                  f' {engineering(1.0, unit)[1]}')
 
@@ -99,7 +100,7 @@ def _sensor(key: str) -> str:
 
 
 def _within(factor: float) -> str:
-    # From a factor of two on an error is no percentage.
+    # From a factor of two on, an error is not given as a percentage.
     return (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < 2
             else f'within a factor of {factor:.0f}')
 
@@ -779,4 +780,4 @@ WORDS: Mapping[str, Words] = {
         'A journal of the database lies beside it.',
         says=_unfinished_recording),
 }
-"""In the order in which findings are shown."""
+"""The texts by code, in the order in which findings are shown."""

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A chart as SVG text: grid, bands, lines and points, and labels out of one another's way.
+Charts as SVG text: grid, bands, lines, points, and labels that do not overlap.
 
-The charts of the report are drawn here and not by a library in the browser: they are there without
-a script, print as they look, have real text that can be searched and copied, and weigh kilobytes.
-Colours are classes of the page's style sheet, so that a dark page has dark charts. The twenty
-drawings of a report take 0.2 s of CPU; matplotlib takes 0.8 for half of them, and 0.4 to begin.
+The charts of the report are drawn here and not by a library in the browser. So they need no
+script, print as displayed, contain text that can be searched and copied, and take only kilobytes.
+Colours are classes of the page's style sheet, so a dark page has dark charts. The twenty drawings
+of a report take 0.2 s of CPU time; matplotlib takes 0.8 s for half of them, and 0.4 s to start.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 LETTER = 0.56
-"""Mean width of a letter over its height, in the sans-serif fonts of browsers."""
+"""Mean width of a letter relative to its height, in the sans-serif fonts of browsers."""
 
 FONT = 12.5
-"""Size of all text, in the unit of the view box, which is a pixel at the width it is made for."""
+"""Size of all text in view box units, which are pixels at the intended width."""
 
 
 @dataclass(frozen=True)
 class Scale:
     """
-    From values to pixels.
+    A linear or logarithmic mapping from values to pixels.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ class Scale:
     end: float
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the pixels of `values`; on a logarithmic scale nothing lies below its reach."""
+        """Return the pixels of `values`; values far below a logarithmic scale are clipped."""
         v = np.asarray(values, dtype=np.float64)
-        # What lies a thousand pictures away is out of sight; further off no pixel has a number.
+        # Clip at a thousand times the length of the scale, far out of sight, to avoid overflow.
         with np.errstate(over='ignore'):
             if self.log:
                 share = (np.log(np.maximum(v, self.low * 1e-6)) - np.log(self.low)) / np.log(
@@ -63,7 +63,7 @@ class Scale:
         return np.asarray(self.start + np.clip(share, -1e3, 1e3) * (self.end - self.start))
 
     def ticks(self, most: int = 8) -> list[tuple[float, str]]:
-        """Return values to mark and what to write beside them, no more than `most`."""
+        """Return at most `most` tick values with their labels."""
         low, high = self.low, self.high
         if not self.log:
             return _linear_ticks(low, high, most)
@@ -79,7 +79,7 @@ class Scale:
 
 def power_text(value: float) -> str:
     """
-    Write a number beside a logarithmic axis.
+    Format the label of a tick on a logarithmic axis.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]
     rough = (high - low) / max(1, most - 1)
     size = 10.0 ** floor(log10(rough))
     step = size * next(m for m in (1, 2, 5, 10) if m * size >= rough * 0.999)
-    # One number beside an axis does not say how long it is.
+    # A single tick would not show the scale of the axis.
     while floor(high / step + 1e-9) - ceil(low / step - 1e-9) < 1:
         size = 10.0 ** floor(log10(step * 0.999))
         step = size * next(m for m in (5, 2, 1) if m * size < step * 0.999)
@@ -112,7 +112,7 @@ def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]
 @dataclass
 class Panel:
     """
-    One pair of axes in a drawing; its parts are added one after the other.
+    One pair of axes in a drawing, to which parts are added in turn.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Panel:
         Left, top, right and bottom in pixels.
     x, y : Scale
     parts : list of str
-        What has been drawn.
+        SVG elements drawn so far.
 
     """
 
@@ -134,15 +134,15 @@ class Panel:
         """
         Draw grid, ticks and titles.
 
-        `second` holds the factor from the values on the left to those on the right, and the title
-        there.
+        `second` holds the factor from the left scale to the right scale, and the title on the
+        right.
         """
         left, top, right, bottom = self.box
         written = inf
         for value, text in self.y.ticks(most_y):
             at = float(self.y(value))
             self.parts.append(_line('grid', left, at, right, at))
-            # A low strip has room for fewer numbers than lines.
+            # A low strip has room for fewer labels than lines.
             if abs(at - written) >= FONT * 1.1:
                 self.parts.append(_text(left - 7, at + FONT * 0.35, text, 'tick', 'end'))
                 written = at
@@ -155,7 +155,7 @@ class Panel:
             self.parts.append(_text((left + right) / 2, bottom + FONT * 2.9, x_title, 'title',
                                     'middle'))
         if y_title:
-            # Above the axis: a title that stands on its side is read by nobody.
+            # Place the title above the axis, as rotated titles are rarely read.
             self.parts.append(_text(left - 50, top - 9, y_title, 'title', 'start'))
         if second is not None:
             factor, title = second
@@ -169,7 +169,7 @@ class Panel:
                           f'width="{right - left:g}" height="{bottom - top:g}"/>')
 
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str) -> str:
-        """Return an area between two curves; it breaks where a value is NaN."""
+        """Return the area between two curves, with gaps where a value is NaN."""
         px, lows, highs = self.x(x), self._clipped(low), self._clipped(high)
         path = ''
         for part in _unbroken(lows + highs):
@@ -179,14 +179,14 @@ class Panel:
         return f'<path class="{kind}" d="{path}"/>' if path else ''
 
     def line(self, x: ArrayLike, y: ArrayLike, kind: str) -> str:
-        """Return a curve; it breaks where a value is NaN, and leaves the panel at its edge."""
+        """Return a curve, with gaps where a value is NaN, that ends at the edge of the panel."""
         px, py = self.x(x), self._clipped(y)
         path = ''.join(_path(zip(px[part], py[part], strict=True)) for part in _unbroken(py))
         return f'<path class="{kind}" d="{path}"/>' if path else ''
 
     def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
                hollow: Sequence[bool] = ()) -> str:
-        """Return marks with what is shown under the pointer; an arrow for those outside."""
+        """Return markers with tooltips; points outside the panel become arrows."""
         _, top, _, bottom = self.box
         marks = []
         for px, py, title, empty in zip(self.x(x), self.y(y), titles,
@@ -203,7 +203,7 @@ class Panel:
         return ''.join(marks)
 
     def span(self, x0: float, x1: float, kind: str, title: str) -> str:
-        """Return the shade of a range of x, one pixel wide at least."""
+        """Return the shading of a range of x, at least one pixel wide."""
         left, top, right, bottom = self.box
         begin, end = np.clip(self.x([x0, x1]), left, right)
         return (f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
@@ -220,9 +220,9 @@ class Panel:
     def label(self, x: float, y: float, lines: Sequence[str], avoid: Array, kind: str,
               taken: list[Box], *, ring: bool = True) -> str:
         """
-        Return a text near a point, where it covers least, and a ring and a line to the point.
+        Return a label near a point, where it hides least, with a ring and a line to the point.
 
-        `avoid`, shape (n, 2), are pixels that should stay free; the new label is added to `taken`.
+        `avoid`, shape (n, 2), holds pixels to keep free. The box of the label is added to `taken`.
         """
         px, py = float(self.x(x)), float(self.y(y))
         if not self._inside(px, py):
@@ -241,7 +241,7 @@ class Panel:
                 f'height="{height:.1f}"/>{rows}')
 
     def pixels(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return points as pixels, shape (n, 2)."""
+        """Return the pixels of points, shape (n, 2)."""
         return np.column_stack([self.x(x), self.y(y)])
 
     def _inside(self, px: float, py: float) -> bool:
@@ -249,7 +249,7 @@ class Panel:
         return left - 0.5 <= px <= right + 0.5 and top - 0.5 <= py <= bottom + 0.5
 
     def _clipped(self, y: ArrayLike) -> Array:
-        """Pixels of y, held a little beyond the panel; the clip path cuts them at its edge."""
+        """Return the pixels of y, limited to a margin around the panel, where they are clipped."""
         _, top, _, bottom = self.box
         return np.clip(self.y(y), top - 40, bottom + 40)
 
@@ -272,9 +272,9 @@ class Drawing:
     ----------
     width, height : float
     name : str
-        Unique in the page.
+        Identifier, unique in the page.
     label : str
-        What it shows, for those who cannot see it.
+        Alternative text for screen readers.
 
     """
 
@@ -286,16 +286,16 @@ class Drawing:
 
     def panel(self, box: Box, x: tuple[float, float, bool], y: tuple[float, float, bool]) -> Panel:
         """
-        Return a panel whose scales fill a box.
+        Return a panel with scales that fill a box.
 
-        The box is left, top, right, bottom; x and y the lowest and highest value, and whether the
-        scale is logarithmic.
+        The box is left, top, right, bottom. `x` and `y` hold the lowest and highest value, and
+        whether the scale is logarithmic.
         """
         left, top, right, bottom = box
         return Panel(box, Scale(*x, left, right), Scale(*y, bottom, top))
 
     def add(self, panel: Panel, inside: Iterable[str]) -> None:
-        """Add a panel's own parts, and what is cut off at its edge."""
+        """Add the parts of a panel, and the elements `inside`, which are clipped at its edge."""
         number = len(self.parts)
         left, top, right, bottom = panel.box
         name = f'{self.name}-clip{number}'
@@ -305,17 +305,17 @@ class Drawing:
             f'<g clip-path="url(#{name})">{"".join(inside)}</g>')
 
     def text(self, x: float, y: float, text: str, kind: str, anchor: str = 'start') -> None:
-        """Write a text."""
+        """Add a text."""
         self.parts.append(_text(x, y, text, kind, anchor))
 
     def svg(self, size: str) -> str:
-        """Return the image; `size` is the class that says at which width it is shown."""
+        """Return the image as SVG; the class `size` selects the page width for which it is."""
         return (f'<svg class="chart {size}" viewBox="0 0 {self.width:g} {self.height:g}" '
                 f'role="img" aria-label="{escape(self.label)}">{"".join(self.parts)}</svg>')
 
 
 def group(name: str, kind: str, parts: Iterable[str]) -> str:
-    """Return parts that are shown and hidden together."""
+    """Return a group of elements that are shown and hidden together."""
     return f'<g class="{kind}" data-group="{escape(name)}">{"".join(parts)}</g>'
 
 
@@ -334,7 +334,7 @@ def _path(points: Iterable[tuple[float, float]]) -> str:
 
 
 def _unbroken(values: Array) -> list[slice]:
-    """Return the segments without NaN."""
+    """Return slices of the values between NaNs."""
     there = np.concatenate(([False], np.isfinite(values), [False]))
     edges = np.flatnonzero(there[1:] != there[:-1])
     return [slice(begin, end) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
@@ -343,12 +343,12 @@ def _unbroken(values: Array) -> list[slice]:
 def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box, avoid: Array,
                taken: Sequence[Box], scale: float = 1.0) -> Box:
     """
-    Return the box for a label.
+    Return the best box for a label near a point.
 
     Parameters
     ----------
     point : (float, float)
-        What the label is about; y grows downwards.
+        The labelled point in pixels; y grows downwards.
     size : (float, float)
         Width and height of the label.
     panel : (float, float, float, float)
@@ -356,20 +356,20 @@ def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box
     avoid : ndarray, shape (n, 2)
         Points that should stay free.
     taken : sequence of box
-        Where labels stand.
+        Boxes of the labels placed so far.
     scale : float, optional
-        Of the distances that are tried: the height of the text over 12.5.
+        Factor on the distances to try: the height of the text divided by 12.5.
 
     """
     width, height = size
     best, cost = (point[0], point[1], point[0] + width, point[1] + height), inf
-    # First right above the point, then ever further off; for text 12.5 high.
+    # Try closest positions first, above right of the point; distances are for text 12.5 high.
     for down, right in product((-34, 34, -58, 58, -86, 86, 0, -120, 120),
                                (16, -16, 44, -44, 90, -90)):
         left = point[0] + right * scale - (width if right < 0 else 0)
         top = point[1] + down * scale - height / 2
         box = (left, top, left + width, top + height)
-        # What a unit of distance costs beside a covered point, which costs 3.
+        # Cost per unit of distance, compared with 3 for each covered point.
         price = _price(box, panel, avoid, taken) + 0.02 * (abs(right) + abs(down))
         if price < cost:
             best, cost = box, price

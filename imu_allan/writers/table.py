@@ -1,11 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result on a terminal: one screen of 24 lines and 80 columns, or more where it is asked for.
+The result on a terminal: one screen of 24 lines and 80 columns, or more on request.
 
-Units are spelled as model and datasheet files spell them, so that a value can be copied from the
-screen into such a file. Text that comes from a recording never reaches the terminal as markup or
-as a control sequence.
+Units are spelled as in model and datasheet files, so that values can be copied into them. Text
+from a recording never reaches the terminal as markup or control sequences.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 SCREEN, COLUMNS = 23, 80
-"""Lines of a result, for the last of 24 says how to save; columns from which it is one screen."""
+"""Lines for a result, as the last of 24 says how to save it; columns needed for one screen."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
@@ -48,8 +47,8 @@ def print_result(result: Result, console: 'Console | None' = None, *,
     """
     Print the verdict, the coefficients with their intervals, and the findings.
 
-    The numbers for a filter are SI in any case. With `verbose` more than one screen: every finding
-    in full, and terms that no axis shows.
+    The numbers for a filter are always in SI units. With `verbose` the output may exceed one
+    screen: it has all findings in full, and terms that no axis shows.
     """
     if console is None:
         console = console_of(to)
@@ -57,7 +56,7 @@ def print_result(result: Result, console: 'Console | None' = None, *,
 
 
 def result_text(result: Result, width: int = 80) -> str:
-    """Return what `print_result` prints, without colours."""
+    """Return the verbose output of `print_result` without colours."""
     from rich.console import Console
 
     text = StringIO()
@@ -69,9 +68,10 @@ def result_text(result: Result, width: int = 80) -> str:
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                  verbose: bool = False) -> 'RenderableType':
     """
-    Lay the result out for a terminal: verdict, numbers for a filter, table, findings.
+    Return the result for a terminal: verdict, numbers for a filter, table, findings.
 
-    With `verbose` more than one screen: every finding in full, and terms that no axis shows.
+    With `verbose` it may exceed one screen: it has all findings in full, and terms that no axis
+    shows.
     """
     from rich.console import Group
     from rich.text import Text
@@ -92,7 +92,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     count = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'] if known else [],
                          width, 'dim'))
     middles = [tables]
-    # Where it is this that takes the room of a whole screen, the coefficients go.
+    # If head and tables fit on a screen but not with the findings, omit the coefficients.
     if width >= COLUMNS and sum(map(len, (*head, *tables, count))) <= SCREEN:
         middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
     for middle, last in product(middles, (names, count)):
@@ -105,7 +105,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
 
 
 def _heading(result: Result, width: int) -> 'list[Text]':
-    """Say what was analyzed: names, then how much, and what is wrong with its times."""
+    """Return the lines on what was analyzed: names, amount of data, and faults of its times."""
     frame = [f'frame {printable(result.source.frame_id)}'] if result.source.frame_id else []
     amount = wording.amount_of(result.timeline)
     faults = ', '.join(wording.faults_of(result.timeline))
@@ -119,13 +119,13 @@ def _heading(result: Result, width: int) -> 'list[Text]':
 
 @dataclass(frozen=True)
 class _Cell:
-    """What an axis has of a term: the value, and the interval as it stands beside it."""
+    """The cell of an axis and a term: the value, and the interval as shown beside it."""
 
     value: str
     interval: str = ''
 
     def text(self, *, tall: bool) -> 'Text':
-        """Return it in one line, or the interval below the value."""
+        """Return the cell on one line or, if `tall`, with the interval below the value."""
         from rich.text import Text
 
         style = 'bold' if self.interval else 'dim'
@@ -137,7 +137,7 @@ class _Cell:
 
 @dataclass(frozen=True)
 class _Row:
-    """One line of the table: a term or the mean, and what each axis has."""
+    """One row of the table: a term or the mean, with a cell per axis."""
 
     symbol: str
     name: str
@@ -177,13 +177,13 @@ def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
     if not ends or coefficient.ci95 is None:
         return _Cell(value)
     half = (coefficient.ci95[1] - coefficient.ci95[0]) / 2 / abs(coefficient.value or 1.0)
-    # Up to a tenth of the value, an interval is said as one number.
+    # An interval of up to a tenth of the value is given as a percentage.
     return _Cell(value, ' .. '.join(ends) if in_full or half > 0.1 else f'+-{100 * half:.2g} %')
 
 
 def _tables(found: Sequence[Answer], rows: Sequence[Sequence[_Row]], width: int, *,
             tuned: bool, named: bool) -> 'list[list[Text]]':
-    """Lay out the axes side by side in the widest way that there is room for, or stacked."""
+    """Arrange the axes side by side in the widest layout that fits, or else stacked."""
     for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
                    _Layout(named=True, tall=True)):
         if named and not layout.named:
@@ -197,14 +197,14 @@ def _tables(found: Sequence[Answer], rows: Sequence[Sequence[_Row]], width: int,
 
 @dataclass(frozen=True)
 class _Layout:
-    """Whether terms have their name, the filter a column, and intervals a line of their own."""
+    """Whether there are term names, a filter column, and intervals on separate lines."""
 
     named: bool = False
     tuned: bool = False
     tall: bool = False
 
     def head(self, row: _Row) -> str:
-        """Return what a term is called."""
+        """Return the label of a term."""
         if not self.named or not row.name:
             return f'{row.symbol} {row.unit}'
         return f'{row.symbol} {row.name}' + ('\n  ' if self.tall else '  ') + row.unit
@@ -245,7 +245,7 @@ def _height(cells: 'Iterable[Text]') -> int:
 
 
 def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
-    """Lay the axes out under one another, for a narrow terminal."""
+    """Arrange the axes below each other, for a narrow terminal."""
     from rich.text import Text
 
     lines = list(wrapped([title] if rows else [], width, 'bold'))
@@ -258,7 +258,7 @@ def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
 
 
 def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[Text]':
-    """Say what to give a filter, in SI, and how far off the sensor is unaided."""
+    """Return the lines with filter numbers in SI units and the unaided drift."""
     lines = []
     if any(answer.for_filter for answer in found):
         lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
@@ -279,7 +279,7 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
               if answer.forecast}
     head = f'Unaided drift after {wording.duration(COAST_S)}:'
     beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
-    # Their units say which is of which sensor, where each has one.
+    # One line suffices if the sensors agree, since the units show which sensor each is of.
     unknown = [not answer.forecast_interval and answer.extrapolated for answer in found
                if answer.forecast]
     if drifts and len(beside) <= width and len(set(unknown)) == 1:
@@ -310,7 +310,7 @@ def _notes(result: Result) -> list[str]:
 
 
 def _good_to_know(found: Sequence[Finding], width: int) -> 'list[Text]':
-    """Count and name in a sentence what is not said in full."""
+    """Return lines that count and name the findings not shown in full."""
     if not found:
         return []
     names = ', '.join(dict.fromkeys(map(title_of, found)))

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How wide what we write is: as wide as the terminal; in a pipe nothing is broken or cut.
+Width of printed output: that of the terminal; output to a pipe is not wrapped or cut.
 
-The variable COLUMNS holds for both, as it does for ``ls`` and ``ps``.
+The variable COLUMNS overrides both, as it does for ``ls`` and ``ps``.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 _UNBROKEN = 10_000
-"""Columns of a pipe: more than any line of ours has."""
+"""Columns of a pipe, more than any printed line has."""
 
 
 def console_of(to: TextIO | None = None) -> 'Console':
     """
     Return the console for a terminal, a pipe or a file.
 
-    Standard output by default.
+    The default is standard output.
     """
     from rich.console import Console
 
@@ -35,7 +35,7 @@ def console_of(to: TextIO | None = None) -> 'Console':
 
 
 def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
-    """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
+    """Return a borderless table that fits 60 columns; the first `texts` columns hold text."""
     from rich.table import Table
 
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
@@ -46,14 +46,14 @@ def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
 
 
 def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
-    """Yield lines that are whole words, those after the first set in; no number ends one."""
+    """Wrap texts at words, indent continuation lines, and keep numbers with their units."""
     import re
     from textwrap import wrap
 
     from rich.text import Text
 
     for text in texts:
-        # Nothing is broken at such a space.
+        # Lines are not broken at a no-break space.
         joined = re.sub(r'(?<=\d) (?=[%A-Za-z])|(?<=\d h) (?=\d)|(?<=\d min) (?=\d)|'
                         r'(?<= [BK]:) (?=\d)', '\xa0', text)
         for line in wrap(joined, width, subsequent_indent='  ', break_on_hyphens=False):
@@ -62,9 +62,9 @@ def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterat
 
 def columns_of(to: TextIO | None = None) -> int | None:
     """
-    Return where lines that are printed without a console have to end.
+    Return the width for lines that are printed without a console.
 
-    None in a pipe, which gets its lines whole.
+    Returns None for a pipe, where lines are not wrapped.
     """
     stated = _stated()
     if stated is not None:

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a filter needs, as tables and words for the terminal, and as plain numbers for JSON.
+Filter tuning as tables and text for the terminal, and as plain data for JSON.
 
-There are five ways to feed it; what its numbers are worth in another recording comes last.
+There are five sets of filter numbers. Tables on their performance in another recording come last.
 """
 
 from collections.abc import Mapping
@@ -33,15 +33,15 @@ TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full dr
 
 class Choice(NamedTuple):
     """
-    One way to feed a filter.
+    One set of numbers for a filter.
 
     Attributes
     ----------
     name : str
     tuning : FilterTuning or None
-        None for the full drift model, which has more numbers than a row.
+        The tuning; None for the full drift model, whose numbers do not fit in a row.
     coast_sigma : float
-        What the filter predicts for the mean over the longest unaided time.
+        Standard deviation that the filter predicts for the mean over the longest unaided time.
     bound : bool
         Whether K is an upper bound.
 
@@ -56,10 +56,10 @@ class Choice(NamedTuple):
 def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
             ) -> list[Choice]:
     """
-    Return the ways to feed a filter, with what each is expected to reach.
+    Return the sets of numbers for a filter, with the expected performance of each.
 
-    Tuned, conservative, as measured, ten times K, the full drift model. ImuAllanError if the axis
-    has no drift model or the times make no sense.
+    They are tuned, conservative, as measured, ten times K, and the full drift model. Raises
+    ImuAllanError if the axis has no drift model or the times are not valid.
     """
     found = [(TUNED, tune(axis, aiding_s, coast_s, bias), False),
              ('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True), False)]
@@ -77,9 +77,9 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
                  ) -> Group:
     """
-    Return a table for each sensor, of its axes that have a drift model.
+    Return one table per sensor, with the axes that have a drift model.
 
-    ImuAllanError if no axis has one.
+    Raises ImuAllanError if no axis has one.
     """
     parts: list[RenderableType] = [Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
@@ -88,7 +88,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         axis = next(iter(axes.values()))
         noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
                                                                'rate_random_walk'))
-        # The rows of the coefficients have a random walk whatever the filter takes its bias for.
+        # The rows with measured coefficients give K even if the filter uses a Gauss-Markov bias.
         second = ('K', f'K {walk}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {walk}')
         parts.append(Text(f'\n{title}: N {noise}, {second[1]}, predicted {axis.unit}'))
@@ -124,7 +124,7 @@ def _cells(choice: Choice, bias: Bias) -> list[str]:
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
-    """Return the axes with a drift model; ImuAllanError where there is none."""
+    """Return the axes with a drift model; raise ImuAllanError if there are none."""
     axes = {name: axis for name, axis in result.axes.items() if axis.drift_model is not None}
     if not axes:
         raise ImuAllanError('no axis of this result has a drift model (constant, too short, or '
@@ -134,9 +134,9 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
 
 def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]:
     """
-    Say what stands below the tables: what is left out, forecast, included, and how steady it is.
+    Return the notes below the tables: omitted axes, forecast, trends, and steadiness.
 
-    `calibration_s` is how long the bias is averaged before a drift.
+    `calibration_s` is the time over which the bias is averaged before the drift.
     """
     said = [*_left_out(result), *_forecast(result, calibration_s), *(
         f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
@@ -151,20 +151,20 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
 
 
 def _left_out(result: Result) -> list[str]:
-    """Name the axes that have no numbers, and why where that is known."""
+    """List the axes without numbers, and the reason if it is known."""
     unknown = 'too short for a drift model, or from an older version'
     return [f'{spoken(name)} is left out: {why_left_out(axis) or unknown}.'
             for name, axis in result.axes.items() if axis.drift_model is None]
 
 
 def _steadiness(result: Result, coast_s: float) -> list[str]:
-    """Say how far another day may be off, and what changed within the recording."""
+    """Describe how much another day may differ, and what changed within the recording."""
     spans = []
     for title, axes in _by_sensor(known_axes(result)).items():
         spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
                      for axis in axes.values())
         by = float(np.exp(2 * chi_square.NORMAL95 * min(spread, 100.0)))
-        # Factor on a squared error from which on nobody says that it is known.
+        # Beyond this factor, a squared error counts as unknown.
         spans.append(f'{number(1 / by, 2)} to {number(by, 2)} times ({title.lower()})'
                      if by < 100.0 else f'any number of times ({title.lower()})')
     return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
@@ -197,7 +197,7 @@ def _is_known(forecast: DriftForecast, horizon: float) -> bool:
 
 
 def _forecast(result: Result, calibration_s: float) -> list[str]:
-    """Say in plain words what the worst axis of each sensor does within a minute."""
+    """Describe how far the worst axis of each sensor drifts within a minute."""
     said = []
     for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),
                                        ('accel', 'position', 1.0, ' m')):
@@ -225,7 +225,7 @@ def _forecast(result: Result, calibration_s: float) -> list[str]:
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
                      ) -> Group:
-    """Return what filters with the numbers of one recording met in another."""
+    """Return a table of how filters with the numbers of one recording performed in another."""
     first = next(iter(found.values()))
     parts = ('in one part' if first.stops == 1
              else f'in {first.stops} parts, in each of which the filter begins anew')
@@ -254,9 +254,9 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
 def verification_table(found: Mapping[str, Verification], other: str,
                        bias: Bias = 'random_walk', *, run: bool = False) -> Group:
     """
-    Return how numbers from one recording hold in another.
+    Return a table of how well numbers from one recording fit another.
 
-    Where filters were `run` over it, what its model expects needs no column.
+    If filters were `run` over it, the columns with the expectations of its model are omitted.
     """
     def ratio(value: float, ci95: tuple[float, float]) -> str:
         return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
@@ -288,7 +288,7 @@ def _span(excess: Excess) -> str:
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
                     calibration_s: float = 60.0) -> dict[str, Any]:
-    """Return what the tables show."""
+    """Return the content of the tables as plain data."""
     axes = {name: {'choices': [*map(_plain, choices(axis, aiding_s, coast_s, bias))],
                    'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
             for name, axis in known_axes(result).items()}
@@ -309,7 +309,7 @@ def _plain(choice: Choice) -> dict[str, Any]:
 
 def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],
                         bias: Bias = 'random_walk') -> dict[str, Any]:
-    """Return what the tables show."""
+    """Return the content of the tables on another recording as plain data."""
     axes: dict[str, Any] = {}
     second = 'walk' if bias == 'random_walk' else 'sigma'
     for name, one in against.items():

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict on each sensor in a line: what terminal, report and the node's log say first."""
+"""One-line verdicts on the sensors, shown first by terminal, report and the node's log."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -18,15 +18,16 @@ SAID = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'
 
 
 def verdicts_of(result: Result) -> dict[str, SensorVerdict]:
-    """Return the verdict on each sensor that a result has axes of; a file may hold it already."""
+    """Return the verdict on each sensor that a result has axes of, stored or newly derived."""
     return {sensor: result.sensors.get(sensor, own) for sensor, own in verdicts(result).items()}
 
 
 def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
-    Return the verdict on each sensor, the worst axis counting.
+    Return a line with the verdict on each sensor, based on its worst axis.
 
-    Such as ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
+    An example is ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3
+    h.``
     """
     lines = []
     for sensor, verdict in verdicts_of(result).items():
@@ -41,14 +42,14 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
 
 
 def findings_line(result: Result) -> str:
-    """Return ``6 findings: low-pass, poor fit, ...`` in the order of every front end, or ''."""
+    """Return ``6 findings: low-pass, poor fit, ...``, in the order of all front ends, or ''."""
     found = presented(result.warnings)
     titles = dict.fromkeys(map(title_of, found))
     return f'{counted(len(found), "finding")}: {", ".join(titles)}' if found else ''
 
 
 def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str:
-    """Say how well N is known, and what B and K are."""
+    """Return the precision of N, and the values of B and K, as text."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
               if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
     parts = [f'N is good (+-{100 * max(widths):.2g} %)' if widths else 'N does not show']
@@ -72,7 +73,7 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
 
 
 def _reason(result: Result, sensor: str, because: tuple[str, ...]) -> str:
-    """Say why in a few words; the findings themselves stand below."""
+    """Return the reason in a few words; the findings themselves are shown below."""
     rest_s = result.timeline.rest_s
     if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
         return f'{duration(rest_s)} at rest'

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of a drift model held against another recording: predicted and observed drift."""
+"""Figure that compares predicted drift with the drift observed in another recording."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
     """
-    Draw how far the mean was off after an unaided time, beside what was predicted.
+    Draw the observed and the predicted error of the mean after unaided times.
 
-    A panel for each sensor: points are observed, dotted lines and bars predicted by the whole
-    drift model, and 95 % of the points should lie in the bands. ImuAllanError if nothing was at
-    rest for long enough to be left unaided.
+    There is one panel per sensor. Points are observed; dotted lines and bars are predicted by the
+    full drift model. 95 % of the points should lie in the bands. Raises ImuAllanError if no part
+    at rest is long enough for an unaided time.
     """
     shown = {name: one for name, one in found.items() if one.full.coasts}
     sensors = [sensor for sensor in SENSORS if of_sensor(shown, sensor)]
@@ -49,14 +49,14 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest]) -> None:
     horizons = sorted({row.horizon_s for one in found.values() for row in one.full.coasts})
     for place, (name, one) in enumerate(found.items()):
         colour, outcome = COLOURS[name[-1]], one.full
-        # The points of the axes stand side by side, and still at one horizon.
+        # Shift the axes slightly so that their points at one horizon are side by side.
         h = np.array([row.horizon_s for row in outcome.coasts]) \
             * 1.06**(place - (len(found) - 1) / 2)
         low, high = (np.array(ends) * factor for ends in zip(*outcome.bands, strict=True))
         panel.fill_between(h, low, high, color=colour, alpha=0.08, linewidth=0)
-        # A single horizon is no area: its band is a bar.
+        # A single horizon has no area, so its band is drawn as a bar.
         panel.vlines(h, low, high, color=colour, alpha=0.35, linewidth=1.2)
-        # The bar says what was predicted where a single horizon makes no line.
+        # The dash marks the prediction at a single horizon, where there is no line.
         panel.plot(h, [row.predicted_sigma * factor for row in outcome.coasts], ':', marker='_',
                    markersize=9, color=colour)
         panel.plot(h, [row.observed_rms * factor for row in outcome.coasts], MARKERS[name[-1]],
@@ -70,6 +70,6 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest]) -> None:
         ticks(lambda value, _: f'{value:g}' if f'{value:.0e}'[0] in '125' else '')
     panel.set_title(SENSORS[sensor], loc='left')
     panel.grid(visible=True, which='both')
-    # Above the panel: in it there is a point or a band anywhere.
+    # Place it above the panel, since points or bands may be anywhere inside.
     panel.legend(frameon=False, ncols=len(found), loc='lower right', bbox_to_anchor=(1.01, 1.0),
                  borderaxespad=0, handletextpad=0.1, columnspacing=1.0)

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is said of findings, by the words of `imu_allan.writers.sentences` and with their figures.
+Messages of findings, from the texts in `imu_allan.writers.sentences` and their values.
 
-No other module makes a sentence of a finding.
+No other module composes such messages.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,13 +21,13 @@ from imu_allan.writers.sentences import Span, Text, WORDS
 
 
 def title_of(found: Finding) -> str:
-    """Return the name of a finding, in two or three words."""
+    """Return the name of a finding, two or three words long."""
     words = WORDS.get(found.code)
     return words.title if words is not None else printable(found.code).replace('_', ' ')
 
 
 def says(found: Finding) -> str:
-    """Return the sentence with the figures of a finding, with what it is about before it."""
+    """Return the sentence with the values of a finding, preceded by what it is about."""
     if _counts_others(found):
         return f'{_about(found)}{found.values["more"]} more like these'
     made = _made(WORDS[found.code].says, found) if found.code in WORDS else ''
@@ -37,7 +37,7 @@ def says(found: Finding) -> str:
 
 
 def advice(found: Finding, *, live: bool = False) -> str:
-    """Return what to do about a finding, with a recording or at a running node; or nothing."""
+    """Return advice on a finding, for a recording or a running node; '' if there is none."""
     words = WORDS.get(found.code)
     if words is None or _counts_others(found) or not _made(words.says, found):
         return ''
@@ -49,7 +49,7 @@ def _counts_others(found: Finding) -> bool:
 
 
 def _made(text: Text, found: Finding) -> str:
-    """Return a sentence of the table; empty where a file of another version lacks its figures."""
+    """Return a sentence; '' if a file of another version lacks values for it."""
     try:
         return printable(text if isinstance(text, str) else text(_figures(found)))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
@@ -58,9 +58,9 @@ def _made(text: Text, found: Finding) -> str:
 
 class _Figures(SimpleNamespace):
     """
-    The figures of a finding by name, of which ``'name' in figures`` says whether one is known.
+    The values of a finding as attributes; ``'name' in figures`` tests whether one is known.
 
-    What asks for another has no sentence to say, so that none ever says None.
+    Access to an unknown value raises AttributeError, so that no sentence contains None.
     """
 
     def __contains__(self, name: str) -> bool:
@@ -68,7 +68,7 @@ class _Figures(SimpleNamespace):
 
 
 def _figures(found: Finding) -> _Figures:
-    """Return the figures that are as `CODES` has them: a file may hold anything."""
+    """Return the values that match the types in `CODES`, as a file may hold anything."""
     figures = _Figures()
     for name, kind in CODES[found.code].values.items():
         value: Any = found.values.get(name)
@@ -81,7 +81,7 @@ def _figures(found: Finding) -> _Figures:
 
 
 def is_of_axes(found: Finding, name: str) -> bool:
-    """Say whether a value of a finding is a list of one for each of its axes."""
+    """Return whether a value of a finding is a list with one entry per axis."""
     kind = CODES[found.code].values.get(name) if found.code in CODES else None
     return (isinstance(found.values[name], (list, tuple))
             and len(found.values[name]) == len(found.axes) > 1
@@ -89,13 +89,13 @@ def is_of_axes(found: Finding, name: str) -> bool:
 
 
 def message_of(found: Finding, *, live: bool = False) -> str:
-    """Return what was found and what to do about it, on one line."""
+    """Return finding and advice on one line."""
     said, do = says(found), advice(found, live=live)
     return f'{said}{" " if said.endswith("?") else "; "}{do}' if do else said
 
 
 def in_full(findings: Iterable[Finding], *, together: bool) -> Iterator[tuple[Severity, str]]:
-    """Yield title, sentence and advice; what differs in figures alone is one if `together`."""
+    """Yield severity and text of findings; `together` merges those that differ only in values."""
     for (severity, title, do), same in groupby(
             findings, key=lambda found: (found.severity, title_of(found), advice(found))):
         sentences = [says(found) for found in same]
@@ -105,7 +105,7 @@ def in_full(findings: Iterable[Finding], *, together: bool) -> Iterator[tuple[Se
 
 
 def explained(code: str) -> list[str]:
-    """Return what a code means in lines: title, severity, meaning, how it is found, advice."""
+    """Return the lines that explain a code: title, meaning, detection, advice and values."""
     words = WORDS[code]
     lines = [f'{code}: {words.title} '
              f'({"act upon it" if CODES[code].severity == "act" else "good to know"})',
@@ -119,14 +119,14 @@ def explained(code: str) -> list[str]:
 
 
 def values_of(code: str) -> list[str]:
-    """Name the values of a code, with what each may be where that is fixed; "?": may be absent."""
+    """List the values of a code with their permitted words; "?" marks optional ones."""
     return [f'{name}{"?" if is_optional(kind) else ""}'
             + (f' ({", ".join(get_args(known(kind)))})' if get_origin(known(kind)) is Literal
                else '') for name, kind in CODES[code].values.items()]
 
 
 def of_axis(found: Finding, axis: str) -> Finding:
-    """Return what a finding about several axes says about one of them, which is not named."""
+    """Return what a finding on several axes says about one of them, without naming the axis."""
     place = found.axes.index(axis)
     return replace(found, axes=(), values={
         name: value[place] if is_of_axes(found, name) else value
@@ -135,10 +135,10 @@ def of_axis(found: Finding, axis: str) -> Finding:
 
 def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """
-    Return findings as every front end shows them.
+    Return findings in the form in which all front ends show them.
 
-    Those of one kind about several axes are one, with a list of each value that differs. Those to
-    act upon come first. Each has its message.
+    Findings of one kind on several axes are merged, with a list for each value that differs. Those
+    that require action come first. Each has its message.
     """
     codes = list(CODES)
     ranked = sorted(_grouped(findings), key=lambda found: (
@@ -148,13 +148,13 @@ def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def with_words(result: Result) -> Result:
-    """Return a result with findings and verdicts as every front end shows them."""
+    """Return a result whose findings and verdicts are in the form that all front ends show."""
     shown = replace(result, warnings=presented(result.warnings))
     return replace(shown, sensors=verdicts(shown))
 
 
 def _grouped(findings: Sequence[Finding]) -> list[Finding]:
-    """Join what differs in the axis and in numbers alone."""
+    """Merge findings that differ only in axis and numbers."""
     groups: dict[object, list[Finding]] = {}
     for found in findings:
         key: object = len(groups)
@@ -186,7 +186,7 @@ def _is_number(value: object) -> bool:
 
 
 def _about(found: Finding) -> str:
-    """Return the recording and the axes that a finding is about, as they come before it."""
+    """Return the prefix of a message: the recording and axes that it is about."""
     recording = found.values.get('recording')
     where = f'{printable(recording)}: ' if recording and isinstance(recording, str) else ''
     return f'{where}{named([printable(axis) for axis in found.axes])}: ' if found.axes else where

@@ -71,7 +71,7 @@ class CsvRecording(FileRecording):
 
     @property
     def sensors(self) -> list[str]:
-        """Sensors that have columns: 'gyro', 'accel' or both."""
+        """Return the sensors that have columns: 'gyro', 'accel' or both."""
         return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
 
     def span_ns(self) -> tuple[int, int] | None:

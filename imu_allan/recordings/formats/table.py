@@ -3,7 +3,7 @@
 """
 Logs of autopilots: records of numbers, decoded with the code for messages.
 
-Which fields hold the samples is given by `imu_allan.recordings.messages.imu_fields.ImuFields`.
+The fields with the samples are given by `imu_allan.recordings.messages.imu_fields.ImuFields`.
 """
 
 from abc import abstractmethod

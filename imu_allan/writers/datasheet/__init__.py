@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A measured sensor against its datasheet.
+Comparison of a measured sensor with its datasheet.
 
-`verdicts` decides, `measured` says what was measured of each limited quantity, `written` holds
-table, documents and the page that goes with the unit, `live` ends a check once it is certain.
+`verdicts` decides and `measured` gives the measured value of each limited quantity. `written`
+formats tables, documents and the certificate, and `live` ends a check once it is certain.
 """
 
 from imu_allan.writers.datasheet.verdicts import check, overall, reasons, summary, Verdict

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The check of a unit on the bench, over as soon as the verdict is certain."""
+"""A check of a unit on the test bench that ends as soon as the verdict is certain."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,24 +17,24 @@ from imu_allan.writers.datasheet.measured import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, Outcome, overall, Verdict
 
 _TESTED = ('quantization_noise', *LASTING_TERMS)
-"""Keys of the coefficients that the sequential test decides."""
+"""Keys of the coefficients decided by the sequential test."""
 GROWTH = 1.15
-"""How much longer the record is at each look: on average half of that is waited too long."""
+"""Growth of the record between looks; on average half of it is recorded in vain."""
 
 
 @dataclass(frozen=True)
 class Standing:
     """
-    Where a unit stands.
+    State of a check.
 
     Attributes
     ----------
     decided : bool
-        Whether more data would change nothing.
+        Whether the verdicts are final.
     verdicts : tuple of Verdict
-        As of now; while nothing is decided what is open is not known.
+        The current verdicts; open ones are 'cannot tell'.
     recorded_s : float
-        How long the record is.
+        Length of the record in seconds.
 
     """
 
@@ -48,29 +48,28 @@ def standing(stream: Characterization | Mapping[str, Characterization],
              shortest_s: float = 0.0, result: Result | None = None,
              fits: Mapping[str, AxisFit | None] | None = None) -> Standing:
     """
-    Look how a unit stands against its datasheet.
+    Compare a unit with its datasheet while it is recorded.
 
-    To be called as the record grows, for instance each time it is 15 % longer, until it says that
-    the verdict is certain. Noise coefficients are decided by the sequential test, everything else
-    as `check` does.
+    Call it as the record grows, for instance each time it is 15 % longer, until the verdict is
+    certain. Noise coefficients are decided by the sequential test, everything else as in `check`.
 
     Parameters
     ----------
     stream : Characterization, or a mapping of str to it
-        What came so far; left as it is. Of an IMU in halves each, by ``gyro`` and ``accel``.
+        The data so far; not modified. A mapping has the keys ``gyro`` and ``accel``, for an IMU
+        whose sensors have different rates.
     specification : NoiseModel
         The limits.
     margin : float, optional
-        How near to a limit a unit may lie for the test to decide on which side: a tenth.
+        Relative distance to a limit within which the test need not decide on a side.
     error : float, optional
-        Probability that a unit that keeps every limit fails, and that one that does not passes,
-        each at most.
+        Largest probability that a good unit fails, and that a bad unit passes.
     shortest_s : float, optional
-        From a shorter record nothing passes.
+        Shortest record in seconds with which anything passes.
     result : Result, optional
-        What `stream` makes; needed where it is two halves.
+        The result of `stream`; required if that is a mapping.
     fits : mapping of axis name to AxisFit or None, optional
-        What the result was made of, which spares making it again.
+        The fits that `result` is based on, to avoid repeating them.
 
     Returns
     -------
@@ -79,7 +78,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     Raises
     ------
     ImuAllanError
-        If the specification limits nothing.
+        If the specification has no limits.
 
     """
     halves = {'': stream} if isinstance(stream, Characterization) else stream
@@ -97,13 +96,13 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     if fits is None:
         fits = _fits(records)
     limited = sum(verdict.key in _TESTED for verdict in verdicts)
-    # The test knows the terms of a sensor, not what a filter behind it leaves of them.
+    # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
     settled = []
     for verdict in verdicts:
         axis = result.axes.get(verdict.axis)
-        # However long the record is, the steps of the output hide what is limited.
+        # The output resolution hides the quantity, however long the record is.
         hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
         settled.append(
             _settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
@@ -114,7 +113,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
         return Standing(overall(found) == 'fail', tuple(found), recorded)
     if overall(found) == 'fail':
-        # One limit decides; the others may lie as far beyond theirs and need more data to say so.
+        # One failure decides. Other limits may be exceeded as well, but need more data to show it.
         why = 'left open, as the unit fails already'
         found = [verdict if done else _open(verdict, why) for verdict, done in settled]
         return Standing(True, tuple(found), recorded)
@@ -122,7 +121,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
 
 
 def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | None]:
-    """Fit every axis of an IMU, of one in halves those of either half."""
+    """Fit every axis; if the sensors have different rates, each from its own record."""
     fits: dict[str, AxisFit | None] = {}
     for half, record in records.items():
         if record is None:
@@ -136,18 +135,19 @@ def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | N
 
 def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float,
              limited: int, recorded_s: float) -> tuple[Verdict, bool]:
-    """One coefficient by the sequential test, and whether it is done with."""
+    """Apply the sequential test to one coefficient; return the verdict and whether it is final."""
     if fitted is None:
-        # A missing, constant or dead axis has failed already.
+        # A missing, constant or dead axis has already failed.
         return verdict, verdict.verdict == 'fail'
     if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
         return verdict, True
     if fitted.fit.power_law is not None and verdict.key == 'bias_instability':
-        # There is no flicker to be tested, only the curve.
+        # Without flicker there is nothing to test but the curve.
         return verdict, verdict.verdict != 'cannot tell'
     if not fitted.fit.acceptable or verdict.limit <= 0:
         return _open(verdict), False
-    # Any of the limits may fail by chance; a bad unit passes only if its one bad term does.
+    # A good unit may fail at any of its limits by chance, so these share the error. A bad unit
+    # passes only if its bad term passes.
     decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
                       pass_error=error, fail_error=error / limited)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
@@ -173,5 +173,5 @@ def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longe
 
 
 def next_look(samples: int) -> int:
-    """Return at how many samples to look again."""
+    """Return the number of samples at which to look again."""
     return max(SMALLEST_RECORD, round(samples * GROWTH))

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a result says of each quantity that a datasheet may limit, noise coefficients included."""
+"""Measured values of all quantities that a datasheet may limit, including noise coefficients."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,29 +17,27 @@ from imu_allan.wording import duration
 from imu_allan.writers.words import says
 
 DEAD = 1e-3
-"""
-Share of the limit of its noise density below which an axis is dead: no sensor is a thousand times
-better than its datasheet, while rounding in a driver makes a stuck value vary by that little. The
-same share of the noise of the other segments shows an axis that died during the record.
-"""
+"""Share of the noise density limit below which an axis is dead. No sensor is a thousand times
+better than its datasheet, while rounding in a driver makes a stuck value vary by that little.
+The same share of the noise of the other segments reveals an axis that died during the record."""
 _FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
 
 
 @dataclass(frozen=True)
 class Measured:
     """
-    What was measured of one quantity.
+    The measured value of one quantity.
 
     Attributes
     ----------
     value : float or None
-        A magnitude, in the SI unit of the limit.
+        Magnitude in the SI unit of the limit.
     ci95 : (float, float) or None
-        Of the magnitude.
+        95 % interval of the magnitude.
     upper95 : float or None
-        Where there is no value.
+        95 % upper bound if there is no value.
     undecided : str or None
-        Why neither is to be believed, or why there is none.
+        Why value and bound are unreliable, or why there is none.
 
     """
 
@@ -51,10 +49,10 @@ class Measured:
 
 def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
     """
-    Say whether an axis measures nothing at all, or is cut off.
+    Return why an axis does not measure properly, or None.
 
-    A sentence with the word: missing (`axis` is None), constant, dead, saturated, deadband or
-    copy.
+    The sentence contains the fault: missing (`axis` is None), constant, saturated, deadband, copy
+    or dead.
     """
     if axis is None:
         return 'the axis is missing: the result does not hold it'
@@ -71,7 +69,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.copy_of is not None:
         return ('the axis is a copy: every sample is that of '
                 f'{printable(shorten(axis.copy_of))}')
-    # Less than 1 in 200 samples differs from there on: a thousand in a row may be one value.
+    # Fewer than 1 in 200 samples then differs, so a thousand in a row may be equal.
     if (ratio := _steps_of_noise(axis)) > 15.0:
         return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
                 f'{axis.unit}, {ratio:.0f} times the noise of one sample')
@@ -84,7 +82,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
 
 
 def stopped(result: Result) -> str | None:
-    """Say whether the sensor as a whole gave no new samples for a part of the recording."""
+    """Return a sentence if the whole sensor gave no new samples for a part of the recording."""
     return next((f'the sensor was dead for a part of the recording: {says(remark)}'
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
@@ -104,7 +102,7 @@ def _died(axis: AxisResult) -> str | None:
 
 
 def coefficient(axis: AxisResult, key: str) -> Measured:
-    """Return the coefficient, of a ramp its magnitude."""
+    """Return a coefficient, for a ramp its magnitude."""
     found: Coefficient = axis.coefficients[key]
     if axis.high_passed_hz is not None:
         undecided: str | None = _FILTERED
@@ -120,7 +118,7 @@ def coefficient(axis: AxisResult, key: str) -> Measured:
 
 
 def zero_bias(result: Result, axis: str, expected: float) -> Measured:
-    """Return how far the mean is from what it should be; of several recordings the farthest."""
+    """Return the distance of the mean from `expected`, the largest of several recordings."""
     if result.axes[axis].mean is None:
         return Measured(undecided='there is no mean')
     if (undecided := _undecided_mean(result.axes[axis])) is not None:
@@ -131,9 +129,9 @@ def zero_bias(result: Result, axis: str, expected: float) -> Measured:
 
 def gravity_error(result: Result) -> Measured:
     """
-    Return the distance of the length of the mean acceleration from standard gravity.
+    Return the difference between the mean acceleration's magnitude and standard gravity.
 
-    Of several recordings the largest.
+    For several recordings it is the largest.
     """
     names = [axis for axis in AXES if axis.startswith('accel')]
     for name in names:
@@ -142,7 +140,7 @@ def gravity_error(result: Result) -> Measured:
     found = []
     for means, errors in _starts(result, names):
         length = hypot(*means)
-        # To first order an error counts as much as its axis takes part in the whole.
+        # Error propagation to first order: each axis is weighted by its share of the magnitude.
         found.append((length - STANDARD_GRAVITY, hypot(*(
             mean / length * error for mean, error in zip(means, errors, strict=True)))
             if length else 0.0))
@@ -151,9 +149,9 @@ def gravity_error(result: Result) -> Measured:
 
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
     """
-    Return what was measured of one limited quantity.
+    Return the measured value of one limited quantity.
 
-    For the accelerometer as a whole the result holds all three of its axes.
+    For quantities of the whole accelerometer, the result must hold its three axes.
     """
     if key in TERMS:
         hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
@@ -167,7 +165,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     if found.high_passed_hz is not None:
         return Measured(undecided=_FILTERED)
     if key == 'turn_on_bias':
-        # The spread of the mean from one power-on to the next.
+        # Spread of the mean from one power-on to the next.
         spread = result.turn_on_bias.get(axis)
         if spread is not None:
             return Measured(spread.sigma, spread.ci95)
@@ -181,17 +179,17 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
                                   'temperature while it changes')
     if found.goodness_of_fit.p_value is None:
         return Measured(undecided='too few samples')
-    # Zero where the noise is flat to the end, or no spectral line was found.
+    # Zero if the noise is flat up to the band edge, or if there is no spectral line.
     return Measured(found.band_limit_s or 0.0 if key == 'band_limit' else
                     max((tone.amplitude for tone in found.tones), default=0.0))
 
 
 def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], list[float]]]:
     """
-    Give means and standard errors of some axes, of each recording that has them all.
+    Return means and standard errors of some axes, for each recording with all of them.
 
-    Where there are none, the result is of one recording, or of a node that may have been through
-    several starts: the mean of all of them is that of one no better than they differ.
+    Otherwise the result is of one recording, or of a node that may have seen several starts. The
+    error of the overall mean then includes the spread between starts.
     """
     starts = [(part.means, part.duration_s) for part in result.recordings
               if all(name in part.means for name in names)]
@@ -208,7 +206,7 @@ def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], lis
 
 
 def _largest(found: Sequence[tuple[float, float]]) -> Measured:
-    """Give the largest of several distances with their standard errors."""
+    """Return the largest of several distances, given with their standard errors."""
     distance, error = max(found, key=lambda pair: abs(pair[0]))
     half = NORMAL95 * error
     return Measured(abs(distance), _magnitude((distance - half, distance + half)))
@@ -234,31 +232,31 @@ def _magnitude(interval: Interval) -> Interval:
     return (-high, -low) if high <= 0 else (0.0, max(-low, high))
 
 
-# Rounding a sample to steps q makes white noise of q / sqrt(12) as long as the noise is half a
-# step: little more is seen than there is. Less noise stays within a step or jumps between two,
-# whatever it is. A driver that cuts towards zero, as a cast to an integer does, has a cell of two
-# steps there, which hides twice as much.
+# If the noise is at least half a step q, rounding adds white noise of q / sqrt(12). The total is
+# then little more than the true noise. Smaller noise stays within a step or jumps between two,
+# whatever its size. Truncation towards zero, as by a cast to an integer, gives a cell of two steps
+# around zero, which hides twice as much.
 
 
 def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     """
-    Say why a limit of a noise coefficient lies below what the steps of an output can show.
+    Return why the resolution of the output is too coarse to test a limit, or None.
 
-    `limit` is in SI units. None where the output is fine enough, or noise breaks the limit
-    whatever it hides.
+    `limit` is in SI units. Returns None if the output is fine enough, or if the noise exceeds the
+    limit regardless of what is hidden.
     """
     ratio = _steps_of_noise(axis)
-    # Steps from zero: within, the mean of an axis that is cut towards zero falls into its cell.
+    # Within two steps of zero, the mean of a truncated axis is inside the cell of double width.
     near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)
-    # Steps, in noise of a sample, up to which rounding takes at most 6 % off a slow trend.
+    # Up to two steps per noise of a sample, rounding attenuates a slow trend by at most 6 %.
     if key not in TERMS or not ratio or (ratio <= 2.0 and not near_zero):
         return None
     step = axis.coarse_step or 0.0
     if key == 'noise_density':
         a_step = step * sqrt(axis.curve.tau_s[0])
         interval = axis.coefficients[key].ci95
-        # From the root of two steps on the noise of what is cut is larger than a step. Half a step
-        # is what a mean between two of them makes of next to none.
+        # Truncated noise above sqrt(2) steps still scatters by more than a step. A mean midway
+        # between two steps turns even tiny noise into half a step.
         if limit >= sqrt(2.0) * a_step or (
                 interval is not None and interval[0]**2 - (0.5 * a_step)**2 > limit**2):
             return None
@@ -267,6 +265,6 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
 
 
 def _steps_of_noise(axis: AxisResult) -> float:
-    """Return the step of the output in noise of a sample; 0 where it is smaller than that."""
+    """Return the output step divided by the noise of a sample; 0 if the step is not coarse."""
     noise = axis.curve.adev[0] if axis.curve.adev else 0.0
     return axis.coarse_step / noise if axis.coarse_step is not None and noise > 0 else 0.0

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The verdict on every quantity that a datasheet limits.
+Verdicts on the quantities that a datasheet limits.
 
-A specification says what a quantity is at most. Whether the sensor keeps it is decided by the
-measured 95 % interval, not by the value: the interval (or, where the term does not show, its upper
-bound) below the limit passes, the interval above it fails, and between the two this recording
-cannot tell. An axis that measures nothing fails whatever is limited of it.
+A specification gives an upper limit for a quantity. The measured 95 % interval decides, not the
+value. If the interval, or the upper bound of an unobservable term, is below the limit, the
+quantity passes. If the interval is above the limit, it fails; otherwise this recording cannot
+tell. An axis that measures nothing fails all its limits.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,24 +27,24 @@ Outcome = Literal['pass', 'fail', 'cannot tell']
 @dataclass(frozen=True)
 class Verdict:
     """
-    One quantity of one axis against its limit.
+    One quantity of one axis compared with its limit.
 
     Attributes
     ----------
     axis, key, symbol, unit : str
-        Which quantity, and its SI unit, that of `limit`, `value`, `ci95` and `upper95`. What is of
-        the three axes together has the axis ``accel``.
+        The quantity, and the SI unit of `limit`, `value`, `ci95` and `upper95`. Quantities of all
+        three axes together have the axis ``accel``.
     limit : float
-        The most that the specification allows.
+        The largest value that the specification allows.
     specified : str
-        The limit as the file writes it.
+        The limit as written in the file.
     value, ci95, upper95 : optional
-        As measured, magnitudes; None as in the result.
+        Measured magnitudes; None as in the result.
     ratio : float or None
-        `value` over `limit`.
+        `value` divided by `limit`.
     verdict : 'pass', 'fail' or 'cannot tell'
     reason : str
-        One plain sentence.
+        Reason in one sentence.
 
     """
 
@@ -65,11 +65,11 @@ class Verdict:
 def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
           ) -> list[Verdict]:
     """
-    Compare everything that the specification limits.
+    Compare a result with all limits of a specification.
 
-    Gauss-Markov terms of the specification are no limits; its means say what `zero_bias` is
-    measured from. From a record shorter than `shortest_s` nothing passes. ImuAllanError if nothing
-    is limited.
+    Gauss-Markov terms of the specification are not limits; its means are the reference of
+    `zero_bias`. Nothing passes with a record shorter than `shortest_s`. Raises ImuAllanError if
+    there are no limits.
     """
     verdicts = [_verdict(result, specification, axis, key, limit)
                 for axis, key, limit in _limits(specification)]
@@ -85,17 +85,17 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
 
 
 def overall(verdicts: Sequence[Verdict]) -> Outcome:
-    """Return 'fail' if any quantity fails, else 'cannot tell' if any is so, else 'pass'."""
+    """Return 'fail' if any quantity fails, else 'cannot tell' if any is undecided, else 'pass'."""
     outcomes = {verdict.verdict for verdict in verdicts}
     return 'fail' if 'fail' in outcomes else 'cannot tell' if 'cannot tell' in outcomes else 'pass'
 
 
 def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
     """
-    Return the verdict on the whole sensor, and what speaks against it, in sentences with figures.
+    Return the verdict on the whole sensor, and the reasons against a pass, with figures.
 
-    One sentence for each quantity of that outcome, such as ``gyro_z N: the 95 % interval is above
-    0.03 deg/s/sqrt(Hz) (measured 0.041)``; none where everything passes.
+    There is one sentence for each quantity with that outcome, such as ``gyro_z N: the 95 %
+    interval is above 0.03 deg/s/sqrt(Hz) (measured 0.041)``; none if everything passes.
     """
     outcome = overall(verdicts)
     return outcome, [_with_figures(verdict) for verdict in verdicts
@@ -104,9 +104,10 @@ def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
 
 def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
     """
-    Say of every quantity that does not pass why, failures first; once what is the same of several.
+    Return why quantities do not pass, failures first; equal reasons are merged.
 
-    Beside the sentences the number of its own for each verdict, from one on; None where it passes.
+    The second list gives, for each verdict, the number of its sentence, counted from 1; None if it
+    passes.
     """
     keys = [None if verdict.verdict == 'pass' else (
         verdict.verdict, _with_figures(verdict).removeprefix(
@@ -119,19 +120,19 @@ def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
 
 
 def in_written_unit(verdict: Verdict, value: float) -> str:
-    """Return a value of the verdict in the unit that the specification uses, without the unit."""
+    """Return a value in the unit that the specification uses, as text without the unit."""
     return number(convert(value, verdict.unit, unit_of(verdict.specified)))
 
 
 def with_interval(verdict: Verdict, value: float, bounds: tuple[float, float]
                   ) -> tuple[str, str, str]:
-    """Return value and interval in the unit of the specification, with the interval's digits."""
+    """Return value and interval in the unit of the specification, with matching digits."""
     unit = unit_of(verdict.specified)
     shown = measured(*(convert(number, verdict.unit, unit) for number in (value, *bounds)))
     limit = convert(verdict.limit, verdict.unit, unit)
     if [_side(float(text), limit) for text in shown[1:]] != [
             _side(bound, verdict.limit) for bound in bounds]:
-        # Rounded onto or across the limit, the interval would contradict the verdict beside it.
+        # Rounded to or across the limit, the interval would contradict the verdict beside it.
         return (in_written_unit(verdict, value), in_written_unit(verdict, bounds[0]),
                 in_written_unit(verdict, bounds[1]))
     return shown
@@ -151,7 +152,7 @@ def _with_figures(verdict: Verdict) -> str:
 
 
 def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
-    """Yield axis, key and limit; what is of the accelerometer as a whole once."""
+    """Yield axis, key and limit; limits of the whole accelerometer only once."""
     said = set()
     for axis in AXES:
         terms = specification.axes.get(axis, {})
@@ -183,7 +184,7 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
     return Verdict(
         axis=axis, key=key, symbol=symbol, unit=unit, limit=limit, specified=written,
         value=measured.value, ci95=measured.ci95, upper95=measured.upper95,
-        # A limit next to nothing has a quotient that no number holds.
+        # With a limit close to zero, the ratio would overflow.
         ratio=None if measured.value is None or limit <= 0 or measured.value > limit * 1e300
         else measured.value / limit,
         verdict=outcome, reason=f'{_what(axis, symbol)}: {reason}')
@@ -201,7 +202,7 @@ def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str
             return 'pass', f'not observable, and with 95 % confidence below {shown}'
         return 'cannot tell', 'not observable in this recording; record for longer'
     if measured.ci95 is None:
-        # A quantity without an interval stands for itself.
+        # Without an interval, the value alone decides.
         below = measured.value is not None and measured.value <= limit
         return ('pass', f'below {shown}') if below else ('fail', f'above {shown}')
     low, high = measured.ci95

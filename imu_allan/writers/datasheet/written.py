@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verdicts as they are written: terminal's table, JSON, JUnit XML, and the certificate."""
+"""Output of verdicts: table for the terminal, JSON, JUnit XML, and the certificate."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 _MARKS: dict[Outcome, tuple[str, str, str]] = {
     'pass': ('✓', 'pass', 'green'), 'fail': ('✗', 'fail', 'bold red'),
     'cannot tell': ('?', 'undecided', 'yellow')}
-"""Sign and class on the certificate, style on a terminal."""
+"""Sign and class on the certificate, and style on a terminal."""
 _MOST_SENTENCES = 8
-"""More would push the signature off the sheet; the table holds every verdict anyway."""
+"""More would push the signature off the sheet; the table has all verdicts anyway."""
 _LONGEST = 110
 """Characters that fit on a line of the sheet."""
 
 
 def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
     """
-    Lay the verdicts out for a terminal.
+    Return the verdicts as a table for a terminal.
 
-    Every number stands in the unit that the specification uses, so that the two can be compared
-    by eye. Behind what does not pass stands the number of its reason, as of `reasons`.
+    All numbers are in the unit that the specification uses, for easy comparison. A verdict other
+    than a pass is followed by the number of its reason in `reasons`.
     """
     from rich.text import Text
 
@@ -78,9 +78,9 @@ def figures(verdict: Verdict) -> tuple[str, str, str]:
 
 def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
     """
-    Return the verdicts as JSON text of the schema ``imu_allan.check/1``.
+    Return the verdicts as JSON text with the schema ``imu_allan.check/1``.
 
-    Source, inspection and name of the specification are quoted.
+    It includes source, inspection and name of the specification.
     """
     quoted = result.to_dict()
     document: dict[str, Any] = {
@@ -93,7 +93,7 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
 
 def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
     """
-    Return the verdicts as JUnit XML: a test case for each, skipped where one cannot tell.
+    Return the verdicts as JUnit XML: one test case each, skipped if undecided.
 
     Serial number, operator and station are properties of the suite.
     """
@@ -139,7 +139,7 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     """
     Return the certificate of a unit.
 
-    An HTML document without script, which prints on one sheet of A4.
+    It is an HTML document without script that prints on one sheet of A4.
     """
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
     title = specification.name or 'specification'
@@ -173,5 +173,5 @@ def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:
 
 
 def _shown(specified: str) -> str:
-    # Characters of its column of the table.
+    # Characters that fit in the column of the table.
     return shorten(printable(typeset(specified)), 40)

@@ -1,16 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What to put into a filter's configuration.
+Configurations of filters.
 
-Every consumer has its own names, its own file format and its own idea of what the numbers mean:
-continuous or per sample, standard deviation or variance, a random walk or a Gauss-Markov process.
-Most are templates, filled by `template`; `structured` writes the others. Each says where in the
-consumer's source the meaning was read. Throughout, N is the noise density and K the rate random
-walk, tuned for what corrects the consumer, f the sample rate.
+Every consumer has its own names, file format and conventions: continuous or per sample, standard
+deviation or variance, random walk or Gauss-Markov process. Most have a template, filled by
+`template`; `structured` writes the others. Each states where in the consumer's source its meaning
+was read. Throughout, N is the noise density, K the rate random walk and f the sample rate. N and K
+are tuned for the measurements that correct the consumer.
 
-A consumer that takes one value for a sensor gets that of the worst axis, the others stand beside
-it in a comment.
+A consumer with one value per sensor gets that of the worst axis; comments give the others.
 """
 
 from imu_allan.writers.consumers import CONSUMERS

@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which numbers go into a configuration.
+Choice of the numbers for a configuration.
 
-Tuned from the drift model for what corrects the consumer, unless the coefficients as measured are
-asked for. Where the data cannot show a coefficient the 95 % upper bound is used and the comment
-says so: a filter needs some number, and this one is not too small. A dead axis is named.
+They are tuned from the drift model for the measurements that correct the consumer, unless the
+measured coefficients are requested. If a coefficient is not observable, its 95 % upper bound is
+used and a comment says so: a filter needs a number, and this one is not too small. Dead axes are
+named.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,7 +31,7 @@ SENSORS: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
 
 
 def times(factor: float) -> Scale:
-    """Return what multiplies by a factor."""
+    """Return a function that multiplies by a factor."""
     return lambda value: value * factor
 
 
@@ -40,25 +41,25 @@ AS_IT_IS = times(1.0)
 @dataclass(frozen=True)
 class Wishes:
     """
-    What the user asks of a configuration.
+    The user's options for a configuration.
 
     Attributes
     ----------
     rate_hz : float or None
-        Rate at which the consumer takes samples or predicts, where not the usual one.
+        Rate at which the consumer takes samples or predicts, if not the usual one.
     as_measured : bool
-        The coefficients instead of tuned numbers.
+        Whether to use the measured coefficients instead of tuned numbers.
     aiding_s, coast_s : float or None
-        Time between corrections and the longest without; those of the consumer by default.
+        Time between corrections, and the longest time without; by default those of the consumer.
     conservative : bool
-        Not below the upper 95 % end of what is expected.
+        Whether to tune for the upper end of the 95 % interval of the expected error.
     inflate : mapping
-        Factors by ``N`` and ``K``, on top.
+        Additional factors on ``N`` and ``K``.
 
     Raises
     ------
     ImuAllanError
-        If a number is not above zero, or a factor is of something else.
+        If a number is not positive, or a factor is for another key.
 
     """
 
@@ -70,7 +71,7 @@ class Wishes:
     inflate: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense."""
+        """Raise ImuAllanError for invalid options."""
         if not isinstance(self.inflate, Mapping):
             raise ImuAllanError("inflate takes factors of N and K, such as {'K': 5.0}, not "
                                 f'{shorten(printable(repr(self.inflate)))}')
@@ -89,7 +90,7 @@ class Wishes:
 @dataclass(frozen=True)
 class Number:
     """
-    One number of one axis.
+    One number for one axis.
 
     Attributes
     ----------
@@ -97,11 +98,11 @@ class Number:
     bound : bool
         Whether it is an upper bound.
     interval : (float, float) or None
-        Where it was measured.
+        95 % interval, if it was measured.
     by_curve : bool
-        Whether the bound is that of the measured Allan deviation, below that of the fit.
+        Whether the bound comes from the measured Allan deviation, being below that of the fit.
     of_flicker : bool
-        Whether it is of the process that stands for flicker, where none was measured.
+        Whether it describes a process that approximates flicker, as none was measured.
 
     """
 
@@ -112,7 +113,7 @@ class Number:
     of_flicker: bool = False
 
     def measured(self, scale: Scale = AS_IT_IS) -> str:
-        """Say what was measured, scaled as in the file."""
+        """Return the measured value as text, scaled as in the file."""
         if self.bound:
             return f'not observable, below {scale(self.value):.4g}'
         ends = '' if self.interval is None else (
@@ -123,21 +124,21 @@ class Number:
 
 class Numbers:
     """
-    The numbers of every axis for one consumer.
+    The numbers of all axes for one consumer.
 
     Parameters
     ----------
     result : Result
     name : str
-        Of the consumer, in the command.
+        Name of the consumer in the command.
     consumer : Consumer
-        What usually corrects it, and what it takes the bias for.
+        Its usual corrections and its model of the bias.
     wishes : Wishes
 
     Raises
     ------
     ImuAllanError
-        If no axis has any number, or the wishes do not fit together.
+        If no axis has any number, or the options contradict each other.
 
     """
 
@@ -164,20 +165,20 @@ class Numbers:
                                 f'noise density ({why}')
 
     def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
-        """Return the axes of a sensor that the result has."""
+        """Return the axes of a sensor that are in the result."""
         return axes_of(self.result, sensor)
 
     def known(self, sensor: Sensor, key: Key) -> dict[str, Number]:
-        """Return the axes of a sensor that have a number."""
+        """Return this number for the axes of a sensor that have it."""
         return {name: self.of_axis[name][key] for name in self.axes(sensor)
                 if key in self.of_axis[name]}
 
     def worst(self, sensor: Sensor, key: Key) -> tuple[str, Number] | None:
         """
-        Return the axis with the largest number, or None where none has one.
+        Return the axis with the largest number, or None if no axis has one.
 
-        The time and the driving density of a process are those of the axis with the largest sigma:
-        of three axes they would make a process that is none of theirs.
+        Correlation time and driving density are those of the axis with the largest sigma.
+        Parameters from different axes would describe a process of none of them.
         """
         known = self.known(sensor, key)
         if not known:
@@ -187,7 +188,7 @@ class Numbers:
         return name, known[name]
 
     def measured(self, name: str, key: Key, scale: Scale = AS_IT_IS) -> str:
-        """Say what was measured of a number of an axis: value and 95 % interval, or bound."""
+        """Return the measured value and interval, or the bound, of an axis as text."""
         found = self.coefficients[name].get(key)
         if found is None:
             return 'not measured'
@@ -196,11 +197,11 @@ class Numbers:
 
     @property
     def of_datasheet(self) -> bool:
-        """Whether nothing was measured."""
+        """Return whether the numbers come from a datasheet instead of a measurement."""
         return self.result.source.kind == 'datasheet'
 
     def given(self, sensor: Sensor, name: str) -> dict[Key, Number]:
-        """Return the numbers that an axis gets: its own, or those that it shares with others."""
+        """Return the numbers that an axis gets: its own, or those shared with other axes."""
         if self.consumer.share == 'axis':
             return self.of_axis[name]
         found = {key: one[1] for key in get_args(Key)
@@ -212,9 +213,9 @@ class Numbers:
 
     def rate(self, sensor: Sensor | None = None) -> float:
         """
-        Return the rate that the consumer works at, or that of the messages of a sensor.
+        Return the rate of the consumer, or of the messages of a sensor.
 
-        ImuAllanError if nobody knows it.
+        Raises ImuAllanError if it is unknown.
         """
         of_messages = None if sensor is None or not self.consumer.per_message else next(
             (axis.sample_rate_hz for axis in self.axes(sensor).values()
@@ -236,13 +237,13 @@ class Numbers:
 
         common: float | None = None
         if self.consumer.one_time and axes:
-            # The correlation time of the axes' own choices, in the middle.
+            # The median of the correlation times that the axes would choose separately.
             own = sorted(tuned(axis, None).correlation_time_s or 0.0 for axis in axes.values())
             common = own[len(own) // 2]
         self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
 
     def _agree_on_a_time(self) -> None:
-        """Give all axes the correlation time of the gyroscope that drifts furthest."""
+        """Give all axes the correlation time of the gyroscope axis with the largest drift."""
         found = self.worst('gyro', 'Tc') or self.worst('accel', 'Tc')
         for numbers in self.of_axis.values():
             if found is not None and 'sigma' in numbers:
@@ -266,13 +267,13 @@ def _tuned(tuning: FilterTuning) -> dict[Key, Number]:
 
 
 def _of_process(sigma: Number, time: Number) -> dict[Key, Number]:
-    """Return a Gauss-Markov process with the density that drives it, K."""
+    """Return the parameters of a Gauss-Markov process, with its driving density K."""
     return {'sigma': sigma, 'Tc': time,
             'K': replace(sigma, value=sigma.value * sqrt(2 / time.value), interval=None)}
 
 
 def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
-    """Return coefficients as measured, or their bounds; nothing for an axis without noise."""
+    """Return measured coefficients or their bounds; empty for an axis without a noise density."""
     found: dict[Key, Number] = {}
     keys: dict[Key, str] = {'N': 'noise_density', 'K': 'rate_random_walk'}
     for key, name in keys.items():
@@ -289,7 +290,7 @@ def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
 
 
 def _process(axis: AxisResult) -> tuple[Number, Number]:
-    """Sigma and correlation time of the process that was found, or that stands for the flat."""
+    """Return sigma and correlation time of the process, or of one that approximates flicker."""
     if (process := axis.gauss_markov) is not None:
         return (Number(process.sigma, interval=process.sigma_ci95),
                 Number(process.correlation_time_s, interval=process.correlation_time_ci95))
@@ -297,13 +298,13 @@ def _process(axis: AxisResult) -> tuple[Number, Number]:
     level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
     curve = axis.curve
     if not level or not curve.tau_s:
-        # Filters refuse a time of zero, even of a process without size.
+        # Filters reject a correlation time of zero, even for a process of zero size.
         return Number(0.0), Number(100.0)
     above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
     peak = sqrt(above[0] * above[-1]) if above else curve.tau_s[-1]
     # Farrell et al., IEEE Control Systems 42(6), 2022: sigma is 1.08 B, and the Allan deviation of
-    # a process is highest at 1.89 correlation times.
+    # a process peaks at 1.89 correlation times.
     ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])
     return (Number(1.08 * level, not flat.observable, ends, of_flicker=True),
             Number(peak / 1.89, of_flicker=True))

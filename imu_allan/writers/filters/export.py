@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The configuration of a consumer, and what is said of those that lie there from before."""
+"""Export of the configuration of a consumer, and messages on existing configurations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ class FilterConfig:
     Attributes
     ----------
     name : str
-        Suggested file name, different for every consumer.
+        Suggested file name, unique among consumers.
     text : str
 
     """
@@ -37,11 +37,11 @@ class FilterConfig:
 def export(result: Result, consumer: str, rate_hz: float | None = None,
            wishes: Wishes = Wishes()) -> FilterConfig:  # noqa: B008
     """
-    Write the configuration of a filter.
+    Return the configuration of a filter.
 
-    `rate_hz` is for those whose numbers depend on it: by default the sample rate of the result,
-    for an autopilot the usual prediction rate. ImuAllanError if the consumer is not known, or the
-    result lacks the rate or every number.
+    `rate_hz` matters to consumers whose numbers depend on it. The default is the sample rate of
+    the result, or the usual prediction rate for an autopilot. Raises ImuAllanError if the consumer
+    is unknown, or if the result lacks the rate or all numbers.
     """
     if not isinstance(result, Result):
         raise TypeError('expected a result, such as imu_allan.load_result gives, not '
@@ -61,10 +61,10 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
 
 def left_from_before(path: str | os.PathLike[str]) -> str:
     """
-    Say what is to be said of a file in the place of a configuration that cannot be made.
+    Return a note on an existing file in place of a configuration that cannot be made.
 
-    It is left alone: who knows whose it is, or of which result. But beside a new result it looks
-    like one of that. Empty where nothing stands there.
+    The file is kept, since its origin is unknown, but beside a new result it seems to belong to
+    it. Empty if there is no such file.
     """
     if not Path(path).is_file():
         return ''
@@ -73,11 +73,10 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
 
 def left_from_earlier(folder: str | os.PathLike[str], exports: Sequence[str] = ()) -> str:
     """
-    Say which configurations in a folder are not of the result that was saved there last.
+    Return a note on configurations in a folder that belong to an earlier result.
 
-    They are left alone, but beside a new result they look like those of it. `exports` belong to
-    the result. Empty where there are none; what stands under the name of a configuration and was
-    not written by this program is none.
+    They are kept, but beside a new result they seem to belong to it. `exports` are those that do.
+    Files that this package did not write do not count. Empty if there are none.
     """
     folder = Path(folder)
     old = {name: consumer.file for name, consumer in CONSUMERS.items()
@@ -98,5 +97,5 @@ def _is_configuration(path: Path) -> bool:
         with path.open('rb') as file:
             return kind_of(file.read(1 << 14)) == CONFIGURATION
     except OSError:
-        # What this user cannot read no filter of theirs takes for new.
+        # A filter of this user cannot read the file either, so it causes no confusion.
         return False

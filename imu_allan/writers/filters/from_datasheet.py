@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A datasheet in the place of a result: its numbers, and that nothing of them was measured."""
+"""A result made from a datasheet, so that configurations can be written without measurements."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,8 @@ def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None 
     """
     Return the coefficients of a datasheet as a result without curves, intervals or drift model.
 
-    `path` is what the configurations name. ImuAllanError if the datasheet has no noise density.
+    `path` is the source named in configurations. Raises ImuAllanError if the datasheet has no
+    noise density.
     """
     axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
             if 'noise_density' in datasheet.axes.get(name, {})}

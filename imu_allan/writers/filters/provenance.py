@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The head of a configuration: where its numbers come from, and what to expect of a filter."""
+"""Heading of a configuration: the origin of its numbers, and the expected performance."""
 
 from imu_allan.errors import printable
 from imu_allan.tuning.tune import assess
@@ -11,7 +11,7 @@ from imu_allan.writers.included import included, why_left_out
 
 
 def provenance(numbers: Numbers) -> list[str]:
-    """Say where the numbers come from and what they are expected to reach."""
+    """Return lines on the origin of the numbers and their expected performance."""
     source, timeline = numbers.result.source, numbers.result.timeline
     if numbers.of_datasheet:
         return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
@@ -59,7 +59,7 @@ def _choice(numbers: Numbers, expected: bool) -> list[str]:
 
 
 def _beyond(numbers: Numbers, what: str) -> list[str]:
-    """Say that the longest unaided time is beyond what the recording knows."""
+    """Return a warning if the longest unaided time is beyond the reach of the recording."""
     known = known_less_than(numbers.result.axes, numbers.coast_s)
     return [] if known is None else [
         f'WARNING: this recording knows {duration(known)} at most; beyond it {what} widened, '
@@ -68,8 +68,8 @@ def _beyond(numbers: Numbers, what: str) -> list[str]:
 
 
 def _left_out(numbers: Numbers) -> list[str]:
-    """Say which axes have noise that the coefficients leave out."""
-    # Where recordings together have no common exponent, there is a warning alone.
+    """Return which axes have noise that the coefficients do not include."""
+    # If combined recordings have no common exponent, there is only a warning.
     reported = {axis for found in numbers.result.warnings if found.code == 'power_law'
                 for axis in found.axes}
     laws = {name: 'not the same in all recordings' if axis.power_law is None else
@@ -84,14 +84,14 @@ def _left_out(numbers: Numbers) -> list[str]:
 
 
 def _inflated(numbers: Numbers) -> list[str]:
-    """Say by what the user had the numbers multiplied."""
+    """Return the factors that the user applied to the numbers."""
     factors = ', '.join(f'{key} times {factor:g}' for key, factor
                         in sorted(numbers.wishes.inflate.items()))
     return [f'INFLATED on request: {factors}.'] if factors else []
 
 
 def _consistency(numbers: Numbers) -> list[str]:
-    """Say what filters with the numbers of the file reach on each sensor."""
+    """Return the expected performance of filters with the numbers of the file, by sensor."""
     aiding_s, coast_s = numbers.aiding_s, numbers.coast_s
     if aiding_s is None or numbers.consumer.share == 'model':
         return []
@@ -112,7 +112,7 @@ def _consistency(numbers: Numbers) -> list[str]:
 
 
 def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
-    """Say which axes have no number, and why."""
+    """Return which axes have no numbers, and why."""
     if not numbers.axes(sensor):
         return [f'This result has no {SENSORS[sensor]}: its numbers are left out.']
     said = []

@@ -3,7 +3,7 @@
 """
 Consumers whose files are more than keys and formulas: JSON, XML, programs and matrices.
 
-Each function says in its docstring where in the consumer's source the meaning was read.
+The docstring of each function states where in the consumer's source the meaning was read.
 """
 
 import json
@@ -27,18 +27,18 @@ from imu_allan.writers.filters.template import (
 
 _Named = dict[tuple[Sensor, Key], str]
 _PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
-"""Of a state space, as the files name them."""
+"""Parts of a state space, as the files name them."""
 
 
 def basalt(numbers: Numbers) -> str:
     """
-    Basalt's ``calibration.json``: N and K for each axis, continuous.
+    Write Basalt's ``calibration.json``: N and K for each axis, continuous.
 
     ``Calibration::dicrete_time_accel_noise_std`` (calibration.hpp) multiplies by the root of
     ``imu_update_rate``, and ``IntegratedImuMeasurement::integrate`` (preintegration.h) adds dt^2
     times the square at each sample: N^2 dt. ``ImuBlock::linearizeImu`` (imu_block.hpp) weighs the
-    difference of two biases by ``1/(K sqrt(dt))``, dt the time between the frames. JSON knows no
-    comments: they stand under a key that cereal passes over.
+    difference of two biases by ``1/(K sqrt(dt))``, dt the time between the frames. JSON has no
+    comments, so remarks are stored under a key that cereal ignores.
     """
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = provenance(numbers)
@@ -86,13 +86,13 @@ def glim(numbers: Numbers) -> str:
 
 def gazebo(numbers: Numbers) -> str:
     """
-    SDF noise of a Gazebo IMU sensor, for each axis: N sqrt(f), and the driving density K.
+    Write the SDF noise of a Gazebo IMU sensor for each axis: N sqrt(f), and K.
 
     ``GaussianNoiseModel::ApplyImpl`` of gz-sensors (GaussianNoiseModel.cc) adds noise of standard
-    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at a step: that is
-    the density which drives the bias, ``sigma sqrt(2/Tc)``, not its standard deviation.
-    ``stddev`` is that of a sample. Releases whose ``ApplyImpl`` knows no time step have no dynamic
-    bias.
+    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at a step: this
+    parameter is thus the driving density K, ``sigma sqrt(2/Tc)``, not the standard deviation of
+    the bias. ``stddev`` is that of a sample. Releases whose ``ApplyImpl`` has no time step have no
+    dynamic bias.
     """
     f = numbers.rate()
     lines = ['<!--', *map(quoted_in_xml, provenance(numbers)),
@@ -125,11 +125,12 @@ def airsim(numbers: Numbers) -> str:
     """
     Write AirSim's ``Imu`` settings: deg/sqrt(h), deg/h, mg/sqrt(Hz), ug.
 
-    ImuSimpleParams.hpp converts them so; ImuSimple.hpp walks the bias by ``stability/sqrt(tau)``
-    per root second: the stability is K sqrt(tau), at AirSim's own tau.
+    ImuSimpleParams.hpp converts from these units. ImuSimple.hpp applies a random walk of
+    ``stability/sqrt(tau)`` per root second to the bias. So the stability is K sqrt(tau), with
+    AirSim's own tau.
     """
     settings: dict[str, object] = {'SensorType': 2, 'Enabled': True}
-    # In seconds: ImuSimpleParams.hpp has these, which the file then states.
+    # Seconds, from ImuSimpleParams.hpp; the file states them explicitly.
     gyro_tau, accel_tau = 500.0, 800.0
     units: dict[tuple[Sensor, Key], tuple[str, float]] = {
         ('gyro', 'N'): ('AngularRandomWalk', pi / 180 / 60),
@@ -163,7 +164,7 @@ def matlab(numbers: Numbers) -> str:
     level B out of it for as long as n samples, and of one, the default, white noise of 2 B a
     sample, without any flicker.
     """
-    # Flicker is right to 2 % for half as many samples, to 10 % for four times as many.
+    # Flicker is accurate to 2 % over half as many samples, and to 10 % over four times as many.
     poles = 2000
     lines = [*heading(numbers, '%'), "% NoiseType is 'single-sided': imuSensor then makes N "
              "sqrt(f) of NoiseDensity. 'double-sided', its default,",
@@ -202,7 +203,7 @@ def plain(numbers: Numbers) -> str:
     """
     Write N, B and K of each axis as measured, and N and K for a filter, as YAML in SI units.
 
-    A coefficient that does not show has its 95 % upper bound, ``below95``, in place of a value.
+    An unobservable coefficient has its 95 % upper bound, ``below95``, in place of a value.
     """
     lines = [*heading(numbers),
              '# SI units: noise_density rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), bias_instability rad/s '
@@ -237,8 +238,8 @@ def state_space(numbers: Numbers) -> str:
     Write the drift model of every axis as a state space of the mean rate over a step, as JSON.
 
     ``x' = transition x + w``, ``y = observation x + v``, ``process`` = E[w w'], ``measurement`` =
-    E[v v], ``cross`` = E[w v], ``initial`` = covariance of x; SI units. All digits, unlike numbers
-    for a configuration: a process of an hour keeps 0.99997 of itself in a step of 0.1 s.
+    E[v v], ``cross`` = E[w v], ``initial`` = covariance of x; SI units. All digits are written: a
+    process with a correlation time of an hour keeps a share of 0.99997 in a step of 0.1 s.
     """
     spaces = _spaces(numbers)
     step = next(iter(spaces.values())).step_s
@@ -249,7 +250,7 @@ def state_space(numbers: Numbers) -> str:
 
 
 def state_space_cpp(numbers: Numbers) -> str:
-    """Write the same as a C++ header of constants, a namespace for each axis."""
+    """Write the same as a C++ header of constants, with one namespace per axis."""
     spaces = _spaces(numbers)
     lines = ['#pragma once', *heading(numbers, '//'), '//',
              "// x' = transition x + w, y = observation x + v, y the mean rate over one step;",
@@ -277,7 +278,7 @@ def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
                             '--conservative nor --inflate applies; scale its matrices yourself')
     known = {name: axis for name, axis in numbers.result.axes.items()
              if axis.drift_model is not None}
-    # Without a wish, the first step that every axis is known for.
+    # Without a request, use the shortest step for which the models of all axes are valid.
     step = numbers.wishes.aiding_s or max(
         [numbers.aiding_s or 0.0, *(axis.drift_model.from_s for axis in known.values()
                                     if axis.drift_model is not None)])
@@ -295,4 +296,4 @@ def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
 
 WRITERS = {write.__name__: write for write in (
     basalt, glim, gazebo, airsim, matlab, plain, state_space, state_space_cpp)}
-"""By the name of the consumer; the others have a template."""
+"""Writers by consumer name; the other consumers have templates."""

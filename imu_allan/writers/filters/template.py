@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A configuration from its template: the file as its consumer reads it, with formulas for numbers.
+Configurations from templates: files in the consumer's format, with formulas for numbers.
 
-The templates lie beside this module, one for a consumer. Lines that begin with ``#:`` say where in
-the consumer's source the meaning of its numbers was read. In the others stand
+The folder templates/ has one template per consumer. Lines that begin with ``#:`` state where in
+the consumer's source the meaning of its numbers was read. Other lines may contain
 
 - ``{gyro N sqrt(f)}`` for a number of the worst axis, in the unit that follows after ``in``. With
   ``of x, y, z``, ``on the diagonal`` of a matrix and ``times identity`` it is several numbers.
@@ -13,8 +13,8 @@ the consumer's source the meaning of its numbers was read. In the others stand
 - ``{heading}`` for where the numbers come from, ``{f}`` and ``{1/f}`` for the rate, ``{rates}``
   for that of each sensor, ``{topic}``, and ``{hours}`` for the correlation time of all axes.
 
-A paragraph with something that the result does not know is left out; of a number of a whole sensor
-a comment says so.
+A paragraph with a value that the result lacks is omitted. For a number of a whole sensor, a
+comment says so.
 """
 
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ _SCALINGS = {
     '': (1, 1.0, 0.0), ' sqrt(2)': (1, sqrt(2), 0.0), ' sqrt(f)': (1, 1.0, 0.5),
     ' sqrt(2 f)': (1, sqrt(2), 0.5), '^2': (2, 1.0, 0.0), '^2 f': (2, 1.0, 1.0),
     '^2/f': (2, 1.0, -1.0)}
-"""What is made of a number: its power, a factor, and the power of the rate."""
+"""How a number is scaled: its power, a factor, and the power of the rate."""
 
 
 def filled(numbers: Numbers) -> str:
@@ -75,7 +75,7 @@ def _paragraphs(name: str) -> list[str]:
 
 
 def expanded(numbers: Numbers, paragraph: str) -> str | None:
-    """Return lines of a template with what stands in the braces; None where that is not known."""
+    """Return lines of a template with the fields filled in; None if one is unknown."""
     before, after = _COMMENTS.get(numbers.consumer.file.rpartition('.')[2], ('# ', ''))
     lines, last = [], ''
     for line in paragraph.split('\n'):
@@ -86,14 +86,14 @@ def expanded(numbers: Numbers, paragraph: str) -> str | None:
                 return None
             lines += known
             continue
-        # Of an autopilot's lines two numbers come before the name.
+        # The lines of an autopilot have two numbers before the name.
         name = re.findall(r'[A-Za-z][\w./]*', line)[0]
         value, remarks = _value(numbers, name, field)
         if value is None and field['letter']:
             return None
         indent = line[:len(line) - len(line.lstrip())]
         if field[0] != last:
-            # Two keys may want the same number: it is explained once.
+            # If two keys use the same number, explain it only once.
             lines += [f'{indent}{before}{quoted_in_xml(remark) if after else remark}{after}'
                       for remark in remarks]
         last = field[0]
@@ -103,7 +103,7 @@ def expanded(numbers: Numbers, paragraph: str) -> str | None:
 
 
 def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
-    """Return a line without a number; None where the result does not know what stands in it."""
+    """Fill in a line without a number; return None if its field is unknown."""
     word = _WORD.search(line) if '{' in line else None
     if word is None:
         return [line]
@@ -129,7 +129,7 @@ def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
 
 
 def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | None, list[str]]:
-    """Return a number as it stands in the file, and what to say about it."""
+    """Return a number as written in the file, and the remarks on it."""
     sensor = cast('Sensor', field['sensor'])
     axis = f'{sensor}_{field["letter"]}'
     if field['key'] == 'mean':
@@ -167,14 +167,14 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
 
 def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
            ) -> tuple[Scale, str]:
-    """Return what a formula makes of a number, and in which unit that is."""
-    # Autopilots write F for the rate at which they predict.
+    """Return the scaling of a number by its formula, and the resulting unit."""
+    # Templates of autopilots write F for the prediction rate.
     power, factor, of_rate = _SCALINGS[field['scaling'].replace('F', 'f')]
     unit = UNITS[sensor, 'sigma' if of_rate < 0 else key]
     if field['unit'] is not None:
         return times(factor * convert(1.0, unit, field['unit'])), field['unit']
     if of_rate:
-        # Who needs no rate is not asked for one.
+        # Request the rate only if it is needed.
         factor *= numbers.rate(sensor)**of_rate
         unit = unit.removesuffix('/sqrt(Hz)')
     return (lambda value: value**power * factor), f'({unit})^2' if power == 2 else unit
@@ -182,7 +182,7 @@ def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
 
 def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
           ) -> tuple[float | None, list[str]]:
-    """Return the largest of the axes' numbers, scaled, and what was measured of all of them."""
+    """Return the largest number of the axes, scaled, with remarks on all axes."""
     found = numbers.worst(sensor, key)
     if found is None:
         return None, []
@@ -201,7 +201,7 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
 
 def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
          ) -> tuple[list[float] | None, list[str]]:
-    """Return the numbers of x, y, z, or None where one lacks, and what to say about them."""
+    """Return the numbers of x, y and z, or None if one is missing, with remarks."""
     known = numbers.known(sensor, key)
     if len(known) < 3:
         return None, ['the result does not have all three axes']
@@ -222,17 +222,17 @@ def heading(numbers: Numbers, sign: str = '#') -> list[str]:
 
 
 def real(value: float) -> str:
-    """`value` in six digits, so that YAML 1.1 reads it, where a real must have a point."""
+    """Return `value` to six digits, with the decimal point that YAML 1.1 requires in a real."""
     # A noise density is known to three digits at best.
     text = repr(float(f'{value:.5e}'))
     return text.replace('e', '.0e') if 'e' in text and '.' not in text else text
 
 
 def quoted_in_xml(text: str) -> str:
-    """`text` so that it cannot end a comment."""
+    """Escape `text` so that it cannot end an XML comment."""
     return escape(text, quote=False).replace('--', '- -')
 
 
 def joined(lines: Sequence[str]) -> str:
-    """Return the text of a file."""
+    """Join lines to the text of a file."""
     return '\n'.join(line.rstrip(' ') for line in lines) + '\n'

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A fleet on paper: one page, one table, one document about many units.
+Output for a fleet: page, table and document about many units.
 
-`findings` says which are outliers, `figure` draws, `written` has the terminal's summary, the page,
-JSON and CSV.
+`findings` describes the outliers, `figure` draws, and `written` produces the summary for the
+terminal, the page, JSON and CSV.
 """
 
 from imu_allan.writers.fleet.findings import Failure, Fleet

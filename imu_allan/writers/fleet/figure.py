@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Many units in one picture: the population in grey, outliers in colour with their names.
+Figures of many units: the population in grey, and outliers in colour with their names.
 
-Allan deviations, with the median and the band that nine in ten units keep; and every unit's
-coefficients side by side.
+They show the Allan deviations with the median and the band of nine in ten units, and the
+coefficients of all units side by side.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST_CURVES = 200
-"""Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
+"""Most grey curves to draw; more are indistinguishable and enlarge a vector file."""
 _PALETTE = (*SERIES[1:], SERIES[0])
-"""The blue last, which is the band's; outliers beyond them are named in the table alone."""
+"""The blue of the band comes last. Outliers beyond the palette are named only in the table."""
 _MOST_TICKS = 12
-"""Units that are named below a panel; more are counted."""
+"""Most units to name below a panel; more are only counted."""
 _WIDTH = 11.0
-"""Inches; as wide as the page, text of 8 points is 11 pixels high."""
+"""Width in inches, chosen so that text of 8 points is 11 pixels high on the page."""
 
 
 def curves_figure(fleet: Fleet) -> 'Figure':
-    """Draw the Allan deviations of a fleet, a panel for each axis."""
+    """Draw the Allan deviations of a fleet, one panel per axis."""
     colours = _odd_colours(fleet)
     if len(fleet.population.units) <= len(_PALETTE):
         others = [unit for unit in fleet.population.units if unit not in colours]
@@ -63,7 +63,7 @@ def curves_figure(fleet: Fleet) -> 'Figure':
         named: dict[str, Line2D] = {}
         for name, panel in allan_panels(figure, grid, drawn):
             named |= _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units)
-        # Beside the curves the names would lie on one another.
+        # A legend, as names beside the curves would overlap.
         figure.legend([*named.values()], [shorten(printable(unit), 18) for unit in named],
                       loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / figure.get_figheight()),
                       ncol=len(_PALETTE), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
@@ -73,7 +73,7 @@ def curves_figure(fleet: Fleet) -> 'Figure':
 
 def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
                  odd: Collection[str]) -> dict[str, 'Line2D']:
-    """Draw the curves of an axis; return those that have a colour, by unit."""
+    """Draw the curves of an axis; return the coloured ones by unit."""
     usual = [axis.curve for unit, axis in axes.items()
              if unit not in odd and any(axis.curve.adev)]
     step = max(1, len(usual) // _MOST_CURVES)
@@ -100,7 +100,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
 
 def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
                  ) -> tuple[Array, Array, Array]:
-    """Value that 5, 50 and 95 % of the curves keep at each averaging time."""
+    """Return the 5, 50 and 95 % percentiles of the curves at each averaging time."""
     rows = [np.interp(np.log(tau), np.log(times[adev > 0]), np.log(adev[adev > 0]),
                       left=np.nan, right=np.nan) for times, adev in curves]
     low, middle, high = np.exp(np.nanpercentile(rows, (5, 50, 95), axis=0))
@@ -108,7 +108,7 @@ def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
 
 
 def units_figure(fleet: Fleet) -> 'Figure':
-    """Draw the coefficients of every unit side by side: value, 95 % interval or upper bound."""
+    """Draw the coefficients of all units side by side: value and interval, or upper bound."""
     colours = _odd_colours(fleet)
     names = [axis for axis in AXES if _axes(fleet, axis)]
     known = {trait.key for trait in fleet.population.traits}
@@ -147,7 +147,7 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
         panel.axhspan(low, high, color=COLOURS['z'], alpha=0.13, linewidth=0)
         panel.axhline(middle, color=COLOURS['ink'], linewidth=0.9)
     many = len(axes) > _MOST_CURVES
-    # By name where it is an outlier in this; elsewhere the name would stand on the dots of others.
+    # Name only outliers in this coefficient; other names would cover neighbouring points.
     odd = {oddity.unit for oddity in fleet.population.oddities
            if (oddity.axis, oddity.key) == (name, key)}
     for place, member in enumerate(fleet.population.units, 1):
@@ -155,11 +155,11 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
                        shorten(printable(member), 24) if member in odd else '',
                        rasterized=many)
-    # There is no unit between the third and the fourth.
+    # Unit numbers are integers.
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     units = fleet.population.units
     if len(units) <= _MOST_TICKS:
-        # Characters of such a name.
+        # Characters that fit below a tick.
         panel.set_xticks(range(1, len(units) + 1),
                          [shorten(printable(unit), 14) for unit in units], rotation=20,
                          ha='right', rotation_mode='anchor')
@@ -170,7 +170,7 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
 
 def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None, name: str,
                *, rasterized: bool) -> None:
-    """One unit's dot; a bound is a small arrow down."""
+    """Draw the value and interval of a unit as a dot with a line, a bound as a small arrow."""
     ink = colour or COLOURS['soft']
     if found.value is None or found.ci95 is None:
         if found.upper95 is not None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A fleet with everything that is reported about it, and its findings in sentences."""
+"""A fleet and its reported data, with its findings as sentences."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from imu_allan.wording import listed, named, number, ranged, rounded
 
 @dataclass(frozen=True)
 class Failure:
-    """A recording of which nothing came: the unit, the path and why."""
+    """A recording without a result: unit, path and reason."""
 
     unit: str
     path: str
@@ -31,7 +31,7 @@ class Fleet:
     ----------
     results : mapping of unit name to Result
     folders : mapping of unit name to str
-        Where the unit's own report lies, relative to the fleet's page.
+        Folder of the unit's report, relative to the page of the fleet.
     failures : tuple of Failure
 
     """
@@ -42,15 +42,15 @@ class Fleet:
 
     @cached_property
     def population(self) -> Population:
-        """Return what the units have in common."""
+        """Return the statistics of the population of units."""
         return population(self.results)
 
     def reasons(self, unit: str) -> list[str]:
-        """Return why a unit is an outlier, a sentence for each oddity."""
+        """Return why a unit is an outlier, one sentence per oddity."""
         return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
 
     def grouped_reasons(self, unit: str) -> list[str]:
-        """Return the same, the oddities of one quantity on several axes as one sentence."""
+        """Return the same, but with one sentence per quantity that is odd on several axes."""
         groups: dict[tuple[object, ...], list[Oddity]] = {}
         for oddity in self.population.oddities:
             if oddity.unit == unit:
@@ -63,7 +63,7 @@ class Fleet:
 
     @property
     def unseen(self) -> str:
-        """Say which coefficients too few units show for a population; empty where all do."""
+        """State which coefficients too few units show for a population; '' if there are none."""
         axes: dict[str, list[str]] = {}
         for axis, key in self.population.unseen:
             axes.setdefault(TERMS[key].name(AXES[axis]), []).append(axis)
@@ -75,18 +75,18 @@ class Fleet:
                 'more')
 
     def serial(self, unit: str) -> str | None:
-        """Return the serial number that was entered for a unit."""
+        """Return the serial number entered for a unit."""
         inspection = self.results[unit].inspection
         return None if inspection is None else inspection.serial
 
 
 def quantity_name(axis: str, key: str) -> str:
-    """Return what a quantity of an axis is called in the field."""
+    """Return the usual name of a quantity of an axis."""
     return 'zero bias' if key == MEAN else TERMS[key].name(AXES[axis])
 
 
 def sentence(*same: Oddity) -> str:
-    """Return why a unit does not belong, by one quantity of one axis or several."""
+    """Return why a unit is an outlier in one quantity, on one or several axes."""
     first = same[0]
     axes = first.axis if len(same) == 1 else named([oddity.axis for oddity in same])
     if first.key is None or first.value is None or first.median is None:

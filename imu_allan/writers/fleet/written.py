@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A fleet as it is written: terminal's table, JSON, CSV, and an HTML page without script."""
+"""Output of a fleet: table for the terminal, JSON, CSV, and an HTML page without script."""
 
 import csv
 from dataclasses import asdict
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
-    """Lay a fleet out for a terminal; the outliers come last, next to the prompt."""
+    """Return a fleet for a terminal; outliers come last, next to the prompt."""
     from rich.console import Group
 
     parts: list[RenderableType] = []
@@ -68,7 +68,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
 
 
 def _counts(fleet: Fleet) -> list[str]:
-    """Say how many units there are, how many are outliers, and of how many nothing came."""
+    """Return the numbers of units, outliers and failed recordings as text."""
     odd = len(fleet.population.odd_units)
     few = not fleet.population.traits and not odd
     return [counted(len(fleet.results), 'unit'),
@@ -79,7 +79,7 @@ def _counts(fleet: Fleet) -> list[str]:
 
 
 def cells(trait: Trait) -> tuple[str, ...]:
-    """Return a trait as a row of the table, in the units of datasheets."""
+    """Return a trait as a row of the table, in datasheet units."""
     def shown(value: float) -> str:
         return rounded(engineering(value, trait.unit)[0])
 
@@ -95,9 +95,9 @@ def cells(trait: Trait) -> tuple[str, ...]:
 
 def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     """
-    Return the page of a fleet.
+    Return the HTML page of a fleet.
 
-    It loads nothing, pictures included.
+    It loads nothing; the pictures are embedded.
     """
     from markupsafe import Markup
 
@@ -112,7 +112,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
             ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
-        # The worst axis of each unit.
+        # For each, the worst axis of a unit is shown.
         columns=[(sensor, key) for sensor in SENSORS
                  for key in ('noise_density', 'bias_instability')])
 
@@ -127,7 +127,7 @@ def _facts(fleet: Fleet) -> list[str]:
 
 
 def _svg(figure: Any, place: int) -> str:
-    """Give the figure as an element of the page, its identifiers apart from the others'."""
+    """Return a figure as an SVG element whose identifiers are unique in the page."""
     text = render(figure, 'svg').decode()
     text = text[text.index('<svg'):]
     text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
@@ -137,7 +137,7 @@ def _svg(figure: Any, place: int) -> str:
 
 
 def _both_colours() -> str:
-    """Return the style by which pictures are dark where the page is."""
+    """Return the style sheet that gives pictures dark colours in a dark page."""
     light, dark = (' '.join(f'--c{colour[1:]}: {shown};' for colour, shown in pairs)
                    for pairs in (zip(DARK, DARK, strict=True), DARK.items()))
     return (f':root {{ {light} }}\n'
@@ -149,7 +149,7 @@ def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _worst(result: Result, sensor: str, key: str) -> str:
-    """Largest value of the axes, or the largest bound where none shows one."""
+    """Return the largest value of the axes as text or, without values, the largest bound."""
     axes = axes_of(result, sensor)
     worst = worst_of(axes, key)
     if worst is None:
@@ -173,10 +173,10 @@ def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
 
 def fleet_json(fleet: Fleet) -> str:
     """
-    Return the fleet as JSON text of the schema ``imu_allan.fleet/1``.
+    Return the fleet as JSON text with the schema ``imu_allan.fleet/1``.
 
-    Units in natural order with verdict and reasons, the traits of the population in SI units, and
-    the recordings of which nothing came.
+    It has the units in natural order with verdict and reasons, the traits of the population in SI
+    units, and the failed recordings.
     """
     population = fleet.population
     odd = set(population.odd_units)
@@ -198,7 +198,7 @@ def fleet_json(fleet: Fleet) -> str:
 
 
 def fleet_csv(fleet: Fleet) -> str:
-    """Return the fleet as CSV text: a row a unit, every coefficient with its interval, SI."""
+    """Return the fleet as CSV text: one row per unit, all coefficients with intervals, in SI."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(['unit', 'serial', 'path', 'verdict', 'reasons', 'duration_s',
@@ -228,5 +228,5 @@ def fleet_csv(fleet: Fleet) -> str:
 
 
 def _text(text: str) -> str:
-    # A spreadsheet takes what begins so for a formula, and names come from folders of strangers.
+    # Spreadsheets evaluate such text as formulas, and names may come from untrusted folders.
     return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
