@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How noisy is this IMU? Allan deviation and noise coefficients, live and from recordings.
+Allan deviation and noise coefficients of IMUs, live and from recordings.
 
-The public names are imported when they are first used, so that importing the package costs
-nothing.
+Public names are imported on first use, so that importing the package is fast.
 """
 
 from __future__ import annotations

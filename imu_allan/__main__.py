@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the command `imu_allan`, which is `python -m imu_allan`, begins."""
+"""Entry point of the command `imu_allan`, which is also `python -m imu_allan`."""
 
 from imu_allan.interruption import heeded_interrupt, quiet_interrupt
 
 
 def main() -> int:
-    """Run the command; Ctrl-C during its imports ends it without a word, too."""
+    """Run the command; Ctrl-C ends it silently, even during its imports."""
     with quiet_interrupt():
         from imu_allan.cli.main import main as run
 

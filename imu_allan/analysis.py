@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording in, a result out, in one module as every way of reading one begins the same.
+Analysis of recordings, in one module because all ways of reading them begin the same way.
 
 Several recordings of one IMU give one result.
 """
@@ -43,7 +43,7 @@ Progress = Callable[[int], None] | None
 
 @dataclass(frozen=True)
 class Choice:
-    """What is taken of a recording, and how it is read: arguments of `analyze`."""
+    """Which part of a recording is used, and how it is read: the arguments of `analyze`."""
 
     topic: str | None = None
     options: TimelineOptions = TimelineOptions()  # noqa: RUF009
@@ -57,7 +57,7 @@ class Choice:
 
     def said(self) -> dict[str, str]:
         """
-        Return what is chosen otherwise than by default, by the names that `analyze` gives it.
+        Return the choices that differ from the default, by the names that `analyze` uses.
 
         Examples
         --------
@@ -76,7 +76,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Taken:
-    """What is read of a topic of a recording, and what was made of it so far."""
+    """A stream of a recording as it is read, and its characterization so far."""
 
     recording: Recording
     stream: Stream
@@ -86,11 +86,11 @@ class Taken:
     shortfall: list[Finding]
 
     def remarks(self) -> list[Finding]:
-        """Return what is to be said of the recording: all once the blocks are through."""
+        """Return the findings about the recording, complete once all blocks have been read."""
         return [*self.recording.remarks, *self.unit.remarks, *self.shortfall]
 
     def take_temperature(self) -> None:
-        """Read the thermometer beside the samples, by the clock that these turned out to have."""
+        """Read the thermometer beside the IMU, by the clock that was chosen for the samples."""
         for stamps, celsius in temperatures(self.recording, self.stream.topic,
                                             self.characterization.summary().clock):
             self.characterization.take_temperature(stamps, celsius)
@@ -107,20 +107,20 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
     Parameters
     ----------
     path : str or Path, or a sequence of them
-        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag`` or a CSV file. Of
-        several the result is the joint one: one set of coefficients for all, and the spread of the
-        means from one to the next.
+        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag`` or a CSV file.
+        Several recordings give a joint result: one set of coefficients for all, and the spread of
+        their means.
     topic : str, optional
-        May be left out where the recording has one IMU, on one topic or in two halves.
+        May be omitted if the recording has one IMU, on one topic or in two halves.
     options : TimelineOptions, optional
         Clock, rate, gaps and motion.
     reading : RecordingOptions, optional
-        Definitions, fields, units and topics of messages that do not speak for themselves.
+        Definitions, fields, units and topics that the messages themselves leave open.
     start_s : float or 'auto', optional
-        Seconds after the first message at which to begin; 'auto' leaves out a warm-up, for which
-        the recording is read twice where there is one.
+        Seconds after the first message at which to begin; 'auto' leaves out a warm-up. If there is
+        one, the recording is read twice.
     duration_s : float, optional
-        Seconds to use from there; all when left out.
+        Seconds to use from there; all by default.
     progress : callable, optional
         Called with the bytes read so far, of all recordings together.
 
@@ -131,8 +131,8 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
     Raises
     ------
     ImuAllanError
-        If a recording cannot be read, the topic is not clear, nothing usable is in it, or several
-        are not of one IMU in one setting.
+        If a recording cannot be read, its topic is ambiguous, it has no usable samples, or several
+        are not of one IMU with the same settings.
 
     """
     given = [path] if isinstance(path, (str, PathLike)) else path
@@ -145,9 +145,9 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
 
 def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None,
              recording: Recording | None = None) -> Result:
-    """Do the work of `analyze`; `recording` is open already where several topics are wanted."""
+    """Do the work of `analyze`; `recording` is given if it is open already, for several topics."""
     if isinstance(path, (str, PathLike)):
-        # What is written to it meanwhile is another recording.
+        # Taken first: if the file is written to meanwhile, it is another recording.
         files = files_digest(Path(path))
         result = (_warmed_up if choice.start_s == 'auto' else _alone)(
             path, choice, progress, recording)
@@ -164,7 +164,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
 
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
-    """One result for one recording."""
+    """Return the result of one recording."""
     with choice.opened(path) if recording is None else recording.again() as opened:
         taken = _taken(opened, choice, progress)
     results = []
@@ -181,7 +181,7 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
 
 def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
                ) -> Result:
-    """Analyze, and where the mean of an axis settles, again without the time that takes."""
+    """Analyze a recording and, if it has a warm-up, analyze it again without that."""
     cold = _alone(path, replace(choice, start_s=0.0), progress, recording)
     from imu_allan.characterization.findings import (
         start_of,
@@ -190,7 +190,7 @@ def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Rec
     )
     length = cold.timeline.duration_s
     steady = [steady_of(axis) for axis in cold.axes.values()]
-    # What takes longer than half of the recording cannot be left out, the rest can.
+    # A warm-up longer than half of the recording cannot be left out; shorter ones can.
     longest_s = max(steady)
     start_s = start_of(steady, length)
     if start_s <= 0:
@@ -201,7 +201,7 @@ def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Rec
 
 
 def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:
-    """One result for several recordings, of each half of the IMU where it has two."""
+    """Return the joint result of several recordings, for each half of the IMU if it has two."""
     from imu_allan.characterization.joint import joint_result
 
     for number, path in enumerate(paths):
@@ -233,24 +233,24 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
 
 
 def given_twice(one: AnyPath, other: AnyPath) -> ImuAllanError:
-    """Return the complaint about two recordings that hold the same messages."""
+    """Return the error about two recordings that hold the same messages."""
     return ImuAllanError(f'{one} and {other} hold the same messages, which would count twice; '
                          'give each recording of the IMU once')
 
 
 def counted_on(progress: Progress, before: int, parts: int = 1) -> Progress:
-    """Count on from what was read before; of several readings of a recording each is a part."""
+    """Return `progress` offset by `before` bytes, and scaled to `parts` passes in all."""
     return None if progress is None else lambda done: progress((before + done) // parts)
 
 
 def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
             ) -> Generator[list[Taken], None, None]:
     """
-    Read a recording as if it came live, from the time on that is chosen.
+    Read the chosen part of a recording as if it came live.
 
-    At the number of messages that `next_look` gives for that at which one has looked, yield all
-    that came so far, one for each half of the IMU where it comes in halves, and once more when the
-    recording has ended. Where the gyroscope has a topic of its own, its messages are counted.
+    `next_look` returns, for the number of messages at one look, that at the next. At each look,
+    and at the end of the recording, yield what was taken so far, by halves if the IMU has two.
+    If the gyroscope has a topic of its own, its messages are counted.
     """
     with choice.opened(path) as recording:
         halves = list(_begun(recording, choice, None))
@@ -263,7 +263,7 @@ def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
                 taken, start = taken + (stop - start if number == 0 else 0), stop
                 if taken == look:
                     if not has_temperature:
-                        # All of it, once the clock is known; what is ahead waits for its samples.
+                        # All readings, once the clock is known; later ones wait for their samples.
                         for half in halves:
                             half.take_temperature()
                         has_temperature = True
@@ -276,9 +276,9 @@ def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
 
 def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
     """
-    Return the result of what was taken so far of a recording, of one stream or two halves.
+    Return the result of what was taken so far of a recording, from one stream or two halves.
 
-    With it the fit of every axis that it was made of.
+    Also return the fit of every axis in it.
     """
     results: list[Result] = []
     fits: dict[str, AxisFit | None] = {}
@@ -291,7 +291,7 @@ def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]
 
 
 def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, ImuBlock]]:
-    """Give the blocks of all streams in the order they were received, with the stream's number."""
+    """Yield the blocks of all streams in order of reception, with the number of the stream."""
     def numbered(number: int, blocks: Iterable[ImuBlock]) -> Iterator[tuple[int, int, ImuBlock]]:
         for block in blocks:
             if len(block):
@@ -304,9 +304,9 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
 def second_means(path: AnyPath, choice: Choice, axes: Collection[str], progress: Progress = None
                  ) -> list[Means]:
     """
-    Read all of a recording for its means over a second, at rest, in constant memory.
+    Return the means over one second at rest of a whole recording, in constant memory.
 
-    One, or one for each half of an IMU that comes in two.
+    The list has one item, or one for each half of an IMU that has two.
     """
     found = []
     with choice.opened(path) as recording:
@@ -334,7 +334,7 @@ def _taken(recording: Recording, choice: Choice, progress: Progress,
 
 
 def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
-    """Begin to read each stream."""
+    """Yield each stream, ready to be read."""
     for stream, options, blocks, unit in _streams(recording, choice, progress):
         shortfall: list[Finding] = []
         part = _part(recording, choice, blocks, shortfall)
@@ -344,7 +344,7 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
 
 def _characterization(recording: Recording, topic: str, options: TimelineOptions
                       ) -> Characterization:
-    # Reading has begun in a process of its own: numerics are imported meanwhile.
+    # Imported here, while another process has already begun to read.
     from imu_allan.characterization import Characterization
     return Characterization(
         kind='recording', path=str(recording.path), topic=topic, options=options)
@@ -352,7 +352,7 @@ def _characterization(recording: Recording, topic: str, options: TimelineOptions
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
           shortfall: list[Finding]) -> Iterable[ImuBlock]:
-    """Take the part that was asked for; where less was recorded, that is a finding."""
+    """Return the chosen part; if less was recorded, add a finding to `shortfall`."""
     start_s, duration_s = choice.start_s, choice.duration_s
     assert start_s != 'auto'
 
@@ -360,7 +360,7 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
         if part_s < 0:
             raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
                                 f'{duration(start_s)} leaves nothing of it')
-        # Who asks for 20 min of 19 min 59 s has the whole.
+        # To ask for 20 min of 19 min 59 s is to ask for all of it.
         if duration_s is not None and part_s < 0.99 * duration_s:
             shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
 
@@ -371,12 +371,12 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
 
 def _streams(recording: Recording, choice: Choice, progress: Progress
              ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock], AccelerationUnit]]:
-    """Begin to read each stream, with the options that hold for it."""
+    """Yield each stream, ready to be read, with the options that apply to it."""
     streams = choose_streams(recording, choice.topic)
     for number, stream in enumerate(streams):
         options = choice.options
         if stream.only_new:
-            # What is said is the rate of the messages, which repeat this half.
+            # The stated rate is that of the messages, which repeat the samples of this half.
             options = replace(options, rate_hz=None)
         elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
@@ -387,7 +387,7 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
-    """Begin to read a stream; what turns g into m/s^2 says when it did."""
+    """Return the blocks of a stream, and what converts them from g and reports that it did."""
     blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
     unit = AccelerationUnit()
     if recording.options.accel_unit is None and recording.options.accel is None:
@@ -396,7 +396,7 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
 
 
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
-    """Return the result of the IMU, of one stream or of gyroscope and accelerometer."""
+    """Return the result of the IMU, from one stream or from gyroscope and accelerometer."""
     if len(results) == 1:
         return results[0]
     from imu_allan.characterization.halves import HalfResult, united

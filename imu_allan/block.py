@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Blocks of samples, as topics and recordings hand them to the timeline and it to the estimator.
+Blocks of samples, passed from topics and recordings to the timeline and on to the estimator.
 
-A topic or recording yields `ImuBlock`; the timeline turns them into `EvenBlock`.
+Topics and recordings yield `ImuBlock`; the timeline converts them to `EvenBlock`.
 Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI units.
 """
 
@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEIGHBOURS = 8
-"""Samples on each side of a short gap whose mean fills it."""
+"""A short gap is filled with the mean of this many samples on each side."""
 
 
 @dataclass(frozen=True)
 class ImuBlock:
     """
-    Consecutive Imu messages as they came, faults included.
+    Consecutive Imu messages as received, faults included.
 
     Attributes
     ----------
@@ -36,10 +36,10 @@ class ImuBlock:
         Whether the message declares its angular velocity or its linear acceleration as not
         provided (first covariance element -1, REP-145).
     frame_id : str
-        header.frame_id of every message of the block: another frame_id starts another block.
+        header.frame_id of every message of the block; another frame_id starts another block.
     numbers : ndarray of int64, shape (n,), or None
-        Which of its messages the publisher's middleware says each one is: what is lost on the way
-        leaves a number out. None where that is not known, as in most recordings.
+        Sequence number of each message, assigned by the publisher's middleware; lost messages
+        leave numbers out. None if unknown, as in most recordings.
 
     """
 
@@ -51,11 +51,11 @@ class ImuBlock:
     numbers: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
-        """Messages in the block."""
+        """Return the number of messages."""
         return len(self.samples)
 
     def part(self, rows: slice | NDArray[np.bool_]) -> ImuBlock:
-        """Give some of the messages; of a slice nothing is copied."""
+        """Return some of the messages; a slice is not copied."""
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
                         self.absent[rows], self.frame_id,
                         None if self.numbers is None else self.numbers[rows])
@@ -70,24 +70,24 @@ class ImuBlock:
 @dataclass(frozen=True)
 class EvenBlock:
     """
-    Samples on the even grid of the sensor's own rate.
+    Samples on the uniform grid of the sensor's own rate.
 
     Attributes
     ----------
     samples : ndarray of float64, shape (n, 6)
-        An axis that is absent is NaN in every row of the block; no other NaN occurs.
+        An absent axis is NaN in every row of the block; no other NaN occurs.
     first_index : int
-        Place of the first row on the grid. It equals the end of the block before, or lies beyond
-        it: then the samples between are missing and no difference is taken across them.
+        Position of the first row on the grid. If it is beyond the end of the previous block, the
+        samples between are missing and no difference is taken across them.
     interpolated : ndarray of int64, shape (b,)
-        Rows interpolated for missing samples, rising.
+        Rows interpolated for missing samples, in increasing order.
     new_run : bool
-        The length of the gap before this block is unknown (clock jump, restart, resume): nothing
-        relates its place on the grid to the block before.
+        The length of the gap before this block is unknown (clock jump, restart, resume). Its
+        position on the grid is then unrelated to the previous block.
     restart : bool
-        All blocks before are void: they held one value, of a sensor that had not started.
+        All previous blocks are void: they held one constant value, before the sensor started.
     start_s : float
-        Time of the first row since the first sample, by the clock.
+        Time of the first row since the first sample, by the clock in use.
 
     """
 
@@ -99,5 +99,5 @@ class EvenBlock:
     start_s: float = 0.0
 
     def __len__(self) -> int:
-        """Rows of the block."""
+        """Return the number of rows."""
         return len(self.samples)

@@ -1,15 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Serialized sensor_msgs/Imu to arrays and back, in one module because the layout is the same.
+Serialized sensor_msgs/Imu to arrays and back, in one module because both use the same layout.
 
-One message or many: messages of equal size are decoded together as rows of one array, without a
-Python object per message. The same decoder serves the topic and every container.
+Messages of equal size are decoded together as rows of one array, without a Python object per
+message. The same decoder serves the topic and every container.
 
-Two serializations occur. ROS 2 writes CDR: four bytes of encapsulation whose second byte names the
-byte order, then the fields, aligned to their own size counted from byte 4. ROS 1 writes the fields
-packed, little endian. In both, header.stamp stands at byte 4, the length of header.frame_id at
-byte 12 and its text at byte 16; then come 37 doubles: orientation (4), its covariance (9),
+There are two serializations. ROS 2 writes CDR: four bytes of encapsulation whose second byte is
+the byte order, then the fields, aligned to their own size counted from byte 4. ROS 1 writes the
+fields packed, little endian. In both, header.stamp is at byte 4, the length of header.frame_id at
+byte 12 and its text at byte 16. 37 doubles follow: orientation (4), its covariance (9),
 angular_velocity (3), covariance (9), linear_acceleration (3), covariance (9).
 
 References
@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 Serialization = Literal['cdr', 'ros1']
 
-_TEXT_LENGTH_AT = 12  # behind encapsulation, sec and nanosec, of 4 bytes each
-_TEXT_AT = 16         # behind its length, a uint32
+_TEXT_LENGTH_AT = 12  # after encapsulation, sec and nanosec, of 4 bytes each
+_TEXT_AT = 16         # after its length, a uint32
 _DOUBLES = 37         # 4 + 9 + 3 + 9 + 3 + 9: a quaternion, two vectors, three covariances
 _NANOSECONDS = 1_000_000_000  # in a second
 
@@ -46,7 +46,7 @@ class MalformedImu(ImuAllanError):
 @dataclass(frozen=True)
 class MessageBatch:
     """
-    Serialized messages of equal size, in their order.
+    Serialized messages of equal size, in order.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class MessageBatch:
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps in nanoseconds.
     numbers : ndarray of uint32, shape (n,), or None
-        Their numbers, where the file has room for them.
+        Their sequence numbers, if the file format stores them.
 
     """
 
@@ -67,7 +67,7 @@ class MessageBatch:
 @dataclass(frozen=True)
 class ImuLayout:
     """
-    Where the fields of one serialized Imu message stand.
+    Positions of the fields in one serialized Imu message.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
     text = bytes(message[_TEXT_AT:text_end])
     if serialization == 'cdr':
         text = text.removesuffix(b'\0')
-    # Shown and saved from here on: one publisher's megabytes are not everybody's.
+    # It is shown and saved from here on, and a publisher may send megabytes of it.
     return ImuLayout(byte_order, text_end, doubles_at, shorten(text.decode('utf-8', 'replace')))
 
 
@@ -143,7 +143,7 @@ def decode_imu_rows(
     Parameters
     ----------
     rows : ndarray of uint8, shape (n, size)
-        One message a row. Rows may lie any distance apart; the bytes of a row are contiguous.
+        One message per row. Rows may be any distance apart; the bytes of a row are contiguous.
     receive_ns : ndarray of int64, shape (n,)
         Receive stamps of the messages in nanoseconds.
     serialization : {'cdr', 'ros1'}
@@ -155,7 +155,7 @@ def decode_imu_rows(
     Returns
     -------
     list of ImuBlock
-        In the order of the rows. One block, or more where frame_id or byte order changes.
+        In the order of the rows; more than one if frame_id or byte order changes.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def blocks_from_messages(
     on_malformed: Callable[[int, MalformedImu], None] | None = None,
 ) -> list[ImuBlock]:
     """
-    Decode messages of any size, in their order.
+    Decode messages of any size, in order.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def blocks_from_messages(
 
 def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
                ) -> Iterator[MessageBatch]:
-    """Join messages of equal size that follow each other, one a row."""
+    """Group consecutive messages of equal size into batches, one message per row."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
     for start, stop in _runs(sizes[1:] != sizes[:-1], len(sizes)):
         rows = np.frombuffer(b''.join(messages[start:stop]), np.uint8)
@@ -234,12 +234,12 @@ def encode_imu_rows(
     block: ImuBlock, serialization: Serialization = 'cdr', byte_order: Literal['<', '>'] = '<',
 ) -> NDArray[np.uint8]:
     """
-    Encode the messages of a block; the reverse of `decode_imu_rows`.
+    Encode the messages of a block; the inverse of `decode_imu_rows`.
 
     Returns
     -------
     ndarray of uint8, shape (len(block), size)
-        One message a row.
+        One message per row.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def _record(
 ) -> np.dtype[np.void]:
     """Describe one message of `size` bytes as a record of named fields."""
     fields = {
-        # ROS 1 counts seconds unsigned.
+        # In ROS 1, seconds are unsigned.
         'sec': (byte_order + ('i4' if serialization == 'cdr' else 'u4'), 4),
         'nanosec': (byte_order + 'u4', 8),
         'orientation_w': (byte_order + 'f8', doubles_at + 8 * 3),
@@ -332,7 +332,7 @@ def _decode_run(
 def _uniform_runs(
     rows: NDArray[np.uint8], serialization: Serialization,
 ) -> Iterator[tuple[int, int]]:
-    """Spans of rows that share byte order and frame_id, so that one layout serves them all."""
+    """Yield spans of rows that share byte order and frame_id, and therefore one layout."""
     if len(rows) == 0:
         return
     try:
@@ -342,7 +342,7 @@ def _uniform_runs(
     if layout is not None and rows_like_first(rows, _key_spans(layout, serialization)) is None:
         yield 0, len(rows)
         return
-    # The alignment gap after the text may hold anything, so a key is cut where its text ends.
+    # The padding after the text may hold anything, so a key ends with its text.
     keys = np.array([_key(row, serialization) for row in rows], object)
     yield from _runs(keys[1:] != keys[:-1], len(keys))
 
@@ -370,19 +370,19 @@ def rows_like_first(
     Parameters
     ----------
     rows : ndarray of uint8, shape (n, size)
-        One message a row.
+        One message per row.
     spans : iterable of (int, int)
-        First byte of what is compared, and the byte behind its last.
+        First byte of each span to compare, and the byte after its last.
 
     Returns
     -------
     ndarray of bool, shape (n,), or None
-        None where all do.
+        None if all messages do.
 
     """
     like: NDArray[np.bool_] | None = None
     for start, stop in spans:
-        # Short texts are compared as numbers: five passes cost what one copy does.
+        # Short texts are compared as numbers: five passes cost as much as one copy.
         if stop - start > 32:
             items = rows[:, start:stop].view(f'V{stop - start}')
             if items.tobytes() != items[0].tobytes() * len(rows):
@@ -399,17 +399,17 @@ def rows_like_first(
 
 @lru_cache(maxsize=256)
 def _as_numbers(start: int, stop: int) -> list[tuple[slice, str]]:
-    """Cover a few bytes by numbers: to compare these is several times faster."""
+    """Cover a few bytes by numbers, which can be compared several times faster."""
     if start >= stop:
         return []
     width = next(width for width in (8, 4, 2, 1) if width <= stop - start)
-    # The last one may overlap the one before.
+    # The last number may overlap the previous one.
     return [(slice(at, at + width), f'u{width}')
             for at in (*range(start, stop - width, width), stop - width)]
 
 
 def _runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
-    """Spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
+    """Yield spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
     if count == 0:
         return
     yield from pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), count])

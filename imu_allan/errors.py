@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception that imu_allan raises for input it cannot use, and text safe to put in it."""
+"""The exception that imu_allan raises for unusable input, and functions that make text safe."""
 
 
 class ImuAllanError(ValueError):
@@ -18,7 +18,7 @@ def printable(text: object) -> str:
     Make text from files (paths, topics, frame_id) safe for one line of a terminal.
 
     Newlines, escape sequences, lone surrogates and other control characters appear as escapes
-    such as ``\n``; every printable character stands as it is.
+    such as ``\n``; printable characters are unchanged.
     """
     return ''.join(
         character if character.isprintable() else character.encode('unicode_escape').decode()
@@ -26,7 +26,7 @@ def printable(text: object) -> str:
 
 
 def shorten(text: str, longest: int = 200) -> str:
-    """`text`, its middle left out where it is longer than `longest`."""
+    """Return `text`, with its middle left out if it is longer than `longest`."""
     if len(text) <= longest:
         return text
     half = (longest - 1) // 2

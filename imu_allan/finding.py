@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the user should know, as data: a code, how much it matters, which axes, and figures.
+What the user should know, as data: a code, a severity, the axes, and figures.
 
-Nothing below the writers makes a sentence of a finding and nothing decides by one:
-`imu_allan.writers.words` has the words of every code.
+Only the writers turn findings into sentences (`imu_allan.writers.words`), and nothing below them
+makes decisions based on findings.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +31,14 @@ PerKelvin = Annotated[float, 'in `unit` per K']
 @dataclass(frozen=True)
 class Code:
     """
-    What is fixed of all findings of a code.
+    What all findings of a code have in common.
 
     Attributes
     ----------
     severity : {'act', 'know'}
-        Unless a finding has its own.
+        Default, if a finding has none of its own.
     values : mapping of str to type
-        Of each figure, with its unit. One that may be None may also be left out.
+        Type of each figure, with its unit. One that may be None may also be left out.
 
     """
 
@@ -66,7 +66,7 @@ CODES: Mapping[str, Code] = {
     'axis_not_finite': _act(),
     'frozen': _act(messages=Count, since_s=Seconds | None),
     'unknown_rate': _act(),
-    # it did not rest
+    # the sensor was not at rest or not steady
     'mostly_motion': _act(share=Share),
     'slow_motion': _act(size=InUnit, unit=Text, start_s=Seconds, duration_s=Seconds, count=Count),
     'noise_level_changed': _act(at_s=tuple[Seconds, ...], ratios=tuple[Number, ...]),
@@ -79,7 +79,7 @@ CODES: Mapping[str, Code] = {
     'warm_up': _act(
         amplitude=InUnit, unit=Text, time_constant_s=Seconds, time_constant_factor=Number | None,
         exponentials=Count, steady_after_s=Seconds, start=Text | None, start_s=Seconds | None),
-    # whose messages are these
+    # messages may be from something else than assumed
     'several_publishers': _act(),
     'alternating': _act(),
     'several_frames': _act(
@@ -137,7 +137,7 @@ CODES: Mapping[str, Code] = {
     'coarse_resolution': _know(step=InUnit, unit=Text, ratio=Number),
     'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text, half_rate=Flag),
     'turn_on_bias': _know(sigma=InUnit, sigma_low=InUnit, sigma_high=InUnit, unit=Text),
-    # what was done about it
+    # how the data was treated
     'start_auto': _know(warm_up_s=Seconds, left_out=Flag, longest_s=Seconds | None),
     'motion': _know(count=Count, excluded_s=Seconds),
     'rest_within_motion': _know(
@@ -171,28 +171,28 @@ CODES: Mapping[str, Code] = {
     'unfinished_recording': _know(
         fault=Literal['unusable', 'not_regular'], file=Text, reason=Text | None),
 }
-"""Of every code, in the order in which findings of one severity are shown."""
+"""All codes, in the order in which findings of equal severity are shown."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """
-    What the user should know.
+    One thing that the user should know.
 
     Attributes
     ----------
     code : str
-        Fixed; scripts may rely on it.
+        Stable; scripts may rely on it.
     severity : {'act', 'know'}
-        Whether the numbers are not what the user wants until something is done.
+        'act' if the numbers are not what the user wants until something is done.
     axes : tuple of str
-        Which axes it is about; empty where it is about the recording.
+        Axes that it is about; empty if it is about the recording.
     values : mapping of str to number, text, bool, list or None
-        Figures by name, as `CODES` has them, and `recording` where it is about one of several. Of
-        several axes a value is a list, one for each, where it is not the same for all. `more`
-        alone counts findings of the code that are left out.
+        Figures by name, as in `CODES`, and `recording` if it is about one of several. For several
+        axes, a value that is not the same for all is a list. If `more` is the only figure, it
+        counts the findings of the code that are left out.
     message : str
-        Made of the rest where a result is handed out. Nothing reads it.
+        Text made from the other attributes when a result is returned. No code reads it.
 
     """
 
@@ -203,7 +203,7 @@ class Finding:
     message: str = field(default='', compare=False)
 
     def of(self, axis: str) -> 'Finding':
-        """Return the finding as one about an axis."""
+        """Return the finding as one about a single axis."""
         return replace(self, axes=(axis,))
 
     def with_values(self, **values: Any) -> 'Finding':
@@ -214,12 +214,12 @@ class Finding:
 def finding(code: str, axes: Sequence[str] = (), *, severity: Severity | None = None,
             recording: str | None = None, **values: Any) -> Finding:
     """
-    Return a finding; what its code says about the severity holds unless one is given.
+    Return a finding, with the severity of its code unless one is given.
 
     Raises
     ------
     TypeError
-        If a value is not as `CODES` has it: a bug.
+        If a value does not match `CODES`, which is a bug.
 
     """
     kinds = CODES[code].values
@@ -233,17 +233,17 @@ def finding(code: str, axes: Sequence[str] = (), *, severity: Severity | None = 
 
 
 def is_optional(kind: Any) -> bool:
-    """Say whether a value of a type of `CODES` may be None."""
+    """Return whether a value of a type in `CODES` may be None."""
     return type(None) in get_args(kind)
 
 
 def known(kind: Any) -> Any:
-    """Return the type of `CODES` of a value that is not None."""
+    """Return the type that a value has if it is not None."""
     return get_args(kind)[0] if is_optional(kind) else kind
 
 
 def is_of_kind(value: object, kind: Any) -> bool:
-    """Say whether a value is of a type of `CODES`."""
+    """Return whether a value is of a type in `CODES`."""
     if value is None:
         return is_optional(kind)
     origin, args = get_origin(known(kind)), get_args(known(kind))

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C before a program is ready for it, and a reader of its output that has gone."""
+"""Handling of Ctrl-C before a program is ready for it, and of a closed standard output."""
 
 EXIT_INTERRUPTED = 130
-"""As a shell reports the signal: 128 + SIGINT."""
+"""128 + SIGINT, as shells report the signal."""
 
 try:
     from collections.abc import Iterator
@@ -12,20 +12,20 @@ try:
     import signal
     import sys
 except KeyboardInterrupt:
-    # Nobody can handle it earlier.
+    # It cannot be handled any earlier.
     raise SystemExit(EXIT_INTERRUPTED) from None
 
 EXIT_BROKEN_PIPE = 141
-"""128 + SIGPIPE, what `... | head` ends other programs with."""
+"""128 + SIGPIPE, the status with which `... | head` ends other programs."""
 
 
 @contextmanager
 def quiet_interrupt() -> Iterator[None]:
-    """Let Ctrl-C end the process at once, unless it is ignored or somebody handles it."""
+    """Let Ctrl-C end the process at once, unless it is ignored or handled elsewhere."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    # An exception would be reported with a traceback, and forgotten in a callback of an import.
+    # An exception would print a traceback, or be dropped in a callback during an import.
     signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
     try:
         yield
@@ -35,7 +35,7 @@ def quiet_interrupt() -> Iterator[None]:
 
 @contextmanager
 def heeded_interrupt() -> Iterator[None]:
-    """Let Ctrl-C end the process without a word where an import made another error of it."""
+    """Let Ctrl-C end the process silently, even where an import turns it into another error."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
@@ -51,7 +51,7 @@ def heeded_interrupt() -> Iterator[None]:
         yield
     except Exception:
         if came:
-            # As numpy does, which says that it is not installed rightly.
+            # As numpy does, which then reports a broken installation.
             raise SystemExit(EXIT_INTERRUPTED) from None
         raise
     finally:
@@ -59,5 +59,5 @@ def heeded_interrupt() -> Iterator[None]:
 
 
 def drop_stdout() -> None:
-    """Let the rest of standard output go nowhere: the interpreter flushes it once more."""
+    """Discard the rest of standard output, which the interpreter would flush at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

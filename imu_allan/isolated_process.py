@@ -3,10 +3,10 @@
 """
 Python processes that import nothing from the current folder.
 
-People analyze recordings that somebody else made, from inside their folder. An interpreter started
-with ``-c`` imports from there first, so that a ``pickle.py`` among the files would run. Processes
-are therefore started isolated (``-I``: neither the current folder nor the environment counts) and
-are then reported where this process imports from, without the current folder.
+Users analyze recordings of others from inside the folder of the files. An interpreter started with
+``-c`` imports from there first, so a ``pickle.py`` among the files would run. Processes are
+therefore started isolated (``-I``, which ignores the current folder and the environment). They
+then receive the import path of this process without the current folder.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ sys.path[:] = pickle.load(sys.stdin.buffer)
 from {module} import {function}
 {function}()
 """
-"""The kernel of Linux ends it with its parent, by PR_SET_PDEATHSIG, which is 1."""
+"""With PR_SET_PDEATHSIG (1) the Linux kernel ends the process with its parent."""
 _MOMENT_S = 0.01
-"""In which a callback of the interpreter is over."""
+"""Time within which a callback of the interpreter ends."""
 TIDYING_S = 20
-"""In which what was unpacked is removed; the kernel ends what takes longer."""
+"""Time to remove unpacked files; after that the kernel ends the process."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
@@ -47,8 +47,8 @@ def import_path() -> list[str]:
     """
     Return the folders that this process imports from, without the current one.
 
-    The folder of this package comes last where it is not among them: as in a checkout that is
-    worked in, and in an editable installation. Nothing else can be hidden by it from there.
+    The folder of this package is appended if it is missing, as in a checkout or an editable
+    installation. In the last place it cannot hide other modules.
     """
     here = _real(os.curdir)
     folders = [folder for folder in sys.path if folder and _real(folder) != here]
@@ -64,8 +64,8 @@ def start_python(module: str, function: str, **options: Any) -> subprocess.Popen
     module, function : str
         Full name of the module, and name of its function without arguments.
     options
-        For `subprocess.Popen`, beside its standard input, which is a pipe without a buffer: the
-        function finds there what is written to it.
+        Arguments of `subprocess.Popen`, except standard input. That is an unbuffered pipe, from
+        which the function can read what is written to it.
 
     Raises
     ------
@@ -78,14 +78,14 @@ def start_python(module: str, function: str, **options: Any) -> subprocess.Popen
             module=module, function=function, parent=os.getpid())],
         bufsize=0, stdin=subprocess.PIPE, **options)
     assert process.stdin is not None
-    # It may have ended already: whoever reads from it finds that.
+    # It may have ended already; whoever reads from it will notice.
     with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
         pickle.dump(import_path(), stdin)
     return process
 
 
 def portable(error: Exception) -> tuple[Exception, str]:
-    """Return an exception as it can be sent to another process, and where it was raised."""
+    """Return an exception that can be sent to another process, and its traceback as text."""
     where = ''.join(traceback.format_exception(error))
     try:
         pickle.loads(pickle.dumps(error))
@@ -98,22 +98,22 @@ def _real(folder: str) -> str | None:
     try:
         return os.path.realpath(folder)
     except OSError:
-        # A relative one, where the current folder was removed.
+        # A relative folder, after the current one was removed.
         return None
 
 
 def end_in_peace() -> None:
     """
-    Let SIGTERM end this process by SystemExit: what it unpacked is removed on the way out.
+    Let SIGTERM end this process by SystemExit, so that unpacked files are removed.
 
-    Where the signal comes while the interpreter is in a callback of its own, during an import for
-    one, that exception would be printed and forgotten. The signal is then sent again, a moment
-    later, until it is heeded.
+    If the signal arrives during a callback of the interpreter, for example in an import, that
+    exception would be printed and dropped. The signal is then sent again, a moment later, until
+    it takes effect.
     """
     def end(_: int, frame: FrameType | None) -> None:
         while frame is not None:
             if frame.f_code is once_more.__code__:
-                # What is raised in the hook is forgotten, too.
+                # An exception raised in the hook would be dropped, too.
                 return
             frame = frame.f_back
         signal.signal(signal.SIGTERM, signal.SIG_IGN)

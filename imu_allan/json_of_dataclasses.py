@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frozen dataclasses as JSON and back, field by field, as their annotations say."""
+"""Conversion of frozen dataclasses to JSON and back, by the annotations of their fields."""
 
 from collections.abc import Mapping
 from dataclasses import fields, MISSING
@@ -12,17 +12,17 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints, Literal
 from imu_allan.errors import ImuAllanError, shorten
 
 ABOVE_ZERO, NOT_NEGATIVE = 'above zero', 'zero or above'
-"""Annotations of numbers that a logarithm or a root is taken of."""
+"""Annotations of numbers whose logarithm or root is taken."""
 _LARGEST = 1e60
-"""Nothing that is measured comes near; squares and sums of what is smaller stay finite."""
+"""Far above anything measured; squares and sums of smaller numbers stay finite."""
 
 
 def json_text(value: Any, line: str = '\n') -> str:
     """
-    Write JSON as `json.dumps` does with an indent of 2, but arrays of numbers on one line.
+    Write JSON like `json.dumps` with an indent of 2, but with arrays of numbers on one line.
 
-    A node does it every period: with an indent, `json` takes five times as long. `line` is what
-    begins a line of the value.
+    A node does this every period; `json` with an indent takes five times as long. `line` is the
+    line break and indentation of the value.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def json_text(value: Any, line: str = '\n') -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a dataclass, and all that it holds, as dictionaries, lists and numbers."""
+    """Return a dataclass and everything in it as dictionaries, lists and numbers."""
     if value is None or isinstance(value, (float, str, int)):
         return value
     if hasattr(value, '__dataclass_fields__'):
@@ -57,21 +57,21 @@ def plain(value: Any) -> Any:
 
 def typed(kind: Any, value: Any, where: str) -> Any:
     """
-    Read back what `plain` gave.
+    Convert the output of `plain` back.
 
     Parameters
     ----------
     kind : type
-        As annotated: a dataclass, or the type of one of its fields.
+        A dataclass, or the annotation of one of its fields.
     value : object
-        Of a JSON document, whoever wrote it.
+        Value in a JSON document from any source.
     where : str
-        Its place in the document, for the errors.
+        Its place in the document, for error messages.
 
     Raises
     ------
     ImuAllanError
-        If the value is none of that type; the message names the field.
+        If the value is not of that type; the message names the field.
 
     """
     if kind is Any:
@@ -131,7 +131,7 @@ def typed(kind: Any, value: Any, where: str) -> Any:
 
 
 def _any(value: Any, where: str) -> Any:
-    """Return what JSON holds, of a field that may be of any kind; nothing in it is not finite."""
+    """Return a JSON value of a field that may have any type; its numbers must be finite."""
     if isinstance(value, list):
         return tuple(_any(item, f'{where}[{i}]') for i, item in enumerate(value))
     if value is None or isinstance(value, (bool, int, str)):

@@ -3,9 +3,9 @@
 """
 The result of a characterization, in one module because it mirrors one JSON schema.
 
-Every writer reads it and nothing changes it. The dataclasses mirror the JSON schema
+All writers read it and nothing changes it. The dataclasses mirror the JSON schema
 ``imu_allan.result/1`` field by field. All values are in SI units, all times in seconds from the
-first sample. A number that is not known is None, never NaN.
+first sample. An unknown number is None, never NaN.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ NotNegative = Annotated[float, NOT_NEGATIVE]
 @dataclass(frozen=True)
 class Coefficient:
     """
-    One noise coefficient with its interval, or the bound where the data cannot show it.
+    One noise coefficient with its interval, or an upper bound if the data cannot show it.
 
     Attributes
     ----------
@@ -43,20 +43,20 @@ class Coefficient:
     observable : bool
         Whether this data shows the term.
     value : float or None
-        Median of the posterior; None where not observable.
+        Median of the posterior; None if not observable.
     ci95 : (float, float) or None
-        95 % credible interval; None where not observable.
+        95 % credible interval; None if not observable.
     upper95 : float or None
-        95 % upper bound (for a signed term, of its magnitude) where not observable.
+        95 % upper bound (for a signed term, of its magnitude) if not observable.
     observable_in_s : float or None
         Further recording time after which the term is expected to become observable.
     ci_halves_in_s : float or None
         Further recording time after which the interval is expected to be half as wide.
     between : float or None
-        Spread of the value between segments or recordings beyond measurement error, a standard
+        Spread of the value between segments or recordings beyond measurement error, as a standard
         deviation in `unit`.
     presence : float or None
-        Probability that the term is there, from 0 to 1.
+        Probability that the term is present, from 0 to 1.
 
     """
 
@@ -84,16 +84,16 @@ class Coefficient:
 @dataclass(frozen=True)
 class Tone:
     """
-    A narrow line in the spectrum, or the sum of several.
+    A narrow line in the spectrum, or the sum of several lines.
 
     Attributes
     ----------
     frequency_hz : float
-        Of a sum: of one line that leaves as much as all of them in the mean over a long time.
+        For a sum: that of the single line that adds as much to means over a long time.
     amplitude : float
-        In the unit of a sample; of a sum: that of the power of all.
+        In the unit of a sample; for a sum: that of one line with the power of all.
     lines : int
-        How many lines are summed.
+        Number of lines in the sum.
 
     """
 
@@ -107,7 +107,7 @@ class GaussMarkov:
     """
     First-order Gauss-Markov process: standard deviation, and correlation time in seconds.
 
-    Their 95 % intervals are known where the process was measured.
+    The 95 % intervals are set if the process was measured.
     """
 
     sigma: NotNegative
@@ -119,15 +119,15 @@ class GaussMarkov:
 @dataclass(frozen=True)
 class PowerLaw:
     """
-    Slow noise whose two-sided density is ``psd_1hz / f**exponent``, where it is no flicker.
+    Slow noise other than flicker, whose two-sided density is ``psd_1hz / f**exponent``.
 
     Attributes
     ----------
     exponent : float
-        That of flicker is 1.
+        That of flicker would be 1.
     exponent_ci95 : (float, float)
     psd_1hz : float
-        In the squared unit of a sample per Hz.
+        Density at 1 Hz, in the squared unit of a sample per Hz.
 
     """
 
@@ -137,23 +137,23 @@ class PowerLaw:
 
     @property
     def amplitude(self) -> float:
-        """Return the coefficient of the law; that of flicker would be a bias instability."""
+        """Return the coefficient of the law, which for flicker would be the bias instability."""
         return sqrt(self.psd_1hz * (2 * pi)**self.exponent)
 
 
 @dataclass(frozen=True)
 class DriftModel:
     """
-    What predicts the sensor: white noise, random walk and first-order Gauss-Markov processes.
+    Model to predict the sensor: white noise, random walk and first-order Gauss-Markov processes.
 
     Attributes
     ----------
     noise_density, rate_random_walk : float
-        In the units of the coefficients of that name; never negative, zero where there is none.
+        In the units of the coefficients of that name; never negative, zero if absent.
     processes : tuple of GaussMarkov
-        At most four, by growing correlation time.
+        At most four, by increasing correlation time.
     from_s, to_s : float
-        Horizons that the record speaks of.
+        Range of horizons for which the record supports the model.
 
     """
 
@@ -180,7 +180,7 @@ class WarmUp:
     Attributes
     ----------
     amplitude : float
-        Of the exponential at the first sample, in the unit of a sample; signed.
+        Value of the exponential at the first sample, in the unit of a sample; signed.
     time_constant_s : float
     ci95 : (float, float)
         95 % interval of the amplitude.
@@ -205,14 +205,14 @@ class TemperatureDependence:
     per_kelvin : float
         Slope at the mean temperature of the record, in the unit of a sample.
     ci95 : (float, float)
-        Of the slope.
+        95 % interval of the slope.
     lowest_c, highest_c : float
-        The range it was seen over, in degrees Celsius.
+        Temperature range of the data, in degrees Celsius.
     per_kelvin_squared : float or None
-        Coefficient of the square of the distance from the mean temperature, where it shows.
+        Coefficient of the squared distance from the mean temperature, if observable.
     lag_s : float or None
-        Time constant by which the thermometer follows the sensor, where one shows; negative where
-        the sensor follows the thermometer.
+        Time constant with which the thermometer follows the sensor, if observable; negative if the
+        sensor follows the thermometer.
     lag_ci95 : (float, float) or None
 
     """
@@ -229,7 +229,7 @@ class TemperatureDependence:
 @dataclass(frozen=True)
 class Trend:
     """
-    What moves the mean and is no noise; None for each that the data does not show.
+    Deterministic drift of the mean; None for each part that the data does not show.
 
     Attributes
     ----------
@@ -237,8 +237,8 @@ class Trend:
     warm_up : WarmUp or None
     temperature : TemperatureDependence or None
     second_warm_up : WarmUp or None
-        A smaller exponential beside the first, where one does not describe it: a die and
-        its housing, say.
+        A smaller exponential in addition to the first, if one does not suffice: for example for a
+        die and its housing.
     cycle_s : float or None
         Period of a slow cycle, such as a heater's.
 
@@ -261,13 +261,13 @@ class Segment:
     start_s, duration_s : float
     mean : float
     noise_density : float or None
-        With its 95 % interval `ci95`; None where the part is too short.
+        With its 95 % interval `ci95`; None if the segment is too short.
     ci95 : (float, float) or None
     drift_sigma : float or None
         Standard deviation of the slow part of the signal within the segment.
     drift_ci95 : (float, float) or None
-        95 % interval of that of such segments: a slow drift is hardly more than a slope in each,
-        and what one shows says little about another.
+        95 % interval of `drift_sigma` in such segments: slow drift is hardly more than a slope in
+        each, so one segment says little about another.
 
     """
 
@@ -282,7 +282,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Stationarity:
-    """Whether the noise is the same in all parts of the record, and the parts."""
+    """Whether the noise is the same in all segments of the record, and the segments."""
 
     steady: bool
     p_value: float | None
@@ -292,10 +292,10 @@ class Stationarity:
 @dataclass(frozen=True)
 class Innovations:
     """
-    Mean normalised innovation squared of means over `interval_s`: above 1 is overconfident.
+    Mean normalized innovation squared (NIS) of means over `interval_s`; above 1 is overconfident.
 
-    `of_halves` is that of the first half of a record, under the model of the second, and that of
-    the second under the model of the first.
+    `of_halves` has the NIS of the first half of a record under the model of the second half, and
+    vice versa.
     """
 
     interval_s: AboveZero
@@ -315,7 +315,7 @@ class Coast:
 
 @dataclass(frozen=True)
 class Backtest:
-    """The drift model of one part of the record held against the rest of it."""
+    """Test of the drift model of one part of the record against the rest."""
 
     trained_s: AboveZero
     tested_s: AboveZero
@@ -337,8 +337,8 @@ class Curve:
     """
     Allan deviation at octave averaging times; every tuple has the length of `tau_s`.
 
-    `model_adev` is that of the coefficients and processes that are reported, and of the tones; 0
-    where nothing is.
+    `model_adev` is the Allan deviation of the reported coefficients, processes and tones together;
+    0 if there are none.
     """
 
     tau_s: tuple[AboveZero, ...]
@@ -360,13 +360,13 @@ class Spectrum:
 @dataclass(frozen=True)
 class Signal:
     """
-    The samples over time, as lowest, mean and highest value of equal segments.
+    The samples over time, as lowest, mean and highest value of segments of equal length.
 
     Attributes
     ----------
     step_s : float
-        Length of a segment; the first begins at the first sample. Where the clock jumped the
-        parts stand one after the other.
+        Length of a segment; the first one begins at the first sample. Parts between clock jumps
+        follow each other directly.
     low, mean, high : tuple of float or None
         In the unit of a sample; None for a segment without samples.
 
@@ -388,7 +388,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Saturation:
-    """Where the output of an axis is cut off: the value, and the share of samples at it."""
+    """Clipping of an axis: the value at which it is cut off, and the share of samples there."""
 
     value: float
     share: float
@@ -396,7 +396,7 @@ class Saturation:
 
 @dataclass(frozen=True)
 class Deadband:
-    """Small values of an axis given as zero: up to which magnitude, and the share of zeros."""
+    """Small values of an axis set to zero: the largest such magnitude, and the share of zeros."""
 
     width: float
     share: float
@@ -407,15 +407,16 @@ class AxisResult:
     """
     Everything known about one axis.
 
-    `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
-    the highest frequency that was fitted, where what lies above was left out. An axis that
-    `stood_still` gave one value for so long, and has no coefficients; no more has one that is
-    `saturated`, has a `deadband`, or came through a filter that takes out what is slower than
-    `high_passed_hz`, of the mean too. `tones` are the strongest lines, and `weaker_tones` sums of
-    the others by octave. `coarse_step` is that of an output which steps by more than the noise of
-    one sample, `copy_of` the axis whose every sample it repeats, with a minus where the sign is
-    the other. Of several recordings the one with the fault gives no coefficients; those of the
-    others are reported.
+    `band_limit_s` is the effective window of a low-pass, if one was found. `band_edge_hz` is the
+    highest fitted frequency, if higher ones were excluded. `tones` are the strongest lines, and
+    `weaker_tones` sums of the others by octave. `coarse_step` is the step of an output that is
+    coarser than the noise of one sample. `copy_of` is the axis that every sample repeats, with a
+    minus if the sign is opposite.
+
+    An axis has no coefficients if it was constant during `stood_still`, is `saturated` or has a
+    `deadband`. Neither has one from a filter that removes everything slower than `high_passed_hz`,
+    the mean included. If one of several recordings has such a fault, only the others give
+    coefficients.
     """
 
     quantity: str
@@ -446,17 +447,17 @@ class AxisResult:
 
     @property
     def all_tones(self) -> tuple[Tone, ...]:
-        """All that was left out of the fit as lines: what the noise of a sample has besides."""
+        """Return all lines excluded from the fit, which are part of the noise of a sample."""
         return self.tones + self.weaker_tones
 
     @property
     def constant(self) -> bool:
-        """Whether every sample was the same."""
+        """Return whether all samples have the same value."""
         return bool(self.curve.adev) and not any(self.curve.adev)
 
     @property
     def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed', 'copied'] | None:
-        """Why the axis does not measure, for a while or in one record: zeroed is by a deadband."""
+        """Return why the axis fails to measure, at least at times; 'zeroed' is by a deadband."""
         if self.constant:
             return 'constant'
         if self.stood_still is not None:
@@ -468,11 +469,11 @@ class AxisResult:
         return None if self.copy_of is None else 'copied'
 
     def __str__(self) -> str:
-        """Return the coefficients in a line, SI units, with their 95 % intervals."""
+        """Return the coefficients in one line, in SI units, with their 95 % intervals."""
         return ', '.join(map(str, self.coefficients.values()))
 
     def __repr__(self) -> str:
-        """Return the coefficients in a line."""
+        """Return the coefficients in one line."""
         return f'<AxisResult of {self.quantity}: {self}>'
 
     def to_dict(self) -> dict[str, Any]:
@@ -482,7 +483,7 @@ class AxisResult:
 
 @dataclass(frozen=True)
 class Timeline:
-    """What was seen of the clock and of the samples."""
+    """Rate, number and faults of the samples, as found by the timeline."""
 
     sample_rate_hz: AboveZero | None
     samples: int
@@ -496,7 +497,7 @@ class Timeline:
 
     @property
     def rest_s(self) -> float:
-        """Seconds for which samples were taken in: gaps and motion do not count."""
+        """Return the seconds of samples in use, without gaps and motion."""
         if not self.sample_rate_hz:
             return self.duration_s
         moved = sum(span.duration_s for span in self.motion)
@@ -506,11 +507,11 @@ class Timeline:
 @dataclass(frozen=True)
 class Source:
     """
-    Where the samples came from; `options` is what the user chose otherwise than by default.
+    Where the samples came from; `options` are choices of the user that differ from the default.
 
-    Of a datasheet there are none: its numbers take the place of a result, for a configuration.
+    A datasheet has no samples: its numbers replace a result, to write a filter configuration.
 
-    Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``, and
+    The options of a recording are those of `Choice.said`, such as ``{'motion': 'keep'}``, and
     `files` distinguishes its files from others of the same name (`files_digest`).
     """
 
@@ -527,10 +528,10 @@ class Source:
 @dataclass(frozen=True)
 class SensorVerdict:
     """
-    Whether the numbers of a sensor are good to use, and the codes of the findings for it.
+    Whether the numbers of a sensor can be used, and the codes of the findings that decide it.
 
-    With care: something is to be done first, or shows less than it should. Not usable: there are
-    no numbers, or they are those of something else.
+    'with_care': something has to be done first, or is less certain than it should be.
+    'not_usable': there are no numbers, or they describe something else.
     """
 
     verdict: Literal['good', 'with_care', 'not_usable']
@@ -549,7 +550,7 @@ class RecordingPart:
 
 @dataclass(frozen=True)
 class TurnOnBias:
-    """Spread of the mean from one power-on to the next: standard deviation, 95 % interval."""
+    """Spread of the mean between power-ons: standard deviation, with 95 % interval."""
 
     sigma: float
     ci95: Interval
@@ -557,7 +558,7 @@ class TurnOnBias:
 
 @dataclass(frozen=True)
 class Inspection:
-    """Which unit was measured, by whom and where, as a production line keeps it."""
+    """Which unit was measured, by whom and where, for the records of a production line."""
 
     serial: str | None = None
     operator: str | None = None
@@ -567,11 +568,11 @@ class Inspection:
 @dataclass(frozen=True)
 class Result:
     """
-    The result file.
+    The complete result, as in the result file.
 
-    `recordings` and `turn_on_bias` are those of a joint result; `temperature`, in degrees Celsius,
-    is that of a thermometer beside the sensor, on the time axis of the signals. `sensors` has the
-    verdict on ``gyro`` and ``accel``.
+    `recordings` and `turn_on_bias` are set in a joint result. `temperature`, in degrees Celsius,
+    is from a thermometer beside the sensor, on the time axis of the signals. `sensors` has the
+    verdicts on ``gyro`` and ``accel``.
     """
 
     imu_allan_version: str
@@ -588,12 +589,12 @@ class Result:
 
     def __str__(self) -> str:
         """Return the table that the command prints, 80 columns wide."""
-        # A writer lays out the table; nothing else here depends on one.
+        # The table is made by a writer; nothing else here depends on writers.
         text: str = import_module('imu_allan.writers.table').result_text(self)
         return text
 
     def __repr__(self) -> str:
-        """Return one line on the recording; `str` gives the table."""
+        """Return one line about the recording; `str` returns the table."""
         timeline = self.timeline
         names = [str(name) for name in (self.source.path, self.source.topic) if name]
         rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
@@ -607,7 +608,7 @@ class Result:
         return {'schema': document.pop('schema'), **document}
 
     def to_json(self) -> str:
-        """Return the JSON text, a series on one line; numbers read back exactly."""
+        """Return the JSON text with each series on one line; numbers are read back exactly."""
         return json_text(self.to_dict()) + '\n'
 
     @classmethod

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What changes as messages come, and how it is copied, saved and gone on with.
+Records that change as messages arrive, and how they are copied, saved and restored.
 
 A record is a dataclass of numbers, text, arrays, other dataclasses, and lists, tuples and dicts of
-these. Its state is a flat dict: a text of JSON for each field, and beside it arrays by their path.
+these. Its state is a flat dict that holds JSON text for each field, and the arrays by path.
 """
 
 from collections.abc import Mapping
@@ -23,18 +23,18 @@ State = dict[str, NDArray[Any]]
 
 
 class Record:
-    """Base of what changes as messages come."""
+    """Base class of records that change as messages arrive."""
 
     def copy(self: Kind) -> Kind:
-        """Give an independent copy."""
+        """Return an independent copy."""
         return cast(Kind, _copied(self, {}))
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if the restored fields are inconsistent."""
 
 
 def _copied(value: Any, seen: dict[int, Any]) -> Any:
-    """Copy records, arrays, lists and dicts, each once; what else a record has never changes."""
+    """Copy arrays, lists, dicts and, each once, records; other values in records never change."""
     if isinstance(value, Record):
         if id(value) not in seen:
             twin = seen[id(value)] = shallow_copy(value)
@@ -51,7 +51,7 @@ def _copied(value: Any, seen: dict[int, Any]) -> Any:
 
 
 def state_of(record: Any) -> State:
-    """Give everything that a dataclass holds."""
+    """Return the state of a dataclass, with everything that it holds."""
     arrays: State = {}
     plain = _plain(record, '', arrays)
     return {name: np.array(json.dumps(value)) for name, value in plain.items()
@@ -59,9 +59,9 @@ def state_of(record: Any) -> State:
 
 
 def _plain(value: Any, path: str, arrays: State) -> Any:
-    """Give what JSON keeps of a value; arrays go beside."""
+    """Return the part of a value that JSON stores; put its arrays into `arrays`."""
     if isinstance(value, np.ndarray):
-        # What is saved by another thread is that of this moment.
+        # Another thread saves it later, but as it is now.
         arrays[path] = value.copy()
         return None
     within = f'{path}/' if path else ''
@@ -76,14 +76,14 @@ def _plain(value: Any, path: str, arrays: State) -> Any:
 
 
 def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
-    """Give what a state holds under a name."""
+    """Return the part of a state under a name."""
     return {key[len(name) + 1:]: value for key, value in state.items()
             if key.startswith(f'{name}/')}
 
 
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
     """
-    Go on from `state_of`.
+    Restore a record from the output of `state_of`.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
-    """Give a value of a type from what was saved of it."""
+    """Build a value of a type from its saved parts."""
     origin, parts = get_origin(kind), get_args(kind)
     within = f'{path}/' if path else ''
     if kind is Any or (origin is Literal and plain in parts):
@@ -118,7 +118,7 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
         array = arrays[path]
         if array.dtype != np.dtype(get_args(parts[1])[0]):
             raise TypeError(f'{path} is of {array.dtype}')
-        # Far beyond any sum of samples; sums of such numbers are infinite.
+        # Far beyond any sum of samples; sums of such numbers could overflow.
         if array.dtype.kind == 'f' and np.any((np.abs(array) > 1e100) & np.isfinite(array)):
             raise ValueError(f'{path} holds larger numbers than samples add up to')
         return array.copy()
@@ -154,7 +154,7 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
 
 
 def _like_defaults(record: Record, path: str) -> None:
-    """Refuse lists and arrays that are not of the size that they have from the start."""
+    """Refuse lists and arrays whose size differs from that of their defaults."""
     for part in fields(cast(Any, record)):
         if not callable(part.default_factory):
             continue

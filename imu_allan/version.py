@@ -3,5 +3,5 @@
 """The version of the package."""
 
 __version__ = '0.1.0'
-# As type checkers read it: importing `typing` takes longer than the package itself.
+# Type checkers take this as true; importing `typing` takes longer than the package itself.
 TYPE_CHECKING = False

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How numbers, durations, sensors and recordings are said: once, for every place that says them.
+Wording of numbers, durations, sensors and recordings, shared by all outputs.
 
 Terminal, report, figures, topics and messages of one result use the same words for the same thing.
-Nothing here knows a unit or a colour.
+Units and colours are not handled here.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,10 +16,10 @@ from imu_allan.result import Inspection, Result, Timeline
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 """Titles of the two sensors of an IMU."""
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
-"""What a sample of each sensor is."""
+"""The quantity that each sensor measures."""
 
 NO_TOPIC = 'csv'
-"""What stands for the topic of a table, which has none."""
+"""Used as the topic of a table, which has none."""
 
 _PLAIN = (-4, 6)
 """Powers of ten between which numbers are written without an exponent."""
@@ -27,14 +27,14 @@ _PLAIN = (-4, 6)
 
 def number(value: float, digits: int = 4) -> str:
     """
-    Return a number that has no interval, in so many significant digits.
+    Return a number that has no interval, with the given number of significant digits.
 
     Parameters
     ----------
     value : float
         In any unit.
     digits : int, optional
-        Zeros behind the last digit that is not one are left out.
+        Significant digits; trailing zeros are omitted.
 
     Examples
     --------
@@ -50,14 +50,14 @@ def number(value: float, digits: int = 4) -> str:
 
 def bounded(bound: float, symbol: str = '') -> str:
     """
-    Return what is said of a quantity of which only an upper bound is known.
+    Return the text for a quantity of which only an upper bound is known.
 
     Parameters
     ----------
     bound : float
-        In any unit; three significant digits of it are reported, zeros as well.
+        In any unit; reported with three significant digits, trailing zeros included.
     symbol : str, optional
-        Of the coefficient: the ramp R has a sign, and the bound is one of its size.
+        Of the coefficient: the ramp R has a sign, so the bound is one of its magnitude.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def bounded(bound: float, symbol: str = '') -> str:
 
 def rounded(value: float, digits: int = 3) -> str:
     """
-    Return a number in so many significant digits, zeros at its end as well.
+    Return a number with the given number of significant digits, trailing zeros included.
 
     Parameters
     ----------
@@ -94,11 +94,11 @@ def rounded(value: float, digits: int = 3) -> str:
 
 def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
     """
-    Return a value and its interval with the digits that the interval's width leaves.
+    Return a value and its interval with the digits that the width of the interval supports.
 
     The nearer bound decides, by the rule of the Particle Data Group: one digit of the distance is
-    written, two where it begins with less than 3.55. Zeros at the end are kept, for they were
-    measured; a bound that lies many times nearer to zero keeps two digits of its own.
+    written, or two if it begins with less than 3.55. Trailing zeros are kept, as they are
+    significant. A bound that is many times nearer to zero keeps two digits of its own.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
 
 
 def _rounded(value: float, last: int) -> str:
-    """`value` down to the digit at 10^`last`, with at least two digits and at most six."""
+    """Return `value` down to the digit at 10^`last`, with two to six digits."""
     if value == 0:
         return '0'
     digits = min(max(floor(log10(abs(value))) - last + 1, 2), 6)
@@ -147,7 +147,7 @@ def _rounded(value: float, last: int) -> str:
 
 def duration(seconds: float) -> str:
     """
-    Return a length of time as a person says it.
+    Return a length of time as a person would say it.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def duration(seconds: float) -> str:
 
 def about(seconds: float) -> str:
     """
-    Return a length of time to two digits of the unit it is said in.
+    Return a length of time rounded to two digits of its unit.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def listed(words: Sequence[str]) -> str:
 
 def ranged(values: Iterable[float], say: Callable[[float], str]) -> str:
     """
-    Say the lowest and the highest of some numbers, or one where both read the same.
+    Return the lowest and the highest of some numbers, or only one if both read the same.
 
     Examples
     --------
@@ -251,7 +251,7 @@ def named(axes: Sequence[str]) -> str:
 
 
 def names_of(result: Result) -> list[str]:
-    """Return what the samples came from: path and topic as far as they are known, printable."""
+    """Return where the samples came from: path and topic as far as known, printable."""
     source = result.source
     names = (source.path, source.topic if source.topic != NO_TOPIC else None)
     return [printable(name) for name in names if name] or ['samples']
@@ -266,7 +266,7 @@ def amount_of(timeline: Timeline) -> str:
 
 
 def origin_of(result: Result) -> list[str]:
-    """Return unit, frame, beginning and clock as far as they are known, printable."""
+    """Return unit, frame, start time and clock as far as known, printable."""
     source, unit = result.source, result.inspection or Inspection()
     found = (('serial number {}', unit.serial), ('operator {}', unit.operator),
              ('station {}', unit.station), ('frame {}', source.frame_id),
@@ -277,7 +277,7 @@ def origin_of(result: Result) -> list[str]:
 
 def clock_of(clock: str, topic: str | None) -> str:
     """
-    Name the clock that the stamps are of.
+    Name the clock of the stamps.
 
     Examples
     --------
@@ -289,12 +289,12 @@ def clock_of(clock: str, topic: str | None) -> str:
 
 
 def is_table(topic: str | None) -> bool:
-    """Whether what is called a topic is a CSV file, or several of a folder: no topic of ROS."""
+    """Return whether a topic is a CSV file or several of a folder, not a topic of ROS."""
     return topic is not None and (topic == NO_TOPIC or topic.lower().endswith('.csv'))
 
 
 def faults_of(timeline: Timeline) -> list[str]:
-    """Return what went wrong on the way, counted; nothing where all is well."""
+    """Return the faults of the samples with their counts; empty if there are none."""
     counts = {'missing': timeline.missing, 'duplicate': timeline.duplicates,
               'out of order': timeline.out_of_order, 'rejected': timeline.rejected}
     faults = [f'{count:,} {name}' for name, count in counts.items() if count]
@@ -302,9 +302,8 @@ def faults_of(timeline: Timeline) -> list[str]:
                              (timeline.motion, 'segment of motion', 'segments of motion')):
         if spans:
             total = sum(span.duration_s for span in spans)
-            # No more are listed: a remark has the number of all.
-            # `LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`, which this floor knows
-            # nothing of.
+            # At most 1000 are listed: `LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`,
+            # which this module may not import. A finding has the total number.
             first = 'the first ' if len(spans) >= 1000 else ''
             faults.append(f'{first}{counted(len(spans), one, many)} ({duration(total)})')
     return faults
