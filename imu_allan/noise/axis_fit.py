@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a finished estimator to what its noise is, axis by axis."""
+"""Fit noise models to the axes of a finished estimator."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,47 +36,47 @@ from imu_allan.result import Tone
 import numpy as np
 
 SHORTEST_RECORD = 64
-"""Samples below which no coefficient is estimated."""
+"""Fewest samples from which coefficients are estimated."""
 _QUARTERS = 4
-"""More parts are each too short to know a random walk, fewer cannot disagree much."""
+"""More parts would each be too short to estimate a random walk; fewer would seldom disagree."""
 
 
 @dataclass(frozen=True)
 class AxisFit:
-    """What the spectrum of one axis says."""
+    """Fitted noise model of one axis, with the spectra it rests on."""
 
     fit: AxisReport
-    lines: list[Tone]    # what was left out of the spectrum, the strongest first
-    groups: Groups    # what was fitted: the spectrum without the lines
-    whole: Groups    # the spectrum with them
-    # What parts of the record say of each other; None where it is too short to have parts
+    lines: list[Tone]    # lines that were left out of the spectrum, the strongest first
+    groups: Groups    # the fitted spectrum, without the lines
+    whole: Groups    # the spectrum with the lines
+    # Comparison of the segments; None if the record is too short to be split
     steadiness: Steadiness | None = None
     segments: SegmentPowers | None = None    # of all axes
-    # One record, with the trends that its mean follows; None of several
+    # The record with the trends of its mean; None for a joint fit of several records
     record: RecordSpectrum | None = None
-    # Gives the spectra of quarters of the record, none where they are too short
+    # Returns the spectra of quarters of the record; an empty list if they are too short
     parts: Callable[[], list[Groups]] | None = None
 
 
 def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | None = None
              ) -> list[AxisFit | None]:
     """
-    Weigh the noise models of every axis: equation (7) of docs/statistics.md.
+    Fit the noise models of every axis: equation (7) of docs/statistics.md.
 
     Parameters
     ----------
     finished : Estimator
-        As `Estimator.finished` returns it.
+        Estimator as returned by `Estimator.finished`.
     dt : float
         Sample interval in seconds.
     temperature : TemperatureSeries, optional
-        Over the same record.
+        Temperature over the same record.
 
     Returns
     -------
     list of AxisFit or None
-        None for an axis that is constant, all the time or for a part of it, is cut off, has a
-        deadband, or a record that is too short.
+        None for an axis that is clipped, has a deadband, or is constant for all or part of the
+        record. None for all axes if the record is too short.
 
     Examples
     --------
@@ -94,13 +94,13 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     found: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
         return found
-    # A cycle that a thermometer shows is no other cycle.
+    # Do not report a cycle that the temperature explains.
     heat = [] if temperature is None else [
         temperature.of_sensor(float(lag)).trends[0] for lag in lags_of(temperature)]
     sources = _without_cycles(_sources(finished, sections, axes, dt), finished, heat)
     kinds = TRENDS if temperature is None else with_temperature(temperature)
     first = _weighed(sources, dt, kinds)
-    # What moves the mean is no change of the noise, and leaks into blocks.
+    # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
     means = [moved_mean(posterior, source.record)
              for source, posterior in zip(sources, first, strict=True)]
     moved = [number for number, mean in enumerate(means) if mean is not None]
@@ -116,13 +116,13 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
 
 def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[TrendKind]
              ) -> list[Posterior]:
-    """Weigh the models of some axes in one batch."""
+    """Compute the posteriors of some axes in one batch."""
     return posteriors([source.capped for source in sources], dt,
                       [source.record for source in sources], kinds) if sources else []
 
 
 def _without(source: '_Source', mean: Mean | None, finished: Estimator) -> '_Source':
-    """Take a mean that moves out of the blocks, the segments and the quarters of an axis."""
+    """Remove a moving mean from the blocks, the segments and the quarters of an axis."""
     assert mean is not None
     noise = np.exp(np.interp(np.log(source.record.bins.frequency), np.log(mean.frequency),
                              np.log(mean.noise)))
@@ -131,7 +131,7 @@ def _without(source: '_Source', mean: Mean | None, finished: Estimator) -> '_Sou
 
 def _fitted(source: '_Source', posterior: Posterior, dt: float,
             temperature: TemperatureSeries | None) -> AxisFit:
-    """Report one axis; a random walk has to show in its quarters, too."""
+    """Report one axis; withdraw a random walk that its quarters do not confirm."""
     report = reported(replace(posterior, change=_change(posterior, source, dt)), dt, temperature,
                       source.record)
     if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
@@ -147,10 +147,10 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
 
 def copies(finished: Estimator) -> list[tuple[int, int, int]]:
     """
-    Find pairs of axes that give the same samples, or those of the other sign.
+    Find pairs of axes with the same samples, or with samples of opposite sign.
 
-    Returns: two numbers of axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``. Axes
-    that are constant, or steps of which hide the noise, may be the same by nature.
+    Returns: the indices of two axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``.
+    Axes that are constant, or whose steps hide the noise, are left out: they may agree by chance.
     """
     coarse = steps_hide_noise(finished)
     return [] if finished.samples < SHORTEST_RECORD else [
@@ -159,7 +159,7 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
 
 @dataclass(frozen=True)
 class _Source:
-    """What the models of an axis are weighed by."""
+    """Spectra and statistics of one axis that its models are fitted to."""
 
     axis: int
     whole: Groups
@@ -168,26 +168,26 @@ class _Source:
     lines: list[Tone]
     steady: Steadiness | None
     segments: SegmentPowers | None
-    # Of which axis of the segments and the quarters.
+    # Index of this axis in the segments and the quarters
     own: int
     quarters: list[Part]
     cycle: SlowCycle | None = None
 
     @property
     def capped(self) -> Groups:
-        """Return the spectrum, worth less where the noise changes."""
+        """Return the spectrum, with fewer degrees of freedom where the noise changes."""
         own = self.record.groups()
         return own if self.steady is None else self.steady.capped(own)
 
     def parts(self) -> list[Groups]:
-        """Return the spectra of quarters of the record, none where they are too short."""
+        """Return the spectra of quarters of the record; an empty list if they are too short."""
         found = [part.groups(self.own, lines_hz(self.lines)) for part in self.quarters]
         if len(found) < _QUARTERS or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
     def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Waveform) -> '_Source':
-        """Take a mean that moves out of the segments and the quarters, too."""
+        """Remove a moving mean from the segments and quarters; `record` is without its leakage."""
         turning = None if self.cycle is None else self.cycle.cycle.trend
         calm = without_mean(finished.periodogram, self.axis, record.dt, mean if turning is None
                             else lambda time: mean(time) + turning(time))
@@ -205,7 +205,7 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
 
 def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequence[int], dt: float
              ) -> list[_Source]:
-    """Leave lines out of every axis, and compare the parts of the record."""
+    """Prepare every axis: exclude its lines, and compare the segments of the record."""
     bins = bins_of(sections, dt, finished.interpolation)
     segments = segment_powers(finished.periodogram)
     brief = short_powers(finished.periodogram) if segments is None else None
@@ -219,7 +219,7 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
         steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
         own = segments
         if brief is not None and not coarse[axis]:
-            # All that a short record can say of its parts is that their noise is not the same.
+            # Parts of a short record can only show that the noise changes, not that it is steady.
             said = steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
             own, steady = (None, None) if said.steady else (brief, said)
         groups = whole if keep.all() else replace(record, aligned=False).groups()
@@ -229,7 +229,7 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
 
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform]
                     ) -> list[_Source]:
-    """Take strong cycles out of every axis, and ask it for those of the others."""
+    """Remove strong cycles from every axis, including those found on the other axes."""
     found = strong_cycles([source.record.beside(beside) for source in sources])
     known = [1 / one.period_s for one in found if one is not None]
     if not known:
@@ -245,12 +245,12 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
 
 
 def _still(time: np.ndarray) -> np.ndarray:
-    """Return a mean that does not move."""
+    """Return a mean of zero at all times."""
     return np.zeros_like(time)
 
 
 def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
-    """Weigh how much the level of the white noise changes between segments."""
+    """Estimate how much the level of the white noise changes between segments."""
     if source.segments is None or source.steady is None:
         return STEADY
     best = posterior.models[0]
@@ -266,7 +266,7 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
 
 
 def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[Part]:
-    """Quarters of a record."""
+    """Return the quarters of a record, as far as it has enough segments."""
     used = periodogram.segments.used
     ends = [round(part * used / _QUARTERS) for part in range(_QUARTERS + 1)]
     return [Part(periodogram, dt, first, last, finished.interpolation)

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The chi-square distribution, by incomplete gamma functions.
+The chi-square distribution, from incomplete gamma functions.
 
-scipy.stats has it too, at half a second of import for a command that takes two.
+scipy.stats has it as well, but takes half a second to import, for a command of two seconds.
 
 References
 ----------
@@ -18,9 +18,9 @@ from scipy.special import gammaincc, gammainccinv, gammaincinv
 Array = NDArray[np.float64]
 
 NORMAL95 = 1.96
-"""Standard errors about a normal estimate that hold 95 %: the root of `upper(0.05, 1)`."""
+"""Half-width of a normal 95 % interval in standard errors: the square root of `upper(0.05, 1)`."""
 NORMAL90 = 1.645
-"""The same of 90 %, or of 95 % on one side."""
+"""The same for 90 %, or for 95 % on one side."""
 
 
 def survival(x: ArrayLike, dof: ArrayLike) -> Array:
@@ -34,21 +34,21 @@ def upper(probability: float, dof: ArrayLike) -> Array:
 
 
 def lower(probability: float, dof: ArrayLike) -> Array:
-    """Return the value that is not reached with `probability`."""
+    """Return the value below which the variable lies with `probability`."""
     return np.asarray(2 * gammaincinv(_half(dof), probability))
 
 
 def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
     """
-    Return the probability that equal variances look so different: Bartlett's test.
+    Test the hypothesis of equal variances by Bartlett's test, and return its p-value.
 
-    `ratio`, `dof`, shape (n, bands): variances over what is expected of each, and their degrees of
-    freedom. `least`: the lowest ratio that counts, over that of all of a band: none has no
-    logarithm. Returns: all bands together.
+    `ratio`, `dof`, shape (n, bands): variances relative to their expectations, and their degrees
+    of freedom. `least`: lower limit of the ratios relative to the pooled ratio of a band, since
+    zero has no logarithm. Returns: a common p-value of all bands.
     """
     total = dof.sum(axis=0)
     pooled = np.sum(dof * ratio, axis=0) / total
-    there = pooled != 0  # a band without any power looks the same everywhere
+    there = pooled != 0  # bands without any power do not differ
     if not np.all(there):
         return (equal_variances(ratio[:, there], dof[:, there], least) if np.any(there)
                 else 1.0)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The Allan deviation curve and its intervals.
+The Allan deviation curve and its confidence intervals.
 
-The equivalent degrees of freedom of every point are those of the fitted sum of terms, not of one
-dominant noise type: two moments of the estimator follow from the covariance of its second
-differences, which the generalised covariance of phase gives in closed form.
+The equivalent degrees of freedom of each point are those of the fitted sum of terms, not of one
+dominant noise type. Mean and variance of the estimator follow from the covariance of its second
+differences, for which the generalised covariance of phase gives a closed form.
 
 References
 ----------
@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
-"""The fourth difference: shifts in clusters, and weights."""
+"""Shifts, in clusters, and weights of the fourth difference."""
 
 
 @dataclass(frozen=True)
@@ -41,24 +41,24 @@ class Octaves:
     size: NDArray[np.int64]    # (octaves,): samples in a cluster
     # (octaves,): samples between the second differences that were averaged
     stride: NDArray[np.int64]
-    count: NDArray[np.int64]    # (octaves,): how many differences were averaged
+    count: NDArray[np.int64]    # (octaves,): number of differences averaged
     avar: Array    # (octaves, axes): in the squared unit of a sample
 
 
 def octaves(estimator: Estimator) -> Octaves:
     """
-    Read the Allan variance off a finished estimator: equation (4) of docs/statistics.md.
+    Compute the Allan variance of a finished estimator: equation (4) of docs/statistics.md.
 
     Parameters
     ----------
     estimator : Estimator
-        As `Estimator.finished` returns it.
+        Estimator as returned by `Estimator.finished`.
 
     Returns
     -------
     Octaves
-        Where the whole-record series is fine enough to give more overlap than the pyramid does,
-        the long clusters come from there.
+        Long clusters are computed from the whole-record series if that gives more overlap than
+        the pyramid.
 
     References
     ----------
@@ -95,7 +95,7 @@ def octaves(estimator: Estimator) -> Octaves:
 
 
 def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
-    """Second differences over `m` cells of the series: how many, and their squared sums."""
+    """Return number and sums of squares of second differences over `m` cells of the series."""
     series = estimator.periodogram.series
     whole = series.counts == estimator.periodogram.cell
     found, sums = 0, np.zeros(estimator.axes)
@@ -106,7 +106,7 @@ def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
             continue
         phase = np.concatenate((np.zeros((estimator.axes, 1)), np.cumsum(part.sums, axis=1)),
                                axis=1)
-        # A difference is good where its 2 m cells are neighbours.
+        # A difference is valid if its 2 m cells are consecutive.
         keys = part.keys
         good = keys[2 * m - 1:] - keys[:len(keys) - 2 * m + 1] == 2 * m - 1
         d = (phase[:, 2 * m:] - 2 * phase[:, m:-m] + phase[:, :-2 * m])[:, good]
@@ -120,11 +120,11 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     """
     Equivalent degrees of freedom of an Allan variance: equation (5) of docs/statistics.md.
 
-    `coefficients`: SI coefficient by key of `TERMS`; a missing key means zero. A ramp has no
-    randomness and is not considered. `size`: samples in a cluster. `stride`: samples between
-    second differences. `count`: how many second differences were averaged. `dt`: sample interval
-    in seconds. `power_law`: slow noise that is no flicker. Returns: ``2 v^2 / var(v)`` for the sum
-    of the terms.
+    `coefficients`: SI coefficient by key of `TERMS`; a missing key means zero. A ramp is
+    deterministic and ignored. `size`: samples in a cluster. `stride`: samples between second
+    differences. `count`: number of second differences averaged. `dt`: sample interval in seconds.
+    `power_law`: slow noise with another exponent than flicker. Returns: ``2 v^2 / var(v)`` for the
+    sum of the terms.
 
     Examples
     --------
@@ -139,9 +139,9 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in SPECTRAL_TERMS]) ** 2 * scales
     if not squares.any() and power_law is None:
         squares[1] = 1.0
-    # Differences more than 64 clusters apart are taken for unrelated: more costs a fit its time.
+    # Differences more than 64 clusters apart count as uncorrelated, to save time.
     lags = min(count, int(64 * size / stride))
-    # Every fit of a growing record asks for more lags: of powers of two few tables serve all.
+    # A growing record needs more lags in every fit; powers of two need only a few cached tables.
     shared = gcd(size, stride)
     table = _difference_covariance(size // shared, stride // shared, 1 << (lags - 1).bit_length())
     r = squares @ table[:, :lags]
@@ -157,7 +157,7 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
 
 
 def _power_law_covariance(lag: Array, exponent: float) -> Array:
-    """Covariance of second differences of noise f^-exponent, up to a factor; lags in clusters."""
+    """Covariance of second differences of f^-exponent noise, up to a factor; lags in clusters."""
     def phase(h: Array) -> Array:
         return h**2 * np.log(np.where(h > 0, h, 1)) if exponent == 1 else h**(exponent + 1)
 

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How much the mean drifts within a segment, with its interval.
+Level of the drift of the mean within a segment, with its interval.
 
-The spread of the means of a few parts is a quadratic form of correlated Gaussian values. Slow
-drift is all but a slope in so short a time, and its square a chi-square of hardly more than one
-degree of freedom; white noise has as many as there are parts, less one.
+The spread of the means of a few parts is a quadratic form of correlated Gaussian values. In so
+short a time slow drift is almost a slope, whose square is chi-square with little more than one
+degree of freedom. White noise has one degree of freedom less than there are parts.
 
 References
 ----------
@@ -23,20 +23,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
-"""Levels in units of the variance seen: 6 % apart, so that an end is known to 3 %."""
+"""Variances relative to the observed one, 6 % apart, so that interval ends are exact to 3 %."""
 _OUTSIDE = 0.025
-"""On either side of an interval of 95 %."""
+"""Probability on either side of a 95 % interval."""
 
 
 def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     """
-    Return the covariance of the means of neighbouring parts, without white noise.
+    Return the covariance of the means of consecutive parts, without white noise.
 
-    `part_s`: length of a part in seconds. Returns shape (parts, parts): right for what is left
-    after the mean of all is taken off: a random walk has no other covariance.
+    `part_s`: length of a part in seconds. Returns shape (parts, parts): valid after the mean of
+    all parts is removed, as a random walk has no covariance otherwise.
     """
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
-    # A process whose correlation time is a hundred records is a random walk within one.
+    # Within a record, a process with a correlation time of 100 records is a random walk.
     slowest = 100.0 * parts * part_s
     walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
     covariance = np.zeros(lag.shape)
@@ -49,7 +49,7 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
 
 
 def about_mean(covariance: Array) -> Array:
-    """Return the covariance of what is left when the mean of all is taken off, same shape."""
+    """Return the covariance after the mean of all parts is removed, of the same shape."""
     centre = np.eye(len(covariance)) - 1 / len(covariance)
     return np.asarray(centre @ covariance @ centre)
 
@@ -58,9 +58,9 @@ def degrees_of_freedom(trace: Array | float, trace_of_square: Array | float) -> 
     """
     Return the degrees of freedom of a sum of squares of correlated Gaussian values.
 
-    `trace`, `trace_of_square`, shape (n,): of the covariance of the values, and of its matrix
-    product with itself. Returns shape (n,): those of the chi-square of the same mean and variance,
-    by Satterthwaite.
+    `trace`, `trace_of_square`, shape (n,): traces of the covariance matrix of the values, and of
+    its square. Returns shape (n,): degrees of freedom of the chi-square of equal mean and
+    variance (Satterthwaite).
     """
     return np.asarray(np.square(trace) / trace_of_square)
 
@@ -70,10 +70,10 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
     Estimate the level of the drift from the spread of the means of the parts of a segment.
 
     `seen`, shape (segments,): mean square of the means about the mean of the segment. `white`:
-    variance that white noise gives each mean. `shape`, shape (parts, parts): covariance of the
-    drift, to any scale; a random walk's where it is zero. Returns: standard deviation of the
-    drift, and its 95 % interval: all levels that make neither so small nor so large a spread less
-    likely than 1 in 40.
+    variance of each mean due to white noise. `shape`, shape (parts, parts): covariance of the
+    drift up to a factor; if it is zero, that of a random walk is used. Returns: standard deviation
+    of the drift, and its 95 % interval. The interval contains all levels under which neither such
+    a large nor such a small spread has a probability below 2.5 %.
     """
     parts = len(shape)
     drift = about_mean(shape)
@@ -86,7 +86,7 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
         if not variance > 0:
             found.append((0.0, (0.0, 0.0)))
             continue
-        # Without noise of its own a mean has no level of zero.
+        # Without white noise, a drift of zero is impossible.
         tried = variance * (_TRIED if white > 0 else _TRIED[1:])
         mean = tried + noise
         dof = degrees_of_freedom(parts * mean, tried**2 * square + 2 * tried * white * parts
@@ -94,7 +94,8 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
         above = chi_square.survival(dof * variance / mean, dof)
         likely = tried[(above >= _OUTSIDE) & (above <= 1 - _OUTSIDE)]
         level = max(variance - noise, 0.0)
-        # Less spread than white noise alone makes says nothing of a drift below its scatter.
+        # If the spread is smaller than white noise alone explains, drift below its scatter is
+        # possible.
         low, high = (float(likely[0]), float(likely[-1])) if len(likely) else (
             0.0, chi_square.NORMAL95 * noise * (2 / (parts - 1))**0.5)
         found.append((level**0.5, (min(low, level)**0.5, max(high, level)**0.5)))

@@ -1,16 +1,18 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The drift model of one axis: what predicts the sensor, and what a filter therefore wants.
+Drift model of one axis, which predicts the sensor and therefore suits filters.
 
-The five noise coefficients say what is compared with a datasheet. For prediction they are the
-wrong family: flicker has no state of its own in a filter, and a real sensor drifts in ways that no
-power law describes. The drift model is white noise, a random walk and at most four first-order
-Gauss-Markov processes, all at least zero, fitted to the same spectrum below the frequency where it
-still is well-behaved. Two things keep it safe where the record says little: no half-octave counts
-for more than a misfit of 10 % allows, and every half-octave is drawn towards a fit of white noise,
-flicker and random walk, whose walk is the upper end of what the record allows as often as the
-likeliest. No trend is fitted: it does not help prediction reliably, and ruins it on short records.
+The five noise coefficients serve to compare a sensor with its datasheet. They predict poorly:
+flicker has no state in a filter, and real sensors drift in ways that no power law describes. The
+drift model is the sum of white noise, a random walk and at most four first-order Gauss-Markov
+processes. It is fitted to the part of the same spectrum that the terms describe well.
+
+Where the record is not informative, two measures keep the model safe. The weight of a half-octave
+is limited to what a misfit of 10 % allows. Also, its power is shrunk towards a fit of white noise,
+flicker and random walk. That fit is the mean of the best one and the one with the largest random
+walk that the record allows. No trend is fitted: it does not improve predictions reliably, and
+ruins those from short records.
 
 References
 ----------
@@ -32,13 +34,13 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 MOST_PROCESSES = 4
-"""States of a filter cost time; a fifth process gains nothing on any recording tried."""
-_EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # above: vibration, low-passes, quantizer tones
-_PER_DECADE = 2         # correlation times to choose from
+"""Each process is a filter state and costs time; a fifth one improved no recording tried."""
+_EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # vibration, low-passes, quantizer tones lie above
+_PER_DECADE = 2         # candidate correlation times
 _ROUGH = 1e-2
-"""Loss to which a choice of processes is tried first; the best are then fitted to the end."""
+"""Tolerance of the loss in first fits of candidate sets; the best sets are then fitted fully."""
 _FEWEST_GROUPS = 8
-"""An octave, at eight to one: of less no process is distinguished from white noise. A judgment."""
+"""Fewest groups, eight to an octave, that separate a process from white noise (by judgment)."""
 
 
 def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None = None
@@ -49,17 +51,17 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     Parameters
     ----------
     groups : Groups
-        Spectrum of the axis, lines left out.
+        Spectrum of the axis without lines.
     dt : float
         Sample interval in seconds.
     correlation_time_s : float, optional
-        Of a Gauss-Markov process that the fit of the terms has found.
+        Correlation time of a Gauss-Markov process that was found beside the terms.
 
     Returns
     -------
     DriftModel or None
-        None where the spectrum has too few bands. The horizons it is known for reach from one
-        over the band edge to a third of the record.
+        None if the spectrum has too few bands. The model holds for horizons from the reciprocal
+        of the band edge to a third of the record.
 
     Examples
     --------
@@ -71,7 +73,7 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     """
     if len(groups.dof) < _FEWEST_GROUPS:
         return None
-    # What is slower than a third of the record is a random walk to it.
+    # Processes slower than a third of the record look like a random walk.
     longest = 1 / (2 * float(groups.frequency[0])) / 3
     expected = groups
     if correlation_time_s is not None:
@@ -92,21 +94,21 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
 
 def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> Array:
     """
-    Allan variance of a drift model with the lines that were left out of it.
+    Allan variance of a drift model, including the lines that were left out of its fit.
 
     Parameters
     ----------
     model : DriftModel
-        Of one axis.
+        Drift model of one axis.
     tones : tuple of Tone
-        Of the same axis.
+        Lines of the same axis.
     tau_s : array_like, shape (n,)
         Averaging times in seconds.
 
     Returns
     -------
     ndarray, shape (n,)
-        In the squared unit of a sample: equation (2) of docs/statistics.md of the spectrum (8).
+        In the squared unit of a sample: (2) of docs/statistics.md for the spectrum (8).
 
     Examples
     --------
@@ -126,21 +128,21 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
 
 
 def _process(groups: Groups, dt: float, time: float) -> Array:
-    """Return the power that a process of unit sigma gives, shape (groups,)."""
+    """Return the power of a process of unit sigma, shape (groups,)."""
     nu = np.minimum(groups.frequency * dt, 0.5)
     return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
 
 
 def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
-    """Half-octave that each group is in, from the slowest, and the degrees of freedom of it."""
+    """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
     _, inverse = np.unique(np.floor(2 * np.log2(groups.frequency)), return_inverse=True)
     dof: Array = np.bincount(inverse, groups.dof).astype(np.float64)
     return inverse.astype(np.int64), dof
 
 
 def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
-    """Highest frequency up to which N, B and K describe the spectrum; the rest."""
-    # Below 20 Hz the edges shrink with the sample rate.
+    """Return the highest edge below which N, B and K fit, the spectrum up to it, and the fit."""
+    # For sample rates below 20 Hz, the edges scale with the rate.
     scale = min(1.0, 1 / (dt * 20))
     edge, band, terms = 0.0, groups, None
     for hz in _EDGES_HZ:
@@ -152,11 +154,11 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
         octave, dof = _half_octaves(below)
         ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)
         mean = np.bincount(octave, below.dof * ratio) / dof
-        # A fifth of the power beyond what chance does in 1 % of half-octaves.
+        # Allow 20 % of the power in addition to sampling error at a level of 1 %.
         allowed = 0.2 + 2.6 * np.sqrt(2 / dof)
-        # Without noise the mean is zero.
+        # The mean is zero in a spectrum without noise.
         off = np.abs(np.log(np.maximum(mean, 1e-300)))
-        # The six half-octaves below the edge have to be described.
+        # The fit must describe the six half-octaves below the edge.
         if np.all(off < allowed, where=np.arange(len(dof)) >= len(dof) - 6):
             break
     assert terms is not None
@@ -164,9 +166,9 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
 
 
 def capped(groups: Groups) -> Groups:
-    """Count each half-octave for no more than a misfit of 10 % leaves it worth."""
+    """Limit the degrees of freedom of each half-octave to what a misfit of 10 % allows."""
     octave, dof = _half_octaves(groups)
-    # A misfit of 10 % may not decide what happens at the slow end.
+    # Otherwise a misfit of 10 % at the fast end would dominate the slow end.
     return _with(groups, groups.dof / (1 + dof[octave] * 0.1**2 / 2), groups.power)
 
 
@@ -175,18 +177,18 @@ def _with(groups: Groups, dof: Array, power: Array) -> Groups:
 
 
 def _shrunk(band: Groups, terms: Solution) -> Groups:
-    """Draw the power of every half-octave towards that of white noise, flicker and random walk."""
+    """Shrink the power of each half-octave towards a fit of white noise, flicker, random walk."""
     most = _most_random_walk(band, terms)
     prior = band.design @ (terms.theta + most.theta) / 2
     octave, dof = _half_octaves(band)
-    # Four pseudo-observations a half-octave: with fewer a short record invents.
+    # Four pseudo-observations per half-octave: with fewer, short records give spurious drift.
     pseudo = 4.0 * band.dof / dof[octave]
     counted = band.dof + pseudo
     return _with(band, counted, (band.dof * band.power + pseudo * prior) / counted)
 
 
 def _most_random_walk(band: Groups, best: Solution) -> Solution:
-    """Terms with the random walk at its upper one-sigma end: likelihood ratio 1."""
+    """Fit the terms with the random walk at its upper one-sigma limit (likelihood ratio 1)."""
     def held(walk: float) -> Solution:
         fixed = {QUANTIZATION: 0.0, RANDOM_WALK: walk**2}
         return maximise(band, best.theta, fixed=fixed, tolerance=1e-3)
@@ -195,7 +197,7 @@ def _most_random_walk(band: Groups, best: Solution) -> Solution:
         return 2 * (solution.loss - best.loss) - 1
 
     low = float(np.sqrt(best.theta[RANDOM_WALK]))
-    # The random walk that the slowest coefficient alone would allow sets the scale of the search.
+    # The random walk that explains the slowest coefficient alone sets the scale of the search.
     slowest = float(band.power[0] / band.design[0, RANDOM_WALK])
     high = max(2 * low, 1e-3 * np.sqrt(slowest), 1e-150)
     while excess(upper := held(high)) < 0:
@@ -211,7 +213,7 @@ def _most_random_walk(band: Groups, best: Solution) -> Solution:
 
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
-    """Fit processes of the given correlation times and keep those that matter, at most four."""
+    """Fit processes of given correlation times, and keep the at most four that matter most."""
     rows = {float(time): _process(band, dt, float(time)) for time in times}
 
     def fitted(of: Array, start: Array | None = None, tolerance: float = 1e-7) -> Solution:
@@ -228,7 +230,7 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
         return of[seen[2:]], found._replace(theta=found.theta[seen])
 
     times, solution = there(times, fitted(times))
-    # Neighbours within a third of a decade are one process.
+    # Merge the first two neighbours within a third of a decade.
     close = np.flatnonzero(np.diff(np.log10(times)) < 1 / 3)
     if len(close):
         times, start = _joined(times, solution.theta, int(close[0]))
@@ -246,7 +248,7 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
 
 
 def _joined(times: Array, theta: Array, at: int) -> tuple[Array, Array]:
-    """Put one process in the place of two neighbours: the weighted mean of the logarithms."""
+    """Merge two neighbouring processes into one, at the weighted mean of their log times."""
     pair, variances = slice(at, at + 2), slice(at + 2, at + 4)
     mean = np.exp(np.average(np.log(times[pair]), weights=theta[variances]))
     return (np.concatenate((times[:at], [mean], times[at + 2:])),

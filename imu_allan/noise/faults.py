@@ -1,16 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Why an axis by itself does not measure, for a while or throughout; decided here alone.
+Faults that keep a single axis from measuring, throughout or for part of the record.
 
-A sensor that rounds has a value at every step beside zero; a deadband has none between zero and
-its width, but many just beyond. Magnitudes are counted in bins of constant ratio, so that records
-add up and the step of the output need not be known.
+Rounding leaves values at every step next to zero. A deadband leaves none between zero and its
+width, but many just beyond. Magnitudes are counted in logarithmic bins, so that counts of several
+records can be added, and the step of the output need not be known.
 
-Of an output that is cut off too many samples stand at the end of its range. Of Gaussian noise with
-samples rounded to steps, a share p in the last cell but nothing beyond it is unlikely: where
-Q(z) = p, n Q(z + d) samples lie a step d (in noise of a sample) further out. A mean that moves
-only adds to that, as Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
+A clipped output has too many samples at an end of its range. For Gaussian noise that is rounded to
+steps, a share p in the last step with nothing beyond it is unlikely. If Q(z) = p, n Q(z + d)
+samples are expected beyond, with the step d in units of the noise of a sample. A moving mean only
+adds to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
 """
 
 from typing import NamedTuple
@@ -26,27 +26,28 @@ from scipy.special import ndtr, ndtri
 Array = NDArray[np.float64]
 
 _WIDEST_EMPTY, _EMPTY = 3, 0.05
-"""Bins in a row, and of their mean count: of 3, 4, 5 steps 3 bins are empty. A judgment."""
+"""Most empty bins in a row, and share of the mean count below which a bin is empty. Values of 3, 4
+and 5 output steps leave 3 bins empty. Chosen by judgment."""
 
 
 class Constant(NamedTuple):
-    """Every sample is this value, in the unit of a sample."""
+    """All samples have the same value, in the unit of a sample."""
 
     value: float
 
 
 class StoodStill(NamedTuple):
-    """One and the same value for so many samples, from the first of them on."""
+    """The output kept one value for a number of samples; `first` is the index of the first."""
 
     first: int
     samples: int
 
 
 class CutOff(NamedTuple):
-    """Where the output is cut off."""
+    """The output is clipped at a value."""
 
     value: float    # in the unit of a sample
-    share: float    # of the samples that stand there
+    share: float    # share of the samples at that value
     is_highest: bool    # whether it is the upper end of the range
 
 
@@ -55,15 +56,15 @@ AxisFault = Constant | Deadband | StoodStill | CutOff
 
 def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     """
-    Return why an axis does not measure; without a fault it has coefficients.
+    Return the fault of an axis, or None if its coefficients can be estimated.
 
-    Returns the first that holds of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
+    Returns: the first that applies of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
     """
     if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
     if (dead := deadband(finished, axis)) is not None:
         return dead
-    # Coarse steps give one value for long by nature.
+    # With coarse steps, it is normal for an output to keep one value for a long time.
     if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
         return StoodStill(*still)
@@ -72,31 +73,31 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:
     """
-    Return whether an axis gives small values as zero.
+    Find a deadband, in which an axis reports small values as zero.
 
-    None where there is none, where values lie on one side of zero alone, where the output steps so
-    coarsely that the next value is twice the first, or where fewer samples are zero than a hole of
-    that width would hold.
+    Returns: None without one. There is none if all values lie on one side of zero, or if a gap of
+    that width would hold more samples than are zero. There is also none if the output steps so
+    coarsely that the second value is twice the first.
     """
     census = finished.census
     zeros, sizes = int(census.zeros[axis]), census.sizes[axis]
-    # A deadband of a fiftieth of sigma holds 1 %, and takes next to nothing off the noise.
+    # A deadband of a fiftieth of sigma holds 1 % of the samples and hardly reduces the noise.
     if (finished.reference is None or zeros < max(1, 0.01 * finished.measured)
             or not census.lowest[axis] < -finished.reference[axis] < census.highest[axis]):
         return None
     first = end_of_hole(sizes)
     if first is None:
         return None
-    # Of an output that steps, the second value lies an octave above the first; either may lie
-    # next to the border of a bin.
+    # With a coarsely stepped output, the second value lies an octave above the first. Either may
+    # lie at the border of a bin.
     octave = sizes[first:first + BINS_PER_OCTAVE]
-    # Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about
-    # 1, one value among its two neighbours 0.5, an output that is rounded twice 0.25. A step is
-    # the width of a wide deadband; below 0.7 of it lie sums that rarely come out. Judgments.
+    # Compare the zeros with the samples in the equally wide octave beyond the gap. The ratio is
+    # about 1 for a deadband, 0.5 for a value between two neighbours, 0.25 for an output rounded
+    # twice. A wide deadband is one step; below 0.7 lie rare sums. Limits chosen by judgment.
     if (int(octave[2:-1].sum()) <= FEWEST or zeros < 0.6 * octave.sum()
             or lower_edge(first) < 0.7 * census.step[axis]):
         return None
-    # Mixed axes of few values each leave lines, far apart.
+    # A mixture of axes with few values each leaves isolated values, far apart.
     taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())
     if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > _WIDEST_EMPTY + 1:
         return None
@@ -105,10 +106,10 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
 
 def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     """
-    Find where the output of an axis is cut off.
+    Find the value at which the output of an axis is clipped.
 
-    Returns: the end at which more samples stand; None where neither end cuts anything off, or
-    where the output is constant or steps more coarsely than its noise.
+    Returns: the end of the range with more samples, or None if neither end clips the output. Also
+    None if the output is constant, or if its steps are coarser than its noise.
     """
     census, samples = finished.census, finished.measured
     end = int(np.argmax(census.at_ends[:, axis]))
@@ -121,39 +122,37 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
 
 def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool:
     """
-    Return whether `count` of `samples`, of a record or a part of it, stand at an end by a limit.
+    Return whether clipping explains that `count` of `samples` lie at an end of the range.
 
-    Noise and steps are those of the whole record.
+    The samples are a record or a part of it; noise and steps are those of the whole record.
     """
     census = finished.census
-    # At either end: clipped at 2.58 sigma, white noise loses 1 % of its density.
+    # White noise that is clipped on both sides at 2.58 sigma loses 1 % of its density.
     if (count < max(1, 0.005 * samples)
             or census.lowest[axis] == census.highest[axis]):
         return False
     noises = _noise_over_times(finished, axis)
-    # A vibration is less of it in means over its periods, and none in the long run.
+    # A vibration averages out over its periods, so the minimum is closest to the noise.
     noise = float(noises.min(initial=np.inf))
     step = float(census.step[axis])
-    # With larger steps the last one holds a good part of the record by nature. A knock makes noise
-    # seem up to four times as large: steps of two sigma are still distinguished from it. Noise
-    # that differs so much between averaging times (up to 64 samples, where drift does not show
-    # yet) is a vibration, whose values crowd at both ends; of what is cut off at rest the ratio
-    # is 1.4.
+    # With larger steps, it is normal for the last one to hold much of the record. A knock makes
+    # the noise seem up to four times as large; steps of two sigma still differ from that.
+    # A ratio above 4 between averaging times of up to 64 samples, too short for drift, is a
+    # vibration: its values crowd at both ends. An output that is clipped at rest has 1.4.
     if (not len(noises) or not step <= 0.5 * noise
             or noises[:7].max() > 4.0 * noise):
         return False
-    # At most three standard errors of a count are chance.
+    # Allow for three standard errors of the count.
     share = max(count - 3.0 * np.sqrt(count), 0.0) / samples
-    # So many samples are expected beyond the end: that there are none happens once in e^20
-    # records.
+    # Where 20 samples are expected beyond the end, none occurs by chance in one of e^20 records.
     return bool(samples * ndtr(ndtri(share) - step / noise) >= 20.0)
 
 
 def _noise_over_times(finished: Estimator, axis: int) -> Array:
-    """Return the noise of a sample by means over more and more: the same of white noise."""
+    """Return the noise of a sample, from means over 1, 2, 4... samples; constant if white."""
     pyramid = finished.pyramid
     size = 2.0**np.arange(len(pyramid.counts))
-    # Averaging times of so many clusters are asked.
+    # Use averaging times with at least 16 clusters.
     known = (pyramid.counts > 0) & (16 * size <= finished.samples)
     # White noise: m avar(m) is its variance at every m.
     return np.asarray(np.sqrt(pyramid.sums[known, axis]
@@ -161,14 +160,14 @@ def _noise_over_times(finished: Estimator, axis: int) -> Array:
 
 
 def steps_hide_noise(finished: Estimator) -> NDArray[np.bool_]:
-    """Return of every axis whether its output steps by more than its noise shows."""
-    # With steps of more than two sigma a mean between two borders often gives one value, and the
-    # noise changes with the place of the mean between them.
+    """Return for every axis whether the steps of its output are too coarse for its noise."""
+    # With steps above two sigma, the output often keeps one value, and its noise depends on where
+    # the mean lies within a step.
     return np.asarray(finished.census.step > 2.0 * sample_noise(finished))
 
 
 def sample_noise(finished: Estimator) -> Array:
-    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
+    """Return the noise of one sample about its neighbours, shape (axes,); 0 if unknown."""
     pyramid = finished.pyramid
     # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
     return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The fitted model of one axis, as Allan variance and as spectrum."""
+"""Allan variance and spectrum of the fitted model of one axis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -29,21 +29,21 @@ _SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(SPECTRAL_TERM
 @dataclass(frozen=True)
 class FittedModel:
     """
-    A sum of terms, its white noise behind a low-pass, and Gauss-Markov processes.
+    Sum of noise terms, optionally with low-passed white noise, and of Gauss-Markov processes.
 
-    Equations (1) and (8) of docs/statistics.md, and (2) between the two.
+    Equations (1) and (8) of docs/statistics.md, which (2) relates to each other.
 
     Attributes
     ----------
     coefficients : mapping
         SI coefficient by key of `TERMS`; a missing key means zero.
     window_s : float or None
-        Width of the boxcar that bends the white noise as the low-pass does.
+        Width of the boxcar that rolls off like the low-pass of the white noise.
     processes : tuple of GaussMarkov
     lines : tuple of Tone
-        They stand in the Allan variance, but have no density.
+        Lines, which enter the Allan variance but not the density.
     power_law : PowerLaw or None
-        Slow noise that is no flicker.
+        Slow noise with another exponent than flicker.
 
     Examples
     --------
@@ -109,10 +109,10 @@ class FittedModel:
 
 def reported_model(axis: AxisResult) -> FittedModel:
     """
-    Return the model of an axis: what the table reports of it and nothing else, and its lines.
+    Return the model of an axis from the reported terms only, and its lines.
 
-    The drift model, which stands for the slow end whatever makes it, is what a filter is tuned
-    with: `imu_allan.predicted_drift` shows what it says.
+    Filters are tuned with the drift model instead, which describes the slow end whatever its
+    cause; see `imu_allan.predicted_drift`.
     """
     process, law = axis.gauss_markov, axis.power_law
     values = {key: found.value for key, found in axis.coefficients.items()
@@ -124,11 +124,11 @@ def reported_model(axis: AxisResult) -> FittedModel:
 
 
 def hidden_avar(axis: AxisResult, tau: Array) -> Array:
-    """Return the largest Allan variance of a term of which the table reports only a bound."""
+    """Return the largest Allan variance among the terms that are reported as bounds only."""
     hidden = np.zeros(len(tau))
     for key in LASTING_TERMS:
         found = axis.coefficients.get(key)
-        # Noise of another exponent stands in the place of flicker, not below its bound.
+        # Noise of another exponent replaces flicker, so the bound of flicker does not apply.
         if found is None or found.upper95 is None or (
                 key == 'bias_instability' and axis.power_law is not None):
             continue
@@ -137,7 +137,7 @@ def hidden_avar(axis: AxisResult, tau: Array) -> Array:
 
 
 def with_model_curve(axis: AxisResult) -> AxisResult:
-    """Return an axis with the curve of what it reports now; nothing where it reports nothing."""
+    """Return an axis with the model curve of its reported terms, unless it has no curve."""
     if not axis.curve.tau_s:
         return axis
     # The shortest averages are the samples themselves.

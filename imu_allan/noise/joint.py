@@ -3,9 +3,9 @@
 """
 Noise coefficients from several records of one sensor, by their joint likelihood.
 
-The records are independent given the coefficients, so their likelihoods multiply: the spectra
-stand side by side. What moves the mean of a record is asked of that record, and stands in the
-joint model as regressors of its own beside its ramp; what all records have in common is the noise.
+The records are independent given the coefficients, so their likelihoods multiply, and their
+spectra are fitted side by side. All records share the noise. The trends of the mean are determined
+from each record alone; they enter the joint model as separate regressors, like each ramp.
 
 References
 ----------
@@ -33,14 +33,14 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     Parameters
     ----------
     records : sequence of AxisFit
-        What `fit_axes` says of the axis in each record, of one sample interval.
+        Results of `fit_axes` for the axis in each record, all of the same sample interval.
     dt : float
         Sample interval in seconds.
 
     Returns
     -------
     AxisFit
-        There is no joint ramp or step; of warm-ups the best known stands for all.
+        There is no joint ramp or step. The most precise warm-up represents all.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
 
 
 def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:
-    """Whether a random walk shows without a quarter of all records, and without each record."""
+    """Return whether a random walk persists without any one quarter, and without any record."""
     quarters = [own for one in records if one.parts is not None and (own := one.parts())]
     splits = [quarters] if len(quarters) > 2 else []
     if len(quarters) == len(records):
@@ -82,7 +82,7 @@ def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float)
 
 
 def _trend(trends: Sequence[Trend]) -> Trend:
-    """Say what moves the mean in the records, where that is something of the sensor."""
+    """Combine those trends of the records that are properties of the sensor."""
     warm = min((one for one in trends if one.warm_up is not None), key=_error_of_warm_up,
                default=Trend())
     cycles = [one.cycle_s for one in trends if one.cycle_s is not None]
@@ -100,7 +100,7 @@ def _error_of_warm_up(trend: Trend) -> float:
 
 
 def _mean_dependence(known: Sequence[TemperatureDependence]) -> TemperatureDependence:
-    """Return the mean dependence on temperature, weighed by what each record knows of it."""
+    """Return the mean dependence on temperature, weighted by precision."""
     half = np.array([(one.ci95[1] - one.ci95[0]) / 2 for one in known])
     weight = half**-2.0
     slope = float(np.average([one.per_kelvin for one in known], weights=weight))
@@ -112,11 +112,11 @@ def _mean_dependence(known: Sequence[TemperatureDependence]) -> TemperatureDepen
 
 
 def _lines(records: Sequence[AxisFit]) -> list[Tone]:
-    """Lines of all records, each once at its largest, by size."""
+    """Return the lines of all records by amplitude, each once with its largest amplitude."""
     kept: list[Tone] = []
     for line in sorted((line for one in records for line in one.lines),
                        key=lambda line: -line.amplitude):
-        # The lines of a sensor drift that much from record to record.
+        # The lines of a sensor drift by this much between records.
         if all(abs(line.frequency_hz - other.frequency_hz) > 2e-3 * other.frequency_hz
                for other in kept):
             kept.append(line)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Moments of means over an interval of a first-order Gauss-Markov process of unit variance.
+Moments of interval means of a first-order Gauss-Markov process of unit variance.
 
-A filter sees the rate as its mean over the time between two corrections, and drifts unaided by its
-mean over an outage. Everything here is exact for such means; time enters through ``x``, the
-interval over the correlation time.
+A filter observes the mean of the rate between two corrections, and its unaided drift is the mean
+over an outage. All formulas are exact for such means. ``x`` is the interval divided by the
+correlation time.
 """
 
 import numpy as np
@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _SMALL = 1e-3
-"""Of x: there both series err by 1e-10, the formulas, which cancel, by 1e-9 at half of it."""
+"""Below this x, series are used. At it they err by 1e-10; at half of it the formulas, by 1e-9."""
 
 
 def on_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
     """
-    Weight of the state at the beginning in the mean over an interval.
+    Weight of the initial state in the mean over an interval.
 
-    `time_s`: correlation time of the process; infinite for a constant. `interval_s`: broadcast
-    against `time_s`.
+    `time_s`: correlation time of the process; infinite for a constant. `interval_s`: length of
+    the interval, broadcast against `time_s`.
     """
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
@@ -31,13 +31,13 @@ def on_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
 def mean_variance(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
     """Variance of the mean over an interval of a stationary process of unit variance."""
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
-    # 2 (x - 1 + exp(-x))/x^2 cancels for a small x.
+    # 2 (x - 1 + exp(-x))/x^2 loses digits by cancellation for small x.
     full = 2 / np.where(x > 0, x, 1) * (1 - on_mean(1.0, x))
     return np.where(x < _SMALL, 1 - x / 3 + x * x / 12, full)
 
 
 def rest_of_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
-    """Variance of the mean over an interval about what the state at the beginning predicts."""
+    """Variance of the mean over an interval about its prediction from the initial state."""
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
     full = mean_variance(1.0, x) - on_mean(1.0, x) ** 2
     return np.where(x < _SMALL, 2 * x / 3 * (1 - 3 * x / 4 + 7 * x * x / 20), full)
@@ -45,21 +45,21 @@ def rest_of_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
 
 def dct_power(time_s: float, interval_s: float, length: int) -> Array:
     """
-    Power that means over consecutive intervals have by DCT coefficient, exactly.
+    Exact expected power of means over consecutive intervals, by DCT coefficient.
 
-    The spectrum of an endless process gives the lowest coefficients of a short series more than
-    they have, by a quarter where the process is slow.
+    The spectrum of an infinite process overestimates the lowest coefficients of a short series,
+    by a quarter if the process is slow.
 
-    `time_s`: correlation time of the process, whose variance is 1. `interval_s`: that a mean is
-    taken over. `length`: means in a row. Returns shape (length - 1,): expected squared orthonormal
-    DCT-II coefficients 1 to length - 1: means k apart have the covariance w(t/T)^2 exp(-(k - 1)
+    `time_s`: correlation time T of the process, whose variance is 1. `interval_s`: interval t of a
+    mean. `length`: number of means. Returns shape (length - 1,): expected squared orthonormal
+    DCT-II coefficients 1 to length - 1. Means k apart have the covariance w(t/T)^2 exp(-(k - 1)
     t/T), whose sums with the cosines are geometric series.
     """
     x = interval_s / time_s
     angle = np.pi * np.arange(1, length) / length
     first = np.sqrt(2 / length) * np.exp(0.5j * angle)
-    # With z = exp(i angle) and r = exp(-x): z - r and 1 - z r, of which a low coefficient of a
-    # slow process would leave few digits.
+    # z - r and 1 - z r, with z = exp(i angle) and r = exp(-x). Computed directly, they would lose
+    # most digits at low coefficients of a slow process.
     apart, against = np.expm1(1j * angle) - np.expm1(-x), -np.expm1(1j * angle - x)
     past = first / apart
     last = 1 - np.exp(1j * angle * length - length * x)

@@ -1,14 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Random effects: units that differ, each measured with an error of its own.
+Random effects: a population of units, each measured with its own error.
 
-Unit i has the true value x_i, normal about the mean of the population with the standard deviation
-`between`, and was measured as y_i with the standard error e_i: y_i is normal with the variance
-between^2 + e_i^2. The spread is that of the restricted likelihood, which pays for the mean that is
-fitted as well (without that, the spread of 20 units comes out 4 to 12 % too small); a unit of
-which only an upper bound u is known contributes the probability that it lies below. So the spread
-between units is separated from the spread that measuring adds.
+The true value x_i of unit i is normal about the population mean with standard deviation `between`.
+It was measured as y_i with standard error e_i, so y_i is normal with variance between^2 + e_i^2.
+The spread maximizes the restricted likelihood, which accounts for the fitted mean; otherwise the
+spread of 20 units would be 4 to 12 % too small. A unit with only an upper bound u contributes the
+probability of lying below it. So the spread between units is separated from measurement error.
 
 References
 ----------
@@ -30,49 +29,47 @@ from scipy.special import chdtri, log_ndtr, ndtri
 Array = NDArray[np.float64]
 
 _STEPS = 97
-"""Spreads that are tried before the best is refined: 16 a decade."""
+"""Spreads on the initial grid of the search, about 14 per decade."""
 
 
 @dataclass(frozen=True)
 class Effects:
-    """A population as its measured units show it."""
+    """Fitted population of units."""
 
-    # (units,): as measured, with their standard errors
+    # (units,): measured values and their standard errors
     values: Array
     errors: Array
     bounds: Array    # (censored,): upper bounds of further units
-    # Of the population: restricted maximum likelihood
+    # Mean and standard deviation of the population, by restricted maximum likelihood
     mean: float
     between: float
-    # By the generalised Q statistic, exact for any number of units; where that leaves no spread at
-    # all, up to the end of the likelihood's interval
+    # By the generalised Q statistic, exact for any number of units. If that allows no spread, the
+    # upper end is that of the likelihood interval.
     between_ci95: tuple[float, float]
 
     @cached_property
     def _shares(self) -> Array:
-        """Return what part of each unit's scatter is the population's, not the measurement's."""
+        """Return the share of each unit's variance that is due to the population."""
         total = self.between**2 + self.errors**2
         return np.divide(self.between**2, total, out=np.zeros_like(total), where=total > 0)
 
     def percentile(self, share: float) -> float:
-        """Value below which `share` of all units lie."""
+        """Return the value below which `share` of all units lie."""
         return self.mean + float(ndtri(share)) * self.between
 
     def tolerance(self, share: float = 0.95, confidence: float = 0.95) -> float:
         """
-        Limit that a share of all units keeps, not only of those measured.
+        Return a one-sided tolerance limit for all units, not only for those measured.
 
-        `share`: of the units that lie below the limit. `confidence`: probability with which at
-        least that share does. Returns: exact where the measurement is much finer than the spread;
-        where the spread cannot be distinguished from measurement error, its upper bound takes its
-        place.
+        `share`: share of the units below the limit. `confidence`: probability that at least this
+        share is. Returns: a limit that is exact if measurement errors are much smaller than the
+        spread. If the two cannot be separated, the upper bound of the spread is used.
         """
         from scipy.stats import nct
 
         z, shares = float(ndtri(share)), self._shares
         free, weight = float(np.sum(shares**2)) - 1, float(np.sum(shares))
-        # With less than so many units' worth of information on the spread its upper bound takes
-        # its place.
+        # With fewer than two degrees of freedom, use the upper bound of the spread.
         if free < 2.0:
             spread = max(self.between_ci95[1], self.between)
             weights = 1 / np.maximum(spread**2 + self.errors**2, 1e-300)
@@ -87,19 +84,19 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     Fit a population to units that were measured with different errors.
 
     `values`, `errors`, shape (units,): at least two units, errors not negative. `bounds`, shape
-    (censored,): upper bounds of further units. Returns: the maximum over m and b of -1/2 sum_i [ln
-    v_i + (y_i - m)^2/v_i] - 1/2 ln sum_i 1/v_i with v_i = b^2 + e_i^2, to which a bound adds the
-    logarithm of the probability below it. Raises ValueError: if there are fewer than two units.
+    (censored,): upper bounds of further units. Returns: the maximum over mean m and spread b of
+    -1/2 sum_i [ln v_i + (y_i - m)^2/v_i] - 1/2 ln sum_i 1/v_i with v_i = b^2 + e_i^2. A bound adds
+    the logarithm of the probability below it. Raises ValueError: for fewer than two units.
     """
     y, e, u = (np.asarray(part, dtype=np.float64) for part in (values, errors, bounds))
     if len(y) < 2 or y.shape != e.shape:
         raise ValueError('at least two units are needed, each with its error')
     scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
-    # A millionth of the scatter of the measured values is the smallest spread that is tried.
+    # Begin at a millionth of the scatter of the measured values.
     spreads = scatter * np.geomspace(1e-6, 10.0, _STEPS)
     profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
     best = int(np.argmin(profile))
-    # A spread at the lower end of what was tried is none.
+    # A best spread at the lower end of the grid counts as zero.
     spread = 0.0
     if best > 0:
         from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
@@ -110,19 +107,19 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
             method='bounded', options={'xatol': 1e-4}).x))
     low, high = _interval(y, e, scatter)
     if high == 0 and np.any(e > 0):
-        # Less scatter than the errors make in 39 of 40 populations: Q leaves no spread, but that
-        # is chance, and the likelihood still says which would show.
+        # The scatter is smaller than errors alone cause in 39 of 40 populations, so that Q allows
+        # no spread at all. That is chance; the likelihood still gives an upper limit.
         high = _likely_up_to(lambda s: _best_mean(y, e, u, s)[1], spread, float(np.max(e)))
     return Effects(y, e, u, _best_mean(y, e, u, spread)[0], spread, (low, high))
 
 
 def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> float:
     """
-    Weighted square sum about the weighted mean.
+    Weighted sum of squares about the weighted mean.
 
-    `values`, `errors`, shape (units,): as measured, with their standard errors. `spread`: of the
-    true values. Returns: chi-square with one degree of freedom less than there are units, if the
-    spread is true.
+    `values`, `errors`, shape (units,): measured values and their standard errors. `spread`: of the
+    true values. Returns: a statistic that is chi-square distributed with one degree of freedom
+    less than there are units, if the spread is true.
     """
     y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     weight = 1 / np.maximum(spread**2 + e**2, 1e-300)
@@ -130,7 +127,7 @@ def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> fl
 
 
 def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
-    """Spreads under which the square sum would be neither too large nor too small by chance."""
+    """Return the 95 % interval of the spread, by inverting the test of the Q statistic."""
     from scipy.optimize import brentq
 
     def end(probability: float) -> float:
@@ -147,7 +144,7 @@ def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
 
 
 def _likely_up_to(loss: Callable[[float], float], best: float, step: float) -> float:
-    """Spread at which twice the log-likelihood has fallen by the 3.84 of a 95 % interval."""
+    """Return the spread where twice the log likelihood is 3.84 below its maximum (95 %)."""
     from scipy.optimize import brentq
 
     limit = loss(best) + NORMAL95**2 / 2
@@ -158,7 +155,7 @@ def _likely_up_to(loss: Callable[[float], float], best: float, step: float) -> f
 
 
 def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, float]:
-    """Mean that fits a spread best, and minus its log-likelihood."""
+    """Return the best mean for a given spread, and the negative log likelihood."""
     variance = np.maximum(spread**2 + e**2, 1e-300)
     weight = 1 / variance
     mean = float(weight @ y / weight.sum())
@@ -166,7 +163,7 @@ def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, floa
         return mean, _loss(y, variance, mean)
     from scipy.optimize import minimize_scalar
 
-    # A bound has no error of its own: that of the typical unit is used.
+    # Bounds have no standard error, so use that of a typical unit.
     deviation = np.sqrt(spread**2 + float(np.median(e))**2) or 1e-300
 
     def loss(at: float) -> float:
@@ -178,7 +175,7 @@ def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, floa
 
 
 def _loss(y: Array, variance: Array, mean: float) -> float:
-    """Minus the restricted log-likelihood."""
+    """Return the negative restricted log likelihood."""
     information = float(np.sum(1 / variance))
     return float(0.5 * (np.sum(np.log(variance) + (y - mean)**2 / variance)
                         + np.log(information)))
@@ -188,25 +185,24 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
     """
     Find the units that do not belong to the population of the others.
 
-    `values`, `errors`, shape (units,): as measured, with their standard errors. `chance`:
-    probability with which a population without outliers shows one all the same. Returns shape
-    (units,): None among fewer than five units. One unit after the other, the farthest first, is
-    held against the population without it and its forerunners, at the quantile of Student's t that
-    as many tests call for; the last that fails takes its forerunners with it, so that two bad
-    units do not hide each other.
+    `values`, `errors`, shape (units,): measured values and their standard errors. `chance`:
+    probability of finding an outlier in a population without any. Returns shape (units,): no
+    outliers among fewer than five units. Units are removed one by one, the farthest first. Each is
+    tested against the remaining population, at the quantile of Student's t for that number of
+    tests. All units up to the last that fails are outliers, so that two do not hide each other.
     """
     from scipy.stats import t
 
     y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     found = np.zeros(len(y), dtype=np.bool_)
-    # Of fewer units nobody can say which is the odd one.
+    # Among fewer units, an outlier cannot be identified.
     if len(y) < 5:
         return found
     rest = np.arange(len(y))
     effects = random_effects(y, e)
     taken: list[int] = []
     last = 0
-    # More than a quarter would be a population of their own.
+    # More than a quarter of the units would be a second population.
     for _ in range(max(1, len(y) // 4)):
         scatter = np.sqrt(np.maximum(effects.between**2 + e[rest]**2, 1e-300))
         farthest = int(np.argmax(np.abs(y[rest] - effects.mean) / scatter))
@@ -215,11 +211,11 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
         rest = np.delete(rest, farthest)
         effects = random_effects(y[rest], e[rest])
         expected = np.sqrt(effects.between**2 * (1 + 1 / len(rest)) + e[unit]**2)
-        # Of a population without outliers the farthest of all is tested each time.
+        # The unit tested is the farthest of all, hence the correction for the number of units.
         threshold = float(t.isf(chance / (2 * (len(rest) + 1)), len(rest) - 1))
         if abs(y[unit] - effects.mean) > threshold * max(float(expected), 1e-300):
             last = len(taken)
-        # Behind so many units that belong, one after the other, nobody is looked for.
+        # Stop after eight units in a row that pass the test.
         if len(taken) - last == 8:
             break
     found[taken[:last]] = True

@@ -1,20 +1,19 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-When a coefficient is certain to lie below or above a limit: Wald's sequential test.
+Wald's sequential test of whether a coefficient lies below or above a limit.
 
-Two tests run side by side on the growing record, each the ratio of two likelihoods. One holds the
-limit L against L / m, the other L against L m and L m^2 together, m being a margin. The record has
-passed once it is 1 / beta times as likely under L / m as under L, and failed once it is 1 / alpha
-times as likely in the mean of the two values above. At the limit itself the first happens with a
-probability of at most beta and the second of at most alpha, however often one looks (Ville's
-inequality), and away from it in the wrong direction less often still. Once L is the likelier
-beside L / m and beside L m, the coefficient lies too near to the limit for either word within the
-margin, and waiting longer would not help soon.
+Two likelihood ratio tests run in parallel on the growing record. One compares the limit L with
+L / m, the other L with L m and L m^2 together, where m is a margin. The record passes when it is
+1 / beta times as likely under L / m as under L. It fails when the mean likelihood of the two upper
+values is 1 / alpha times that of L. At the limit itself, the probability of passing is at most
+beta, and that of failing at most alpha, however often one looks (Ville's inequality). On the wrong
+side of the limit they are smaller still. If L is likelier by these factors than both L / m and
+L m, the coefficient is within the margin of the limit. Waiting longer would not help soon.
 
-The likelihood of a value is that of the posterior's draws: of the logarithm of the coefficient
-where it is reported, of its square where there is a bound. What the models leave open, a filter or
-an exponent, is in it.
+The likelihood of a value is that of the posterior draws. It is normal in the logarithm of a
+reported coefficient, and in the square of one with only a bound. So it includes the uncertainty
+of the model, such as a filter or an exponent.
 
 References
 ----------
@@ -33,36 +32,36 @@ from numpy import logaddexp
 Decision = Literal['below', 'above', 'near', 'open']
 
 SMALLEST_RECORD = 1024
-"""Samples before the first look: fewer do not distinguish slow terms from white noise."""
+"""Samples before the first test: with fewer, slow terms look like white noise."""
 
 
 def decide(estimate: Estimate, limit: float, *, margin: float, pass_error: float,
            fail_error: float) -> Decision:
     """
-    Hold one coefficient against its limit.
+    Test one coefficient against its limit.
 
     Parameters
     ----------
     estimate : Estimate
-        Of the record so far.
+        Estimate from the record so far.
     limit : float
-        Above zero.
+        Limit of the coefficient, above zero.
     margin : float
-        Relative distance from the limit at which the tests look, and twice it above; half makes
-        the record about four times as long.
+        Relative distance of the alternatives from the limit; above it, also twice this distance.
+        Half the margin takes a record about four times as long.
     pass_error : float
-        Probability of passing at the limit, or above, at most.
+        Largest probability of passing at or above the limit.
     fail_error : float
-        Probability of failing at the limit, or below, at most.
+        Largest probability of failing at or below the limit.
 
     Returns
     -------
     'below', 'above', 'near' or 'open'
-        The last as long as the record decides nothing.
+        'open' as long as the record decides nothing.
 
     References
     ----------
-    Equation (7) of docs/statistics.md, of which the draws are. Wald, 1947: the bounds 1/error.
+    Equation (7) of docs/statistics.md, which the draws are from. Wald, 1947: the bounds 1/error.
 
     Examples
     --------
@@ -78,15 +77,15 @@ def decide(estimate: Estimate, limit: float, *, margin: float, pass_error: float
                      for steps in (1, 2))
     if below >= -log(pass_error):
         return 'below'
-    # The mean of two likelihoods is as good an alternative: near the margin the first speaks,
-    # further off the second, which the data distinguishes from the limit much sooner.
+    # The mean of two likelihoods is a valid alternative. The first decides near the margin; far
+    # above it the second does, much sooner.
     if estimate.observable and logaddexp(above, beyond) - log(2) >= -log(fail_error):
         return 'above'
     return 'near' if below <= log(pass_error) and above <= log(fail_error) else 'open'
 
 
 def _log_likelihood(estimate: Estimate, value: float) -> float:
-    """Logarithm of the likelihood of a value of a coefficient, up to a constant."""
+    """Return the log likelihood of a value of a coefficient, up to a constant."""
     if not estimate.observable:
         return -((value / estimate.upper)**2 * NORMAL95)**2 / 2
     far = log(value / estimate.value)

@@ -1,13 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Simulated samples of an inertial sensor.
+Simulation of the samples of an inertial sensor.
 
-`simulate` draws a whole record whose averaged samples have exactly the covariance of the model, at
-every cluster size; the usual shortcuts (filtered flicker, a plain running sum of the random walk)
-are wrong by up to 44 % in Allan variance at the shortest averaging times. `NoiseStream` draws the
-same process block after block without end, for a live simulated sensor; there flicker is a sum of
-averaged Gauss-Markov processes whose spectrum is within 0.2 % of 1/f up to periods of years.
+`simulate` draws a whole record. Its averaged samples have exactly the covariance of the model, at
+every cluster size. The usual approximations (filtered flicker, a running sum for the random walk)
+err by up to 44 % in Allan variance at the shortest averaging times. `NoiseStream` draws the
+same process in blocks without end, for a live simulated sensor. There flicker is a sum of averaged
+Gauss-Markov processes, whose spectrum is within 0.2 % of 1/f up to periods of years.
 
 References
 ----------
@@ -28,7 +28,8 @@ from scipy.signal import lfilter
 Array = NDArray[np.float64]
 
 _STREAM_RATIO = 4.0
-"""Of correlation times: the Allan deviation ripples by 0.03 %; by 0.01 % with 2, 0.5 % with 8."""
+"""Ratio of successive correlation times: the Allan deviation has ripples of 0.03 % (0.01 % with a
+ratio of 2, 0.5 % with 8)."""
 
 
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,
@@ -46,8 +47,8 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     sample_rate_hz : float
         Samples per second.
     seed : int, optional
-        The same seed gives the same record; every term has a stream of its own, so leaving out
-        one leaves the others as they are.
+        The same seed gives the same record. Each term has its own random stream, so that leaving
+        one out does not change the others.
 
     Returns
     -------
@@ -100,7 +101,7 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
 
 class NoiseStream:
     """
-    One axis, block after block, without end and in constant memory.
+    Endless stream of samples of one axis, drawn in blocks and in constant memory.
 
     Parameters
     ----------
@@ -123,13 +124,13 @@ class NoiseStream:
         self._fast_flicker = 0.0
         times, sigmas = [], []
         if self._c['bias_instability']:
-            # Ten years: as long as any stream runs, its noise is flicker.
+            # Up to ten years, so that the noise is flicker for as long as any stream runs.
             octaves = np.log(3e8 / (self._dt / 64)) / np.log(_STREAM_RATIO)
             bank_times = self._dt / 64 * _STREAM_RATIO ** np.arange(int(np.ceil(octaves)))
             times += list(bank_times)
             sigma = self._c['bias_instability'] * np.sqrt(np.log(_STREAM_RATIO) / np.pi)
             sigmas += [sigma] * len(bank_times)
-            # The members faster than the bank are white in the samples: a geometric sum.
+            # Processes faster than the bank are white in the samples; their sum is geometric.
             self._fast_flicker = sigma * np.sqrt(2 / 64 / (_STREAM_RATIO - 1))
         markov = coefficients.get('gauss_markov')
         if markov:
@@ -174,36 +175,36 @@ def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
 
 def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
                  ) -> tuple[Array, float]:
-    """Averages of a random walk of unit step per interval, and where the random walk ends."""
+    """Draw averages of a random walk of unit step per interval; return also its end value."""
     step = rng.standard_normal(samples)
     walk = start + np.cumsum(step)
-    # A sample is the mean of the random walk over its interval: half of its own step is still to
-    # come, and the Brownian bridge within it, which its ends do not show, has variance 1/12.
+    # A sample is the mean of the random walk over its interval. It lacks half of the last step,
+    # and includes the mean of the Brownian bridge between the ends, of variance 1/12.
     within = rng.standard_normal(samples) / np.sqrt(12) - step / 2
     return walk + within, float(walk[-1]) if samples else start
 
 
 def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Array:
     """
-    Draw averaged flicker of unit bias instability, or other noise that goes with f^-exponent.
+    Draw averaged flicker of unit bias instability, or other noise with a spectrum of f^-exponent.
 
     `samples`: length of the record. `rng`: source of the random numbers. `exponent`: between 0 and
-    2: the two-sided density is 1/(2 pi f)^exponent, f in cycles per sample. Returns shape
-    (samples,): it starts at zero.
+    2; the two-sided density is 1/(2 pi f)^exponent with f in cycles per sample. Returns shape
+    (samples,), with a first sample of zero.
     """
     if samples == 1:
         return np.zeros(1)
     half = next_fast_len(samples, real=True)
     lag = np.arange(-2.0, half + 3)
-    # Generalised covariance of the phase of such noise; fourth difference: the covariance of the
-    # first difference of the averaged samples.
+    # `phase` is the generalised covariance of the phase of the noise. Its fourth difference is
+    # the covariance of the first difference of the averaged samples.
     if exponent == 1:
         phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
     else:
         size = -1 / (2 * np.cos(np.pi * exponent / 2) * gamma(2 + exponent))
         phase = size * np.abs(lag)**(exponent + 1)
     covariance = phase[4:] + phase[:-4] - 4 * (phase[3:-1] + phase[1:-3]) + 6 * phase[2:-2]
-    # Beyond a lag of 1e4 the difference of large numbers loses digits that its series keeps.
+    # Beyond a lag of 1e4, use the series, as the difference of large numbers loses digits.
     far = np.arange(half + 1) > 1e4
     h = np.arange(half + 1)[far].astype(np.float64)
     if exponent == 1:
@@ -224,13 +225,14 @@ def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Ar
 
 class MarkovBank:
     """
-    A sum of averaged first-order Gauss-Markov processes, drawn exactly.
+    Sum of averaged first-order Gauss-Markov processes, drawn exactly.
 
     Attributes
     ----------
     decay, gain, end, mean_on_end, mean_rest : ndarray, shape (processes,)
-        Of each over one interval: what is left of its value, what that gives to the mean, the
-        standard deviation of what is new at the end, and what the mean has of that and besides.
+        Coefficients of each process over one interval. `decay` is the share of its value that
+        remains, `gain` the effect of the value on the mean. `end` is the standard deviation of
+        the innovation, `mean_on_end` and `mean_rest` the parts of the mean with and without it.
 
     """
 
@@ -239,7 +241,7 @@ class MarkovBank:
         self._rng = rng
         a = dt / times
         self.decay = np.exp(-a)
-        # Joint law of (end value, mean) of an Ornstein-Uhlenbeck process over one interval.
+        # Joint distribution of end value and mean of an Ornstein-Uhlenbeck process.
         gain = -np.expm1(-a) / a
         end_var = -np.expm1(-2 * a)
         small = a < 1e-3
@@ -251,7 +253,7 @@ class MarkovBank:
         self.end = np.sqrt(end_var)
         self.mean_on_end = sigmas * cross / self.end
         self.mean_rest = sigmas * np.sqrt(np.maximum(mean_var - (cross / self.end) ** 2, 0))
-        # A stream starts its slow members at zero, so that its first mean is the model's.
+        # A stream starts slow processes at zero, so that its mean starts at that of the model.
         self._state = np.where(settled | (times < 10 * dt), rng.standard_normal(len(times)), 0.0)
 
     def draw(self, samples: int) -> Array:

@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Spectra of averaged samples, in one module because a fit adds all of them up.
+Spectra of averaged samples.
 
-All spectra are variances per unit of ``nu``, the frequency in cycles per sample (``nu = f dt``),
-two-sided, so that white samples have a spectrum equal to their variance. A mean over ``m``
-samples of such a process is the same process with ``dt`` times ``m``: the model is self-similar,
-and one formula serves every stage of decimation.
+All spectra are two-sided, in variance per unit of ``nu``, the frequency in cycles per sample
+(``nu = f dt``). So the spectrum of white samples equals their variance. The mean of ``m`` samples
+of such a process is the same process with ``m dt`` in place of ``dt``: the model is self-similar,
+and one formula applies to every stage of decimation.
 
 References
 ----------
-IEEE Std 952-1997, Annex C. The sums over aliases are Hurwitz zeta functions; for the random walk
-they close to elementary functions.
+IEEE Std 952-1997, Annex C. The sums over aliases are Hurwitz zeta functions, which for the random
+walk reduce to elementary functions.
 
 """
 
@@ -22,8 +22,8 @@ from scipy.special import zeta
 
 Array = NDArray[np.float64]
 
-# Mean power of the first orthonormal DCT-II coefficients of flicker noise over its spectrum at
-# j/(2 n): the transform diagonalises flicker only asymptotically.
+# Mean power of the first orthonormal DCT-II coefficients of flicker, relative to its spectrum at
+# j/(2 n). It is not 1 because the transform diagonalises flicker only asymptotically.
 _FLICKER_DCT = np.array([.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747])
 
 
@@ -93,7 +93,7 @@ def power_law(nu: ArrayLike, dt: float, exponent: float) -> Array:
 
     `nu`, shape (n,): cycles per sample, in (0, 1/2]. `dt`: sample interval in seconds. `exponent`:
     between 0, white noise, and 2, a random walk; 1 is flicker. Returns shape (n,): the sum over
-    its aliases, as S_B of equation (3) of docs/statistics.md is one.
+    all aliases, like S_B in equation (3) of docs/statistics.md.
 
     Examples
     --------
@@ -113,13 +113,12 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     Spectrum of a first-order Gauss-Markov process of unit standard deviation.
 
     `nu`, shape (n,): cycles per sample, in (0, 1/2]. `dt`: sample interval in seconds.
-    `correlation_time_s`: of the process. Returns shape (n,): the sum of the term under the sum of
-    equation (8) of docs/statistics.md over its aliases, each seen through the mean over a sample,
-    over dt.
+    `correlation_time_s`: of the process. Returns shape (n,): the summand of equation (8) of
+    docs/statistics.md for averaged samples, summed over all aliases and divided by dt.
 
     Examples
     --------
-    Far below the sample rate it is the spectrum of the process itself, 2 T/(1 + (2 pi f T)^2):
+    Far below the sample rate it is the spectrum of the continuous process, 2 T/(1 + (2 pi f T)^2):
 
     >>> f, dt, T = 0.01, 0.01, 1.0
     >>> density = gauss_markov([f * dt], dt, T) * dt
@@ -138,15 +137,15 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
 
 def low_pass(nu: ArrayLike, width: float) -> Array:
     """
-    Gain in power of the moving average that bends white noise as a boxcar does.
+    Power gain of the moving average that rolls off like a boxcar.
 
     `nu`, shape (n,): cycles per sample, in (0, 1/2]. `width`: of the boxcar, in samples. Returns
-    shape (n,): (sin(pi nu n)/(n sin(pi nu)))^2 of the mean of n samples; where the width lies
-    between those of two means of samples, a mixture of them.
+    shape (n,): (sin(pi nu n)/(n sin(pi nu)))^2 for the mean of n samples; for widths between those
+    of two such means, a mixture of them.
 
     Examples
     --------
-    The mean of two samples bends white noise as a boxcar of sqrt(3) intervals does:
+    The mean of two samples rolls off like a boxcar of sqrt(3) samples:
 
     >>> low_pass([0.001, 0.25, 0.5], np.sqrt(3)).round(3)
     array([1. , 0.5, 0. ])
@@ -160,10 +159,10 @@ def low_pass(nu: ArrayLike, width: float) -> Array:
 
 def flicker_dct_factor(j: ArrayLike) -> Array:
     """
-    Mean power of DCT-II coefficient `j` of flicker noise over its spectrum at ``j/(2 n)``.
+    Mean power of DCT-II coefficient `j` of flicker, relative to its spectrum at ``j/(2 n)``.
 
-    `j`, shape (n,): indices, at least 1. Returns shape (n,): about 1 - 2/(pi^2 j), which the first
-    few indices are below.
+    `j`, shape (n,): indices, at least 1. Returns shape (n,): about 1 - 2/(pi^2 j), less for the
+    first few indices.
 
     Examples
     --------
@@ -180,10 +179,10 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
 
 def end_dct(n: int, dt: float, index: NDArray[np.int64]) -> Array:
     """
-    Size of the orthonormal DCT-II of a smooth function for a unit slope (1 per second) at one end.
+    Orthonormal DCT-II of a smooth function per unit slope (1 per second) at one end, in magnitude.
 
-    The coefficient of a function is that of its last slope, of alternating sign, less that of its
-    first, to the leading order in the index: both ends of a ramp together make `ramp_dct`.
+    To leading order in the index, a coefficient is this times the final slope, with alternating
+    sign, minus this times the initial slope. The two ends of a ramp together give `ramp_dct`.
 
     `n`: length of the record. `dt`: sample interval in seconds. `index`: from 1 to n - 1. Returns
     shape of `index`.

@@ -1,15 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether and by how much noise changes, in one module because both are read off one table.
+Test whether noise changes over a record, and estimate by how much.
 
-The spectrum of every segment is held against their mean, band by band, so that the shape of the
-spectrum, a low-pass and what the fit makes of them cancel. A long record rejects any hypothesis of
-equal noise; what counts is the size of the difference beyond sampling error.
+The spectrum of each segment is compared with the mean over segments, band by band. So the shape of
+the spectrum, a low-pass and errors of the fit cancel. A long record rejects any hypothesis of
+equal noise; what matters is the size of the difference beyond sampling error.
 
 References
 ----------
-R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
+R. T. Birge, Phys. Rev. 40 (1932): intervals of inconsistent measurements.
 
 """
 
@@ -30,19 +30,20 @@ from scipy.fft import dct
 Array = NDArray[np.float64]
 
 _SMALLEST_P = 1e-3
-"""Of equal noise; 1 steady record in 1000 goes on to the question of size."""
+"""Significance level of the test of equal noise, before the size of the change is considered."""
 _LEAST_SPREAD = 0.05
-"""Relative spread of the power between segments that a user cares about, beyond sampling error."""
+"""Smallest relative spread of the power between segments that matters, beyond sampling error."""
 _SPLITS_HZ = (0.03, 0.3, 3.0)
-"""Borders of the broad bands that findings speak of."""
+"""Edges of the broad bands for which findings report a change, in Hz."""
 _DEPTH = 40
-"""Octaves below the sample rate that bands are counted from: 30 years at 1 kHz."""
+"""Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
 _FEWEST = 4.0
-"""Degrees of freedom of a band in a segment, on average, from which its logarithm is of use."""
+"""Fewest degrees of freedom, on average over segments, for the logarithm of a band's power."""
 _SHORT_PARTS, _SHORT_CELLS = 8, 64
-"""Parts of a short record, and their shortest: its power is known to a fifth, a doubling to 4."""
+"""Most parts of a short record, and fewest cells per part. The power in 64 cells is known to 20 %,
+so that a doubling is four standard errors."""
 SEGMENT_PARTS = 16
-"""Parts of a segment whose means have the spread that is called its drift. A judgment."""
+"""Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,19 @@ class SegmentPowers:
     power: Array    # (axes, segments, bands): mean power
     dof: Array    # (segments, bands)
     duration: Array    # (segments,): samples in each segment
-    start: Array    # (segments,): place of the first on the grid; runs are joined end to end
-    # (axes, segments): mean about the reference, and standard deviation of the means of 16
-    # parts
+    start: Array    # (segments,): index of the first sample, with runs joined end to end
+    # (axes, segments): mean relative to the reference, and standard deviation of the means of
+    # 16 parts
     mean: Array
     drift: Array
     drift_samples: Array    # (segments,): samples in each of these parts
 
     def level(self, axis: int) -> Array:
-        """Return the mean power of every band of an axis."""
+        """Return the power of an axis by band, averaged over segments."""
         return np.average(self.power[axis], axis=0, weights=np.maximum(self.dof, 1e-9))
 
     def passed(self, axis: int, white: float) -> NDArray[np.bool_]:
-        """Return the bands that have at least half the white noise: into others drift leaks."""
+        """Mark the bands with at least half of the white noise; drift leaks into the others."""
         return np.asarray(self.level(axis) > white / 2)
 
 
@@ -73,23 +74,23 @@ class SegmentPowers:
 class Change:
     """Change of the noise in a broad band."""
 
-    # The band; 0 and infinity at its ends
+    # The band, which may begin at 0 or end at infinity
     low_hz: float
     high_hz: float
     # Relative standard deviation of the amplitude between segments, beyond sampling error
     spread: float
-    amplitude: Array    # (segments,): over the mean of all
+    amplitude: Array    # (segments,): relative to the mean of all
 
 
 @dataclass(frozen=True)
 class Steadiness:
-    """What the segments of one axis say of each other."""
+    """Comparison of the noise in the segments of one axis."""
 
-    # Whether the noise is the same but for chance, or for less than a user cares about
+    # Whether the noise is equal up to chance, or up to differences that are too small to matter
     steady: bool
-    differs: bool    # whether it differs by more than chance, be it little
+    differs: bool    # whether it differs by more than chance, however little
     p_value: float    # of equal noise in all segments
-    # By band, the largest spread first; only those beyond what a user would care about
+    # By band, the largest spread first; only those large enough to matter
     changes: tuple[Change, ...]
     # (half_octaves,): relative spread of the power beyond sampling error, and degrees of
     # freedom in all segments
@@ -98,7 +99,7 @@ class Steadiness:
     dof: Array
 
     def capped(self, groups: Groups) -> Groups:
-        """Return groups whose degrees of freedom the spread, if any, does not let average down."""
+        """Limit the degrees of freedom, as a spread between segments does not average out."""
         if not self.differs:
             return groups
         half = np.interp(np.log(groups.frequency), np.log(self.frequency_hz), self.spread)
@@ -109,15 +110,11 @@ class Steadiness:
 
 
 def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
-    """
-    Gather the power of every segment.
-
-    None for a record of fewer than three segments.
-    """
+    """Return the power of all segments, or None if there are fewer than three."""
     segments = periodogram.segments
     used = segments.used
     if used and segments.samples - (used - 1) * segments.width < segments.width / 2:
-        used -= 1  # a short rest says little about itself
+        used -= 1  # less than half a segment is too short
     if used < 3:
         return None
     cell, series = periodogram.cell, periodogram.series
@@ -127,7 +124,7 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
     parts = []
     for number in range(used):
         parts.append(part_cells(periodogram, number, number + 1))
-        # What is slower than a block.
+        # Add the frequencies below those of the blocks.
         for points, _, _ in unbroken(parts[-1], cell):
             table.add(number, points, cell, min(HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
     return table.powers(series, cell, parts)
@@ -135,10 +132,10 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
 
 def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     """
-    Gather the power of the parts of a record too short for segments.
+    Return the power of parts of a record that is too short for segments.
 
-    Returns: up to a quarter of the rate of the cells of the whole-record series, in up to
-    `_SHORT_PARTS` parts of it; None where they are fewer than three.
+    Returns: frequencies up to a quarter of the cell rate of the whole-record series, in up to
+    `_SHORT_PARTS` parts. None if there are fewer than three.
     """
     series, cell = periodogram.series, periodogram.cell
     count = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
@@ -148,26 +145,26 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     parts = [series.take(slice(first, last)) for first, last in pairwise(ends.tolist())]
     table = _Table(periodogram.axes, count)
     for number, cells in enumerate(parts):
-        # A line over a gap is no noise, and parts have more or fewer of them.
+        # Split at gaps: interpolated samples are no noise, and their number differs by part.
         whole = cells.counts == cell
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
-            # Of white noise every coefficient is as good as any, however short the segment.
+            # Single samples give white noise, of which all coefficients are equally good.
             table.add(number, points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell)
     return table.powers(series, cell, parts) if table.dof.any() else None
 
 
 class _Table:
-    """Sums of power and degrees of freedom by part of a record and band."""
+    """Sums of power and degrees of freedom, by part of a record and by band."""
 
     def __init__(self, axes: int, parts: int) -> None:
         bands = _DEPTH * PER_OCTAVE
         self.power, self.dof = np.zeros((axes, parts, bands)), np.zeros((parts, bands))
 
     def add(self, part: int, points: Array, cell: int, highest: float) -> None:
-        """Add the coefficients of points, means of `cell` samples, up to a frequency a sample."""
+        """Add the spectrum of `points`, means of `cell` samples, up to `highest` per sample."""
         length = points.shape[1]
-        # Coefficients 1 and 2 of a segment hold its trend, which is no change of the noise.
+        # Coefficients 1 and 2 hold the trend of a segment, not its noise.
         index = np.arange(3, length)
         index = index[index / (2 * length * cell) < highest]
         if not len(index):
@@ -179,7 +176,7 @@ class _Table:
         self.dof[part] += np.bincount(band, minlength=self.dof.shape[1])
 
     def powers(self, series: Cells, cell: int, parts: Sequence[Cells]) -> SegmentPowers:
-        """Return what is in the table, and what the means of the parts say."""
+        """Return the mean powers in the table, with the means and the drift of the parts."""
         seen = np.flatnonzero(self.dof.sum(axis=0))
         dof = self.dof[:, seen]
         places = end_to_end(series.keys) * float(cell)
@@ -195,7 +192,7 @@ class _Table:
 
 
 def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
-    """Return samples, mean and drift of a part, and the samples of each of its 16 means."""
+    """Return samples, mean and drift of a part, and the samples in each of its 16 means."""
     count = max(float(cells.counts.sum()), 1.0)
     parts = np.array_split(np.arange(len(cells)), min(SEGMENT_PARTS, max(len(cells), 1)))
     sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
@@ -207,10 +204,10 @@ def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
 def steadiness(powers: SegmentPowers, axis: int, dt: float,
                lines_hz: Sequence[float] = (), white_alone: bool = False) -> Steadiness:
     """
-    Compare the segments of one axis.
+    Compare the noise in the segments of one axis.
 
     `powers`: of all axes. `lines_hz`: lines, whose bands are left out. `white_alone`: leave out
-    what is slower than white noise, as in the parts of a short record.
+    noise that is slower than white noise, as for the parts of a short record.
     """
     frequency = powers.frequency / dt
     keep = np.asarray((powers.dof > 0).all(axis=0))
@@ -221,10 +218,10 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     if keep.any():
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
-            # Beyond twice the fastest octave, drift and its bends are in a part of a short record.
+            # Bands above twice the level of the fastest octave hold drift, not white noise.
             keep &= level < 2.0 * np.average(level[fastest],
                                              weights=dof.sum(axis=0)[fastest])
-        # A band with less is behind a low-pass and only leaks.
+        # A band of lower level lies behind a low-pass and holds only leakage.
         keep &= level > 0.1 * np.median(level[keep])
     ratio = power / np.maximum(level, 1e-300)
     half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
@@ -232,10 +229,10 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         nothing = np.array([1.0])
         return Steadiness(True, False, 1.0, (), nothing, np.zeros(1), nothing)
     at, middle, count = half
-    # In a short record 1e-3 lets a deep low-pass, which leaks, alarm in 2 of 100.
+    # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
     p_value, least = equal_variances(at, count), 1e-4 if white_alone else _SMALLEST_P
     spread = _spread(at, count)
-    # Neighbouring half-octaves change together: the spread is averaged over 0.7 octaves.
+    # Neighbouring half-octaves change together, so smooth the spread over 0.7 octaves.
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
     smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
@@ -261,13 +258,13 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
                 below: NDArray[np.bool_]) -> tuple[Array, Array] | None:
     """
-    Amplitude of the white noise of every segment over that of the whole record.
+    Amplitude of the white noise of every segment relative to that of the whole record.
 
     `powers`: of all axes. `white`: fitted density, squared. `density`, shape (bands,): that of all
-    terms, squared. `below`, shape (bands,): where the spectrum is not bent. Returns: ratio and its
-    relative standard error, shape (segments,).
+    terms, squared. `below`, shape (bands,): bands that no filter attenuates. Returns: ratio and
+    its relative standard error, shape (segments,); None if no band can be used.
     """
-    # A band speaks for the density of the white noise where that is most of it.
+    # Use only bands that consist mostly of white noise.
     keep = below & (white > 0.8 * density) & (powers.dof > 0).all(axis=0)
     if not keep.any():
         return None
@@ -279,7 +276,7 @@ def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
 
 def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Array,
              keep: NDArray[np.bool_]) -> tuple[Array, Array, Array] | None:
-    """Average ratios over bands: ratio by segment and band, middle, degrees of freedom."""
+    """Average ratios over bands: ratio by segment and band, frequency, degrees of freedom."""
     found = []
     for band in np.unique(number[keep]):
         here = keep & (number == band)
@@ -295,8 +292,8 @@ def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Arr
 
 
 def _spread(ratio: Array, dof: Array) -> Array:
-    """Relative spread of power between segments beyond sampling error, by band."""
+    """Return the relative spread of power between segments beyond sampling error, by band."""
     noise = np.mean(2 / dof + 2 / dof**2, axis=0)
-    # 30 dB less than the mean are as steady as nothing at all, whose logarithm would be endless.
+    # Limit ratios to -30 dB, so that the logarithm of zero power is finite.
     seen = np.var(np.log(np.maximum(ratio, 1e-3)), axis=0, ddof=1)
     return np.asarray(np.sqrt(np.maximum(seen - noise, 0.0)))

@@ -1,11 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The noise terms of an inertial sensor, in one module as their Allan variances add up.
+The noise terms of an inertial sensor and their Allan variances.
 
-Terms, symbols and formulas are those of IEEE Std 952 (Annex C); a sample is understood as the
-average of the continuous rate over the sample interval, for which the formulas hold at every
-cluster size.
+Terms, symbols and formulas are those of IEEE Std 952 (Annex C). A sample is the average of the
+continuous rate over the sample interval; then the formulas hold at every cluster size.
 """
 
 from collections.abc import Iterable
@@ -18,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FLICKER_FLOOR = sqrt(2 * log(2) / pi)
-"""ADEV of a flicker process over its bias instability B: 0.66428."""
+"""Allan deviation of flicker relative to its bias instability B: 0.66428."""
 
 
 class Quantity(str, Enum):
-    """What an axis measures, by the name of the field in sensor_msgs/Imu."""
+    """Physical quantity of an axis, named after the field in sensor_msgs/Imu."""
 
     ANGULAR_VELOCITY = 'angular_velocity'
     LINEAR_ACCELERATION = 'linear_acceleration'
@@ -41,7 +40,7 @@ AXES: dict[str, Quantity] = {
     'accel_y': Quantity.LINEAR_ACCELERATION,
     'accel_z': Quantity.LINEAR_ACCELERATION,
 }
-"""The six axes of an Imu message, in the order of the columns of every sample array."""
+"""The six axes of an Imu message, in the column order of every sample array."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ class Term:
     slope : float
         Slope of the Allan deviation on log-log axes.
     read_at : float or None
-        Averaging time in seconds at which the term's own line equals the coefficient; None for
-        the flat term, which stands at ``FLICKER_FLOOR`` times its coefficient everywhere.
+        Averaging time in seconds at which the line of the term equals the coefficient. None for
+        the flat term, whose line lies at ``FLICKER_FLOOR`` times its coefficient.
     gyro_unit, accel_unit : str
         SI unit of the coefficient.
 
@@ -81,7 +80,7 @@ class Term:
         return self.gyro_unit if quantity is Quantity.ANGULAR_VELOCITY else self.accel_unit
 
     def name(self, quantity: Quantity) -> str:
-        """Field's name of the term for `quantity`."""
+        """Name of the term for `quantity`, as used in the field."""
         return self.gyro_name if quantity is Quantity.ANGULAR_VELOCITY else self.accel_name
 
     def adev(self, coefficient: float, tau: ArrayLike) -> NDArray[np.float64]:
@@ -112,16 +111,16 @@ TERMS: dict[str, Term] = {
              1.0, sqrt(2), 'rad/s^2', 'm/s^3'),
     )
 }
-"""The five power-law terms by key, from the steepest falling to the steepest rising."""
+"""The five power-law terms by key, in order of slope."""
 
 LASTING_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
-"""N, B and K: what is the sensor's own. Q is its output's, R this record's."""
+"""N, B and K belong to the sensor itself; Q belongs to its output, R to a single record."""
 SPECTRAL_TERMS = ('quantization_noise', *LASTING_TERMS)
-"""Those that are noise and have a spectrum: all but the ramp."""
+"""Terms that are noise and have a spectrum: all but the ramp."""
 SLOW_TERMS = ('bias_instability', 'rate_random_walk')
-"""Those of them that a filter follows as a bias, and that take the longest record."""
+"""Noise terms that a filter tracks as a bias, and that need the longest records."""
 _IN_OCTAVE = 8
-"""Frequencies that stand for many lines: their side lobes do not fall together."""
+"""Frequencies that represent many lines: enough that their side lobes do not coincide."""
 
 
 def gauss_markov_avar(sigma: float, correlation_time_s: float,
@@ -129,7 +128,7 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     """
     Allan variance of a first-order Gauss-Markov process.
 
-    `sigma`: standard deviation, in the unit of a sample. `correlation_time_s`: of the process.
+    `sigma`: standard deviation, in the unit of a sample. `correlation_time_s`: correlation time.
     `tau`, shape (n,): averaging times in seconds. Returns shape (n,):
     2 sigma^2 T/tau [1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T))].
 
@@ -147,7 +146,7 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     """
     tau = np.asarray(tau, dtype=np.float64)
     x = tau / correlation_time_s
-    # 3 - 4 exp(-x) + exp(-2 x) = 2 x - 2 x^3/3 + O(x^4): cancels for a small x.
+    # 3 - 4 exp(-x) + exp(-2 x) = 2 x - 2 x^3/3 + O(x^4): cancellation for small x.
     full = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.where(x > 0, x, 1))
     bump = np.where(x < 1e-3, x * x / 3 * (1 - 0.75 * x), full)
     return np.asarray(2 * sigma**2 / x * bump)
@@ -157,9 +156,9 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray
     """
     Allan variance of noise whose two-sided density is ``amplitude**2/(2 pi f)**exponent``.
 
-    `amplitude`: that of exponent 0 is a noise density, of 1 a bias instability, of 2 a random
-    walk. `exponent`: above -1, below 3. `tau`, shape (n,): averaging times in seconds. Returns
-    shape (n,): with the exponent a, a^2 tau^(a - 1) (4 - 2^(1 + a))/(2 cos(pi a/2) Gamma(2 + a)).
+    `amplitude`: a noise density for exponent 0, a bias instability for 1, a random walk for 2.
+    `exponent`: above -1, below 3. `tau`, shape (n,): averaging times in seconds. Returns shape
+    (n,): amplitude^2 tau^(a - 1) (4 - 2^(1 + a))/(2 cos(pi a/2) Gamma(2 + a)) for exponent a.
 
     References
     ----------
@@ -168,13 +167,13 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray
 
     Examples
     --------
-    White noise, flicker and a random walk of 1:
+    White noise, flicker and a random walk of amplitude 1:
 
     >>> [power_law_avar(1.0, exponent, [9.0]).round(4).item() for exponent in (0.0, 1.0, 2.0)]
     [0.1111, 0.4413, 3.0]
 
     """
-    # At 1 both parts of the fraction are zero.
+    # For exponent 1, numerator and denominator are both zero.
     factor = (2 * log(2) / pi if exponent == 1
               else (4 - 2 ** (1 + exponent)) / (2 * cos(pi * exponent / 2) * gamma(2 + exponent)))
     return np.asarray(amplitude**2 * factor
@@ -187,9 +186,9 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     Allan variance of a sine wave.
 
     `frequency_hz`, `amplitude`: of the sine wave. `tau`, shape (n,): averaging times in seconds.
-    `lines`: how many sine waves about that frequency have together the power of that amplitude.
-    Returns shape (n,): [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Of
-    several lines the mean over an octave, as `frequencies_of_lines` has it.
+    `lines`: number of sine waves around that frequency that share the power of that amplitude.
+    Returns shape (n,): [a sin^2(pi f tau)/(pi f tau)]^2, zero at whole numbers of periods. For
+    several lines it is averaged over the octave of `frequencies_of_lines`.
 
     References
     ----------
@@ -207,7 +206,7 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
 
 
 def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> NDArray[np.float64]:
-    """Variance that lines of random phase leave in the mean over an interval."""
+    """Return the variance that lines of random phase cause in the mean over an interval."""
     interval = np.asarray(interval_s, dtype=np.float64)
     total = np.zeros(interval.shape)
     for tone in tones:
@@ -218,9 +217,9 @@ def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> NDArray[np.float
 
 def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]:
     """
-    Return frequencies of equal power that stand for the sum of several lines of an octave.
+    Return frequencies of equal power that represent the sum of several lines in an octave.
 
-    They leave in the mean over a long time as much as one line of `frequency_hz`.
+    Together they have the same effect on means over a long time as one line at `frequency_hz`.
 
     Examples
     --------
@@ -239,12 +238,12 @@ def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]
 def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
                     ) -> NDArray[np.float64]:
     """
-    Allan variance of white noise behind a moving average.
+    Allan variance of white noise after a moving average.
 
-    `density`: noise density below the roll-off. `window_s`: width W of the boxcar that bends the
-    white noise, by sinc^2(f W), as the low-pass does. `size`, shape (n,): averaging times in
-    samples. `dt`: sample interval in seconds. Returns shape (n,): exact where the low-pass is a
-    mean of samples; behind another filter exact from a few W on, and of the right size below.
+    `density`: noise density below the roll-off. `window_s`: width W of the boxcar whose response
+    sinc^2(f W) rolls off like the low-pass. `size`, shape (n,): averaging times in samples. `dt`:
+    sample interval in seconds. Returns shape (n,): exact if the low-pass is a moving average of
+    samples. For other filters it is exact from a few W on, and approximate below.
 
     Examples
     --------
@@ -262,11 +261,11 @@ def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
 
 def moving_averages(width: float) -> tuple[float, float]:
     """
-    Mix two moving averages so that together they bend white noise as a boxcar does.
+    Mix two moving averages so that their responses roll off like that of a boxcar.
 
-    `width`: of the boxcar, in samples. Returns `n`, `longer`: the share `longer` of the mean of
-    n + 1 samples, the rest the mean of n. The mean of n samples begins to fall as a boxcar of
-    ``sqrt(n**2 - 1)`` intervals does; between two means lies a mixture of them.
+    `width`: of the boxcar, in samples. Returns `n`, `longer`: the weight `longer` is that of the
+    mean of n + 1 samples, the rest that of the mean of n. The mean of n samples begins to roll
+    off like a boxcar of ``sqrt(n**2 - 1)`` samples; for widths in between, two means are mixed.
 
     Examples
     --------
@@ -280,9 +279,9 @@ def moving_averages(width: float) -> tuple[float, float]:
 
 
 def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Allan variance over m samples of unit white noise behind the mean of n samples."""
+    """Allan variance over m samples of unit white noise after a moving average of n samples."""
     def of_sum(k: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Variance of a sum of k samples, whose correlation falls to zero at lag n; times n."""
+        """Return n times the variance of a sum of k samples, uncorrelated from lag n on."""
         last = np.minimum(k, n) - 1
         lagged = k * last - (1 + k / n) * last * (last + 1) / 2
         return np.asarray(k + 2 * lagged + last * (last + 1) * (2 * last + 1) / (3 * n))

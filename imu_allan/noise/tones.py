@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Narrow lines in the spectrum: vibration, mains, idle tones of a quantizer.
+Narrow lines in the spectrum, from vibration, mains or idle tones of a quantizer.
 
-A line would pass for flicker or white noise in a fit, so its bins, and those its side lobes reach,
-are left out and the line is named. A line is what rises above the median of its neighbourhood by
-more than chance allows, seen at three resolutions: a quantizer's idle tone is a few hertz wide.
+A line would pass for flicker or white noise in a fit. So its bins, and those of its side lobes,
+are left out and the line is reported. A line rises significantly above the median of its
+neighbourhood, at one of three resolutions: the idle tone of a quantizer is a few hertz wide.
 """
 
 from collections.abc import Sequence
@@ -27,20 +27,20 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
-"""Bins of the median: wide enough for a line to be few of them. A judgment: more blurs a knee."""
+"""Bins of the median, many more than a line has; more would blur a knee. Chosen by judgment."""
 _LEAKS = (0.02, 0.3, 4.0)
 """
-Share of the floor above which a side lobe still spoils a bin, which is then left out. The next one
-is taken where the one before leaves too little: of 80 lines of three times N half a spectrum.
+Bins are left out where side lobes exceed this share of the noise floor. If too little is left, the
+next value is used: with the first, 80 lines of three times N would take half of a spectrum.
 """
 _SCALES = (1, 32, 8)
-"""Bins averaged: sharp lines first, then humps as broad as the idle tones of a quantizer."""
+"""Numbers of bins averaged: first for sharp lines, then for broad idle tones of a quantizer."""
 _LOWEST_INDEX = 32
-"""Coefficients below belong to the slow terms, whose steep rise would pass for a line."""
+"""Lower coefficients belong to the slow terms, whose steep rise would pass for a line."""
 NAMED = 32
-"""So many lines, the strongest, have their own frequency and amplitude in a result."""
+"""Number of the strongest lines that a result lists with their own frequency and amplitude."""
 _MANY = 8
-"""Blocks from which on an average is smooth enough for broad lines and few neighbours."""
+"""Fewest blocks whose average is smooth enough for broad lines and a small neighbourhood."""
 
 
 def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float,
@@ -49,8 +49,8 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     Find the lines of one axis.
 
     `sections`: from the slowest to the fastest part. `bins`: of the same sections. `groups`: of
-    all bins of the axis, to which noise is fitted that flattens the spectrum. Returns the lines,
-    the strongest first, and a mask of the bins, False where a line or its side lobes are.
+    all bins of the axis; the noise fitted to them flattens the spectrum. Returns: the lines, the
+    strongest first, and a mask of the bins, False for those of a line or its side lobes.
     """
     theta = maximise(groups, moving_mean=True).theta
     ramp = about_mean(groups)(groups.design @ theta).ramp
@@ -58,19 +58,19 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))
     for leak in _LEAKS:
         lines, keep = _find_lines(sections, bins, dt, power, expected, leak)
-        # With less than half of the spectrum left, no line is left out and the fit is poor.
+        # At least half of the spectrum must be left for a fit.
         if keep.mean() >= 0.5:
             return lines, keep
-    # What is left is no spectrum to fit: the fit shall see all of it and say so.
+    # Otherwise no line is left out, and the goodness of fit will be poor.
     return lines, np.ones(len(bins.frequency), dtype=bool)
 
 
 def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]]:
     """
-    Choose the lines that a result names, and sum the others by octave.
+    Split lines into those that a result lists, and the others, summed by octave.
 
-    `lines`: the strongest first. Returns: their power and, where they are averaged for long, what
-    they leave are those of `lines`.
+    `lines`: the strongest first. Returns: lines whose total power, and whose total effect on means
+    over a long time, are those of `lines`.
     """
     weaker = []
     for _, octave in groupby(sorted(lines[NAMED:], key=lambda line: line.frequency_hz),
@@ -85,22 +85,22 @@ def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]
 def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[SpectrumSection],
                dt: float) -> list[Tone]:
     """
-    Leave out the lines of a slow cycle, whose harmonics come one after the other from the first.
+    Remove the harmonics of a slow cycle, which form a series from the first one on.
 
     `lines`: of one record. `cycle_s`: period of its cycle. `sections`: in which the lines were
-    found. In the same order.
+    found. Returns: the other lines, in the same order.
     """
     if cycle_s is None:
         return list(lines)
-    # The second harmonic of a symmetric cycle is no line.
+    # A symmetric cycle has no second harmonic, so the first two orders need not be found.
     last, harmonics = 2, set()
     for line in sorted(lines, key=lambda line: line.frequency_hz):
         order = round(line.frequency_hz * cycle_s)
         spacing = min((section.spacing_hz(dt) for section in sections
                        if line.frequency_hz < section.last * section.spacing_hz(dt)), default=0.0)
         off = abs(line.frequency_hz - order / cycle_s)
-        # A weak line is known to 1.5 coefficients, a period to 2 %. A vibration lies beyond twice
-        # the last harmonic.
+        # The frequency of a weak line is uncertain by 1.5 coefficients, the period by 2 %. Beyond
+        # twice the last harmonic, a line is a vibration.
         if 1 <= order <= 2 * last and off < 1.5 * spacing + 0.02 / cycle_s:
             last = max(last, order)
             harmonics.add(line)
@@ -109,15 +109,15 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[
 
 def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: Array,
                 expected: Array, leak: float) -> tuple[list[Tone], Mask]:
-    """Find lines, with the bins that they and their side lobes above a leak take."""
+    """Find lines, and mark the bins free of them and of side lobes above `leak` of the floor."""
     keep = np.ones(len(bins.frequency), dtype=bool)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
     longest = longest_blocks(sections)
-    # The fastest part first: what it finds may stand again in a slower one, folded.
+    # Search the fastest part first, because its lines may alias into slower ones.
     for number in reversed(range(len(sections))):
         section = sections[number]
-        # Eight neighbourhoods: in shorter blocks no lines are sought, a judgment.
+        # Shorter blocks, of less than eight neighbourhoods, are not searched (by judgment).
         if section.length != longest[section.step] or section.length < 512:
             continue
         here = np.flatnonzero(bins.section == number)[max(0, _LOWEST_INDEX - section.first):]
@@ -131,16 +131,15 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
         spans += [(frequency[a] - width, frequency[b - 1] + width)
                   for a, b in zip(edges[::2], edges[1::2], strict=True)]
         for part, excess in found:
-            # The side lobes are lopsided, near half the sample rate most of all.
+            # Use the bins around the peak, as side lobes are asymmetric, above all near Nyquist.
             top = int(np.argmax(excess))
-            # From so many bins on a rise is a hump with its centre of mass, not a line with a
-            # highest bin.
+            # A rise of 64 bins or more is a broad hump; use its centre of mass.
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < 64 else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
             line = Tone(centre, float(np.sqrt(2 * excess.sum() / section.length)))
             if section.step == 1 or not folded(line, lines, section.step, dt, 3 * width):
                 lines.append(line)
-    # Shorter blocks of the same stage see the same lines, only less sharply.
+    # Shorter blocks of the same stage contain the same lines at a lower resolution.
     for number, section in enumerate(sections):
         if section.length == longest[section.step]:
             continue
@@ -155,12 +154,12 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
 
 def _lines_of(power: Array, expected: Array, blocks: int, leak: float
               ) -> tuple[list[tuple[slice, Array]], Mask]:
-    """Find the lines: where each is, the power it adds there, and the bins that all spoil."""
+    """Find lines: the bins of each and its power there, and a mask of all affected bins."""
     taken = np.zeros(len(power), dtype=bool)
     found: list[tuple[slice, Array]] = []
     for scale in _SCALES if blocks >= _MANY else _SCALES[:1]:
-        # A first fit flattens the spectrum for sharp lines. It may miss the shape of a low-pass
-        # and make a hump of the knee, so broad ones are sought in the spectrum as it is.
+        # A first fit flattens the spectrum for sharp lines. It may miss a low-pass and turn its
+        # knee into a hump, so broad lines are searched for in the original spectrum.
         level = expected if scale == 1 else np.ones(len(power))
         candidates = []
         places = rises(np.where(taken, np.nan, power / level), blocks, scale)
@@ -170,11 +169,11 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
         for begin, end, floor in places:
             excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
             peak = float(np.max(excess / level[begin:end])) / floor
-            # A sharp line leaks into side lobes; a broad one has skirts of its own width.
+            # A sharp line leaks into side lobes; a broad one has skirts as wide as itself.
             reach = 1 + (int(np.ceil(np.sqrt(peak / leak) / np.pi))
                          if scale == 1 else end - begin)
             around = slice(max(0, begin - reach), end + reach)
-            # What leaks is of the line, too; where two lines leak into a bin it counts once.
+            # Leaked power is part of the line; a bin in reach of two lines counts once.
             leaked = (power[around] - floor * level[around])[~counted[around]].sum()
             excess *= 1 + max(float(leaked), 0.0) / float(excess.sum())
             counted[around] = taken[around] = True
@@ -184,12 +183,11 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
         main: list[tuple[int, float]] = []
         for part, excess in candidates:
             place, height = part.start + int(np.argmax(excess)), float(excess.max())
-            # Beyond half the sample rate the side lobes come back.
+            # Side lobes beyond half the sample rate fold back.
             lobes = sum(top / (1 + (np.pi * (place - at) / 2) ** 2)
                         for other, top in main for at in (other, 2 * len(power) - other))
-            # The side lobes of a single block scatter; those of an average do not.
-            # Beside a stronger line it has to be twice its side lobe, in a few blocks, where side
-            # lobes scatter, four times: judgments.
+            # Next to a stronger line, a line must be twice as high as the side lobe. In averages
+            # of few blocks, where side lobes scatter, four times. Chosen by judgment.
             if scale == 1 and height < lobes * (
                     2.0 if blocks >= _MANY else 4.0):
                 continue
@@ -200,14 +198,14 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
 
 def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]:
     """
-    Where a flattened spectrum rises above its neighbourhood: begin, end and level around.
+    Find rises of a flattened spectrum above its neighbourhood: begin, end and level around.
 
-    The spectrum is averaged over `scale` bins first, which decides how broad a line is seen. Bins
-    that are NaN have been taken by a sharper line.
+    The spectrum is first averaged over `scale` bins, which sets the width of lines to be found.
+    Bins that belong to a sharper line are NaN.
     """
     count = len(ratio) // scale
     dof = blocks * scale
-    # The median of a few wild values is wild itself, so they need more neighbours.
+    # The median of strongly scattering values needs a larger neighbourhood.
     neighbourhood = _NEIGHBOURHOOD if dof >= _MANY else 4 * _NEIGHBOURHOOD - 3
     if count < neighbourhood:
         return []
@@ -216,32 +214,32 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
     mean = np.nansum(cells, axis=1) / np.maximum(known, 1)
     empty = known < (scale + 1) // 2
     middle = float(chi_square.lower(0.5, dof)) / dof
-    # A part of the spectrum shows a line by chance in one of 10,000 records.
+    # In one of 10,000 records, a part of the spectrum shows a line by chance.
     chance = float(chi_square.upper(1e-4 / count, dof)) / dof
-    # A long record shows the smallest rise by more than chance: less is no line. A bend of the
-    # spectrum resembles a broad one. Judgments.
+    # In long records even the smallest rise is significant, so require a least height. It is
+    # larger for broad lines, which a bend of the spectrum resembles. Chosen by judgment.
     least = 1.3 if scale == 1 else 1.5
     hit = np.zeros(count, dtype=bool)
     floor = mean
     for _ in range(4):
-        # Cells already found are levelled, lest several lines lift the median together.
+        # Interpolate over cells already found, so that several lines do not raise the median.
         good = np.flatnonzero(~(hit | empty))
         if len(good) < neighbourhood:
             return []
         level = np.interp(np.arange(count), good, mean[good])
         floor = (median_filter(level, neighbourhood, mode='reflect') if scale == 1
                  else higher_side(level, neighbourhood)) / middle
-        # A strictly periodic signal has nothing between its lines: 90 dB below the mean level is
-        # no noise, and a ratio to it is still a number.
+        # A strictly periodic signal has no power between its lines. Limit the floor to -90 dB of
+        # the mean level, which is below any noise, so that ratios to it are finite.
         floor = np.maximum(floor, 1e-9 * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
         if scale > 1:
-            # Below a tenth of the largest floor a hump is a side lobe of a filter's response.
+            # Below a tenth of the largest floor, a hump is a side lobe of a filter response.
             found &= mean > 0.1 * floor.max()
         if (found == hit).all():
             break
         hit = found
-    # Where more bins rise, it is the shape of the spectrum and no line: a judgment.
+    # If more bins rise, it is the shape of the spectrum, not a line. Chosen by judgment.
     if not hit.any() or hit.mean() > 0.3:
         return []
     places = np.flatnonzero(hit)
@@ -253,7 +251,7 @@ def higher_side(level: Array, neighbourhood: int) -> Array:
     """
     Return the larger of the medians to the left and to the right.
 
-    What is broad has to rise above both sides, or the knee of a low-pass would pass for a line.
+    A broad line must rise above both sides; otherwise the knee of a low-pass would pass for one.
     """
     size = neighbourhood // 2 + 1 - neighbourhood // 2 % 2
     left, right = (median_filter(level, size, mode='nearest', origin=side * (size // 2))
@@ -262,18 +260,18 @@ def higher_side(level: Array, neighbourhood: int) -> Array:
 
 
 def _peaks(level: Array) -> list[slice]:
-    """Cut a cluster into parts, one for every local maximum, at the lowest points between."""
+    """Split a cluster into one part per local maximum, at the lowest points between them."""
     tops = np.flatnonzero((level == maximum_filter1d(level, 7, mode='constant')) & (level > 0))
     cuts = [int(a + np.argmin(level[a:b])) for a, b in pairwise(tops)]
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
 def folded(line: Tone, lines: list[Tone], step: int, dt: float, width: float) -> bool:
-    """Whether a line of means over `step` samples is what known ones of samples leave there."""
+    """Return whether a line in means over `step` samples is an alias of the known `lines`."""
     rate = 1 / (step * dt)
     images = [known.amplitude * np.sinc(known.frequency_hz / rate)
               / np.sinc(known.frequency_hz * dt) for known in lines
               if abs(abs(known.frequency_hz - rate * round(known.frequency_hz / rate))
                      - line.frequency_hz) < width]
-    # Twice what known lines leave there a line is its own: among hundreds one is always near.
+    # Aliases explain less than twice their amplitude; among hundreds, one is always near.
     return line.amplitude < 2.0 * float(np.sqrt(np.sum(np.square(images))))

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What makes the coefficients of an axis less certain than their posterior says.
+Sources of uncertainty of the coefficients of an axis that its posterior does not include.
 
-The measured curve bounds what the slow end can hold, and shows where a model leaves it. A sensor
-that was turned makes slow terms, and samples that are lost unseen change the noise density.
-Recordings of one axis may scatter more than their intervals allow, or have slow noise of another
-exponent each.
+The measured curve limits the noise at the slow end, and shows where a model deviates from it. A
+sensor that was rotated shows spurious slow terms, and undetected sample loss changes the noise
+density. Recordings of one axis may scatter more than their intervals allow, or have slow noise of
+different exponents.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,23 +25,23 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CERTAIN = 0.9998
-"""Level of the interval that the model has to lie in: 1 point in 5000 is outside by chance."""
+"""Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""
 _SLIGHT = 0.05
-"""Relative distance from that interval that a user does not care about."""
+"""Relative distance from that interval that is too small to matter."""
 _FEW = 64.0
-"""Degrees of freedom up to which a point of the curve belongs to the slow end."""
+"""A point of the curve with fewer degrees of freedom belongs to the slow end."""
 _CHANCE = 1e-3
-"""Probability below which exponents differ by more than chance."""
+"""Significance level of the test of equal exponents."""
 
 
 def as_bound(found: Coefficient, upper95: float | None) -> Coefficient:
-    """Return a coefficient that is known by its upper bound alone."""
+    """Return a coefficient of which only an upper bound is known."""
     return replace(found, observable=False, value=None, ci95=None, upper95=upper95,
                    observable_in_s=None, ci_halves_in_s=None)
 
 
 def bounded(axis: AxisResult) -> AxisResult:
-    """Return an axis whose slow terms are upper bounds: something else may have made them."""
+    """Return an axis with its slow terms as upper bounds, as they may have another cause."""
     coefficients = dict(axis.coefficients)
     for key in SLOW_TERMS:
         if (found := coefficients[key]).observable and found.ci95 is not None:
@@ -50,11 +50,11 @@ def bounded(axis: AxisResult) -> AxisResult:
 
 
 def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
-    """Return an axis whose noise density may be off by such shares, too, beside chance."""
+    """Return an axis whose noise density may in addition be too low or high by relative errors."""
     if not (too_low or too_high):
         return axis
     found = axis.coefficients['noise_density']
-    # Beyond, the interval has no upper end that says anything. A judgment.
+    # With a larger error, the upper end would be meaningless. Chosen by judgment.
     most = 1 / (1 - min(too_low, 0.9))
     if found.ci95 is not None:
         low, high = found.ci95
@@ -66,7 +66,7 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
 
 def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array,
                 window_s: float | None) -> Coefficient:
-    """Return a bound that the measured curve allows, as `most_below` has it."""
+    """Return a coefficient with its upper bound lowered to what `most_below` allows."""
     most = most_below(np.array(curve.tau_s), highest, key, window_s)
     return found if found.upper95 is None or most is None else replace(
         found, upper95=min(found.upper95, most))
@@ -74,11 +74,11 @@ def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array,
 
 def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> float | None:
     """
-    Return the largest coefficient with which a term is nowhere above the measured curve.
+    Return the largest coefficient with which a term nowhere exceeds the measured curve.
 
-    The measured Allan variance holds every term: none is above the upper end of its interval,
-    `highest`, shape of `tau`. A low-pass of the width W takes W/(2 tau) of it, 2 % in deviation
-    after 16 widths; before, it says nothing. None where the curve is too short.
+    The measured Allan variance contains all terms, so none exceeds the upper end of its interval,
+    `highest`, of the shape of `tau`. A low-pass of width W removes the share W/(2 tau), 2 % of the
+    deviation at 16 W; shorter averaging times are not used. None if the curve is too short.
     """
     known = tau >= 16.0 * (window_s or 0.0)
     if not known.any():
@@ -89,11 +89,11 @@ def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> 
 def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float
               ) -> float | None:
     """
-    Averaging time from which the measured curve lies outside the bands of all models, if it does.
+    Return the first averaging time at which the curve contradicts all models, or None.
 
-    The residuals of the spectrum do not show it: the slow end has only a few of them. The fast
-    end is theirs. A drift model knows little of the fast noise in a short record; only where the
-    fitted terms, too, lie outside there is no description.
+    Only the slow end is tested: it has too few residuals of the spectrum to show a misfit, while
+    they do test the fast end. A drift model is vague about fast noise in a short record, so the
+    fitted terms must contradict the curve as well.
     """
     dof = np.array(curve.edf)
     low, high = interval(points.avar[:, axis], dof, CERTAIN)
@@ -106,12 +106,12 @@ def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedM
 
 def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 0.0
                      ) -> Coefficient:
-    """Move the ends of an interval away from its value, in logarithms."""
+    """Widen an interval on a log scale, by `factor` or by `variance` if that is not zero."""
     assert found.value is not None
     assert found.ci95 is not None
     ends = []
     for sign, bound in zip((-1, 1), found.ci95, strict=True):
-        # An interval that begins at 0 cannot begin lower.
+        # A lower end at 0 stays at 0.
         far = abs(log(bound / found.value)) if bound > 0 else inf
         far = sqrt(far**2 + NORMAL95**2 * variance) if variance else factor * far
         ends.append(found.value * exp(sign * far))
@@ -120,12 +120,12 @@ def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 
 
 def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
     """
-    Whether the slow noise of an axis does not show one exponent in all recordings.
+    Return whether the recordings of an axis contradict a common exponent of slow noise.
 
-    `joint`: of all recordings at once. `singles`: of each that has a fit. Returns: where some show
-    another exponent than flicker's: whether the joint fit shows none, one of theirs is not that of
-    the joint fit, or a recording without one shows flicker or has a curve too low for it.
-    Another one is too short to contradict.
+    `joint`: fit of all recordings together. `singles`: fits of the single recordings. Returns:
+    False if no recording has an exponent other than that of flicker. Otherwise True if the joint
+    fit has none, or if one differs from that of the joint fit. Also True if a recording without
+    one shows flicker or a curve below the joint law; others are too short to contradict.
     """
     laws = [axis.power_law for axis in singles if axis.power_law is not None]
     if not laws:
@@ -144,12 +144,12 @@ def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
 
 def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> AxisResult:
     """
-    Give an axis what its recordings say one by one.
+    Replace the joint estimates of an axis by combined estimates of its single recordings.
 
-    `joint`: of all recordings at once, under one exponent. `singles`: of each that has a fit.
-    Returns: the noise density is the weighted mean of the single ones; the other terms, and it,
-    too, where none shows it, are bounded by the largest of theirs. There is no common fit to be
-    good, and no model.
+    `joint`: fit of all recordings with one exponent. `singles`: fits of the single recordings.
+    Returns: the noise density is the weighted mean over recordings. The other terms are upper
+    bounds, the largest of any recording, as is the noise density if no recording shows it. There
+    is no model and no goodness of fit.
     """
     coefficients = dict(joint.coefficients)
     for key in SPECTRAL_TERMS:
@@ -166,7 +166,7 @@ def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> Axis
 
 
 def _is_below(axis: AxisResult, law: PowerLaw) -> bool:
-    """Whether the curve of an axis is lower than a law by itself, beyond chance."""
+    """Return whether the curve of an axis is significantly below a power law alone."""
     curve = axis.curve
     _, highest = interval(np.array(curve.adev)**2, np.array(curve.edf), 1 - 2 * _CHANCE)
     expected = np.sqrt(power_law_avar(law.amplitude, law.exponent, np.array(curve.tau_s)))
@@ -174,7 +174,7 @@ def _is_below(axis: AxisResult, law: PowerLaw) -> bool:
 
 
 def densities_of(singles: Iterable[AxisResult]) -> list[tuple[float, float, float]]:
-    """Return value and both ends of each noise density that has a lower end."""
+    """Return value and interval ends of each noise density whose lower end is above zero."""
     found = [axis.coefficients['noise_density'] for axis in singles]
     return [(one.value, *one.ci95) for one in found
             if one.value is not None and one.ci95 is not None and one.ci95[0] > 0]
@@ -182,10 +182,10 @@ def densities_of(singles: Iterable[AxisResult]) -> list[tuple[float, float, floa
 
 def _weighted_mean(densities: Sequence[tuple[float, float, float]]) -> tuple[float, Interval]:
     """
-    Return the mean of densities by their logarithms, with its interval.
+    Return the weighted mean of the logarithms of densities, with its interval.
 
-    What both ends of an interval have is error, and averages out. What one has beyond it is
-    uncertainty about the exponent, on the same side in every recording, and does not.
+    The symmetric part of an interval is random error and averages out. The excess on one side is
+    uncertainty about the exponent; it is common to all recordings and does not average out.
     """
     middles, *ends = np.log(densities).T
     lows, highs = np.abs(ends - middles)
