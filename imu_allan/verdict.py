@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the numbers of a sensor are good to use, by what was found of it."""
+"""Verdict on the numbers of a sensor: whether they can be used, given the findings."""
 
 from collections.abc import Mapping
 
@@ -8,20 +8,20 @@ from imu_allan.finding import Finding
 from imu_allan.result import AxisResult, Result, SensorVerdict
 
 SHORTEST_S = 10.0
-"""Of less rest even N is known to a tenth at best. A judgment."""
+"""With less rest even N is known to a tenth at best. Chosen by judgment."""
 SHORTEST_GOOD_S = 60.0
-"""Of less rest nothing slower than N shows."""
+"""With less rest no term slower than N is visible."""
 _NO_SENSOR = frozenset({
     'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
     'unknown_rate', 'mostly_motion'})
-"""Codes after which an axis has no numbers, or those of something else."""
+"""Codes of findings after which an axis has no numbers, or those of something else."""
 FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
           'zeroed': 'deadband', 'copied': 'copied_axis'}
-"""Codes by `AxisResult.fault`: a file may hold the fault without the finding."""
+"""Codes of findings by `AxisResult.fault`: a file may hold the fault without the finding."""
 
 
 def verdicts(result: Result) -> dict[str, SensorVerdict]:
-    """Return the verdict on each sensor that a result has axes of, with the codes for it."""
+    """Return the verdict on each sensor with axes in a result, with the codes behind it."""
     found = {}
     for sensor in ('gyro', 'accel'):
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
@@ -32,7 +32,7 @@ def verdicts(result: Result) -> dict[str, SensorVerdict]:
 
 
 def concerns(found: Finding, sensor: str) -> bool:
-    """Whether a finding is about a sensor: by its axes, or because it is about the recording."""
+    """Return whether a finding is about a sensor: by its axes, or as one about the recording."""
     if found.axes:
         return any(axis.startswith(sensor) for axis in found.axes)
     return found.values.get('half') in (None, sensor) and not (

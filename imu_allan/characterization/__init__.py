@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-From blocks of samples to a `Result`.
+Characterization of an IMU: from blocks of samples to a `Result`.
 
-`Characterization` is the path of every sample, live or recorded: timeline, estimator, fit. What is
-found is put into words here, and nowhere below.
+`Characterization` is the path of every sample, live or recorded: timeline, estimator, fit. The
+findings about the noise are made here, not in the packages below.
 """
 
 from imu_allan.characterization.axis import characterize

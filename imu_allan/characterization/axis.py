@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""From an estimator to the result of every axis, in one module as a field takes a few lines."""
+"""The result of every axis from an estimator; one module, as each field takes a few lines."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -53,12 +53,13 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     """
     Characterize one axis from evenly spaced samples.
 
-    The coefficients of equation (1) of docs/statistics.md, by (7); the curve is (4).
+    The coefficients are those of equation (1) of docs/statistics.md, estimated by (7); the curve
+    is (4).
 
     Parameters
     ----------
     samples : array_like, shape (n,)
-        In rad/s or m/s^2, the sensor at rest.
+        In rad/s or m/s^2, with the sensor at rest.
     sample_rate_hz : float
         Samples per second.
     quantity : {'angular_velocity', 'linear_acceleration'}, optional
@@ -103,11 +104,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                  fits: Sequence[AxisFit | None] | None = None
                  ) -> list[tuple[AxisResult, list[Finding]]]:
     """
-    Fit every axis of an estimator, which is left as it is.
+    Fit every axis of an estimator, which is not modified.
 
-    `estimator`: what has taken in the samples. `quantities`: what each axis measures. `fits`: of
-    every axis, where they are there already, or not those of the estimator alone. Returns: what is
-    worth reporting to the user beside each axis; messages do not name the axis.
+    `estimator`: holds the samples. `quantities`: what each axis measures. `fits`: of every axis,
+    if they exist already, or do not come from the estimator alone. Returns: for each axis its
+    result and the findings worth reporting, which do not name the axis.
     """
     finished = estimator.finished()
     dt = 1.0 / sample_rate_hz
@@ -124,7 +125,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
 
 def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves, dt: float
               ) -> tuple[AxisResult, list[Finding]]:
-    """Enter into an axis why it does not measure, and say so."""
+    """Return an axis that could not be fitted, with its fault and the finding about it."""
     base = replace(base, curve=_curve(points, axis, dt, {}))
     match axis_fault(finished, axis):
         case Constant(value):
@@ -145,12 +146,12 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
 
 def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, points: Octaves,
             dt: float) -> tuple[AxisResult, list[Finding]]:
-    """Enter into an axis what was fitted, and say what is worth reporting."""
+    """Return an axis with all that was fitted, and the findings worth reporting."""
     quantity, fitted = Quantity(base.quantity), found.fit
     step, noise = float(finished.census.step[axis]), float(sample_noise(finished)[axis])
     coarse = 0 < noise < step < np.inf
     if coarse:
-        # Counts that come one by one leave little below their rate, as a filter does.
+        # Isolated quantization steps leave little power below their rate, like a high-pass filter.
         fitted = replace(fitted, high_pass_hz=None)
     remarks = fit_remarks(fitted, quantity)
     if coarse:
@@ -176,10 +177,10 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     leaves_s = None if fitted.mean_moves or fitted.high_pass_hz else leaves_at(
         points, axis, curve, [_model(found, drift), _model(found, None)], dt)
     if leaves_s is not None and fitted.acceptable:
-        # The model does not follow the curve at its long end.
+        # The model does not follow the curve at long averaging times.
         remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
     named, weaker = strongest(found.lines)
-    # A column for unit white noise turns power into density, at every stage.
+    # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
     return with_model_curve(replace(
         base,
@@ -202,9 +203,9 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
 
 
 def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
-    """Give for how much longer to record, of those coefficients that this would help."""
+    """Return how much longer to record, for those coefficients that this would help."""
     if fitted.power_law is not None:
-        # A longer record would know a power law better, too: of that there is no forecast.
+        # A longer record would also improve a power law, but there is no forecast of that.
         return {}
     forecast = outlook(
         {key: e.value if e.presence > POSSIBLE else 0.0 for key, e in fitted.estimates.items()},
@@ -212,7 +213,7 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
     if fitted.high_pass_hz is not None:
         return forecast | dict.fromkeys(SLOW_TERMS, (None, None))
     if fitted.random_walk_unclear or fitted.bias_step is not None:
-        # A longer record shows what it is, not how large.
+        # A longer record would show what it is, but its size cannot be forecast.
         return forecast | {'rate_random_walk': (None, None)}
     return forecast
 
@@ -226,7 +227,7 @@ def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
 
 def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
                   model: DriftModel | None) -> Stationarity | None:
-    """Give the segments of an axis, each with its own mean, density and drift."""
+    """Return the segments of an axis, each with its own mean, density and drift."""
     powers, steady = found.segments, found.steadiness
     if powers is None or steady is None or finished.reference is None:
         return None
@@ -235,7 +236,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
     model_of = FittedModel(found.fit.values, power_law=found.fit.power_law)
     ratio = white_ratio(powers, axis, density.value**2, model_of.density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
-    # Where none was seen: a density whose fourth power is a number.
+    # If none was seen, use a density whose fourth power does not underflow.
     drift = _drift_levels(powers, axis, dt, max(density.value, 1e-60)**2, model)
     segments = []
     for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
@@ -253,7 +254,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
 
 def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
                   model: DriftModel | None) -> list[tuple[float, Interval]]:
-    """Return the level of the drift in every segment; most of them have parts of one length."""
+    """Return the level of drift in every segment; most segments have parts of one length."""
     found: dict[int, tuple[float, Interval]] = {}
     for length in np.unique(powers.drift_samples):
         here = np.flatnonzero(powers.drift_samples == length)
@@ -285,7 +286,7 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
     signals: list[Signal | None] = []
     for axis, reference in enumerate(finished.reference.tolist()):
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
-        # A hundred thousandth of the range is far below what a picture shows, and short in JSON.
+        # 1e-5 of the range is far below what a plot shows, and short in JSON.
         digits = max(0, 5 - floor(log10(spread))) if spread > 0 else 17
         low, mean, high = (
             tuple(None if np.isnan(value) else round(value + reference, digits)
@@ -297,9 +298,9 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
 
 def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     """
-    Describe all that was fitted, reported or not: the drift model where there is one, or terms.
+    Return the whole fitted model, reported or not: the drift model if there is one, or the terms.
 
-    The drift model is for the slow end of what the terms may miss; beside a power law they miss
+    The drift model covers what the terms may miss at the slow end; with a power law they miss
     nothing.
     """
     fitted = found.fit
@@ -315,7 +316,7 @@ def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
 
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
            law: PowerLaw | None = None) -> Curve:
-    """Allan deviation of one axis without a model, and the intervals of the fitted terms."""
+    """Return the Allan deviation of one axis with intervals by the fitted terms, not a model."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())
     tau: Array = (points.size * dt).astype(np.float64)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was found in the noise, as findings, in one module as they are read together."""
+"""Findings about the noise, in one module because they are read together."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import ceil, exp, isfinite, isinf, log
@@ -22,11 +22,12 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 
 
 _LEAST_CHANGE = log(1.3)
-"""Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
+"""Least change of a variance to report: less than 14 % in deviation does not matter to a
+filter."""
 
 
 def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Finding]:
-    """Say which lines were left out of the spectra: of each axis the strongest."""
+    """Report the lines left out of the spectra: of each axis the strongest."""
     found = []
     for name, axis in axes.items():
         if axis.tones:
@@ -35,13 +36,14 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Findin
                 'tones', (name,), unit=axis.unit,
                 count=len(axis.tones) + sum(tone.lines for tone in axis.weaker_tones),
                 frequency_hz=strongest.frequency_hz, amplitude=strongest.amplitude,
-                # What alternates from message to message drifts by less. A judgment.
+                # Alternation from message to message stays this close to half the rate. Chosen by
+                # judgment.
                 half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones)))
     return found
 
 
 def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
-    """Say what the noise of an axis has beside coefficients."""
+    """Report what the noise of an axis contains besides the coefficients."""
     remarks = []
     if fitted.high_pass_hz is not None:
         remarks.append(finding('high_passed', corner_hz=fitted.high_pass_hz))
@@ -62,7 +64,7 @@ def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
 
 
 def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
-    """Say in which band the noise changes most, by how much and when."""
+    """Report in which band the noise changes most, by how much and when."""
     if steady.steady or not steady.changes:
         return []
     change = steady.changes[0]
@@ -70,12 +72,12 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
         'low_hz': change.low_hz if change.low_hz > 0 else None,
         'high_hz': None if isinf(change.high_hz) else change.high_hz}
     level = change.amplitude
-    # The split into a beginning and an end that explains most of the spread.
+    # Find the split into two parts that explains most of the spread.
     count = len(level)
     gain, cut = max((cut * (count - cut) * (level[:cut].mean() - level[cut:].mean())**2, cut)
                     for cut in range(1, count))
     total = count * float(((level - level.mean())**2).sum())
-    # Share of the spread between segments from which it is reported as one step.
+    # From this share of the spread on, it is reported as one step.
     if gain > 0.7 * total:
         ratio = float(level[:cut].mean() / level[cut:].mean()) - 1
         return [finding('not_steady', **band, change_share=abs(ratio),
@@ -87,27 +89,27 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
 
 def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
     """
-    Say by how much one half of the record drifts more than the other, by axis.
+    Report by how much one half of the record drifts more than the other, by axis.
 
-    What changes one axis of a sensor, its temperature first of all, changes the others: where no
-    axis alone is certain they may be together.
+    What changes one axis of a sensor, above all its temperature, changes the others as well. Axes
+    that are not certain alone may therefore be certain together.
     """
     changes = {name: change for name, axis in axes.items()
                if (change := _change_of_halves(axis)) is not None}
     reported = {}
     for name, change in changes.items():
         candidates = [change]
-        # Only what was asked over the same time can be compared.
+        # Only changes over the same interval can be compared.
         sensor = [other for beside, other in changes.items()
                   if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
         ratio, steps, interval = np.mean(sensor, axis=0)
-        # What the axes of a sensor say together holds for one within two of its standard errors.
+        # The mean over the axes of a sensor holds for an axis within two of its standard errors.
         if abs(change[0] - ratio) <= 4 / change[1]**0.5:
             candidates.append((ratio, steps * len(sensor), interval))
         for log_ratio, known, over in candidates:
-            # A mean square of n innovations has n degrees of freedom, and what the model of the
-            # other half predicts for it is known about as well: their ratio follows F.
-            # Either way as rare as three standard errors: a judgment.
+            # A mean square of n innovations has n degrees of freedom. Its prediction by the model
+            # of the other half is about as uncertain, so their ratio follows F. Each tail has the
+            # probability of three standard errors. Chosen by judgment.
             by_chance = log(fdtri(known, known, 1 - 1.35e-3))
             if abs(log_ratio) > max(by_chance, _LEAST_CHANGE):
                 tested = axes[name].backtest
@@ -121,64 +123,65 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
 
 
 def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
-    """Logarithm of the ratio of the halves' drift in variance, innovations of each, their time."""
+    """Return log ratio of the halves' drift variance, innovations in each, and their interval."""
     if axis.backtest is None:
         return None
     for row in reversed(axis.backtest.innovations):
-        # Of fewer than 25 innovations in a half their model knows less than they do.
+        # With fewer than 25 innovations in a half, the model of the half is less certain than they
+        # are.
         if row.steps >= 50 and row.of_halves is not None and min(row.of_halves) > 0:
             first, second = row.of_halves
-            # Each half is the measure of the other: the ratio is there twice.
+            # Each half is predicted from the other, so the ratio enters twice.
             return log(first / second) / 2, row.steps / 2, row.interval_s
     return None
 
 
 def steady_after_s(trend: Trend | None, flicker: float) -> float:
     """
-    Seconds until what is left of a warm-up is no more than a third of the flicker floor, or 0.
+    Return the seconds until a warm-up has decayed to a third of the flicker floor, or 0.
 
-    Where the floor is not known (zero), until a twentieth of the amplitude is left.
+    If the floor is not known (zero), until a twentieth of the amplitude is left.
     """
     parts = () if trend is None else (trend.warm_up, trend.second_warm_up)
-    # Where no floor says when, a warm-up is over after three time constants.
+    # Without a floor, a warm-up is over after three time constants.
     return max((part.time_constant_s * max(log(abs(part.amplitude) / (
         FLICKER_FLOOR * flicker / 3 or 0.05 * abs(part.amplitude))), 0.0)
         for part in parts if part is not None and part.amplitude), default=0.0)
 
 
 def steady_of(axis: AxisResult) -> float:
-    """Seconds after which the warm-up of an axis is over; 0 where there is none."""
+    """Return the seconds after which the warm-up of an axis is over; 0 if there is none."""
     flicker = axis.coefficients['bias_instability']
     return steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
 
 
 def is_worth_cutting(start_s: float, length_s: float) -> bool:
-    """Return whether a record is long enough to do without its beginning."""
+    """Return whether a record is long enough to omit its beginning."""
     return start_s <= length_s / 2
 
 
 def start_of(steady_s: Sequence[float], length_s: float) -> float:
-    """Give the latest end of a warm-up that a record is long enough to leave out, or 0."""
+    """Return the latest end of a warm-up that a record is long enough to omit, or 0."""
     return max((time for time in steady_s if time > 0 and is_worth_cutting(time, length_s)),
                default=0.0)
 
 
 def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Finding:
-    """Say what choosing the start has come to, where an axis takes as long as `longest_s`."""
+    """Report the start that was chosen; `longest_s` is the longest warm-up of an axis."""
     return finding('start_auto', warm_up_s=max(start_s, 0.0),
                    left_out=start_s > 0 and is_worth_cutting(start_s, length_s),
                    longest_s=longest_s if longest_s > start_s else None)
 
 
 def thermometer_remarks(seen: Temperature) -> list[Finding]:
-    """Say what is wrong with the readings of a thermometer."""
+    """Report what is wrong with the readings of a thermometer."""
     if seen.series is None and seen.covered < COVERED:
         return [finding('thermometer', fault='short', covered_share=seen.covered)]
     if seen.series is None:
         return [finding('thermometer', fault='constant')]
     remarks = []
     span = seen.series.highest - seen.series.lowest
-    # With larger steps of the thermometer the mean follows it in jumps.
+    # With larger steps, the mean follows the temperature in jumps.
     if seen.step > span / 8:
         remarks.append(finding('thermometer', fault='coarse', step_k=seen.step, range_k=span))
     if seen.gaps:
@@ -187,7 +190,7 @@ def thermometer_remarks(seen: Temperature) -> list[Finding]:
 
 
 def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
-    """Say what moves the mean, and what that means for the random walk."""
+    """Report what moves the mean, and what that means for the random walk."""
     remarks, trend = [], fitted.trend
     if (heat := trend.temperature) is not None:
         remarks.append(finding(
@@ -218,12 +221,12 @@ def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
 def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float, *,
                several: bool = False) -> list[Finding]:
     """
-    Enter into the findings of a warm-up which start leaves it out.
+    Add to findings of a warm-up the start that leaves it out.
 
-    `found`: of all axes. `axes`: what was fitted. `length_s`: of the recording, the shortest of
-    several. `several`: whether the axes are of several recordings, for which no start is chosen.
-    Returns: `start` of a warm-up is what ``--start`` should be, None where the recording is too
-    short.
+    `found`: findings of all axes. `axes`: their fits. `length_s`: duration of the recording, or of
+    the shortest of several. `several`: whether the axes come from several recordings, for which no
+    start is chosen. Returns: `start` of a warm-up is what ``--start`` should be, None if the
+    recording is too short.
     """
     steady = [time for axis in axes.values() if (time := steady_of(axis)) > 0]
     longest_s, start_s = max(steady, default=0.0), start_of(steady, length_s)
@@ -238,10 +241,10 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
                    unclear: Collection[str] = ()) -> list[Finding]:
     """
-    Say what the record is too short for.
+    Report what the record is too short for.
 
-    `axes`: what was fitted. `summary`: of the same record. `unclear`: axes whose random walk is
-    hidden by a trend, not by the length of the record.
+    `axes`: their fits. `summary`: of the same record. `unclear`: axes whose random walk is hidden
+    by a trend, not by the length of the record.
     """
     live = {name: axis for name, axis in axes.items()
             if axis.goodness_of_fit.p_value is not None}

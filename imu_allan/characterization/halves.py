@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""An IMU whose gyroscope and accelerometer come on their own, each at its own rate."""
+"""An IMU whose gyroscope and accelerometer are published separately, each at its own rate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,9 +12,9 @@ from imu_allan.result import Result
 
 @dataclass(frozen=True)
 class HalfResult:
-    """What was found of one of the two sensors."""
+    """The result of one of the two sensors."""
 
-    half: Literal['gyro', 'accel']    # 'gyro', 'accel'
+    half: Literal['gyro', 'accel']
     topic: str
     result: Result
 
@@ -28,8 +28,8 @@ def united(parts: Sequence[HalfResult]) -> Result:
     """
     Join the results of gyroscope and accelerometer into that of the IMU.
 
-    `parts`: the gyroscope first. Returns: each axis has its own rate. Rate, gaps and faults of
-    the whole are those of the first part that has axes, as its remark `two_rates` says.
+    `parts`: the gyroscope first. Returns: a result in which each axis has its own rate. Rate, gaps
+    and faults of the whole are those of the first part with axes, as its remark `two_rates` says.
     """
     axes = {name: replace(axis, sample_rate_hz=part.result.timeline.sample_rate_hz)
             for part in parts for name, axis in part.result.axes.items()
@@ -44,7 +44,7 @@ def united(parts: Sequence[HalfResult]) -> Result:
     spread = {name: found for part in parts for name, found in part.result.turn_on_bias.items()
               if name in axes}
     first = known[0].result
-    # Of several recordings each half has the same ones, in the same order.
+    # With several recordings, each half has the same ones, in the same order.
     recordings = tuple(replace(same[0], means={
         name: mean for part in same for name, mean in part.means.items() if name in axes})
         for same in zip(*(part.result.recordings for part in known), strict=False))

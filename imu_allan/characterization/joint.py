@@ -1,12 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Several recordings of one IMU as one result, in one module because every step compares the parts.
+Several recordings of one IMU as one result.
 
-The coefficients are those of the joint likelihood. Beside them stands what one recording cannot
-show: how much the mean differs from one power-on to the next, and the coefficients between
-recordings beyond their errors. What cannot be one series of measurements (another rate, frame,
-axes or filter) is refused; recordings that contradict each other are reported.
+The coefficients are those of the joint likelihood. The result also shows what one recording
+cannot: by how much the mean differs between power-ons, and coefficients between recordings beyond
+their errors. Recordings that cannot be one series of measurements (another rate, frame, axes or
+filter) are rejected; contradictions are reported. This is one module because every step compares
+the parts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,12 +52,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _CONTRADICTION = 1e-3
-"""Probability below which the spread of a coefficient is no chance, over all that are compared."""
+"""Probability, over all comparisons, below which the spread of a coefficient is not chance."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One recording with its own result, which begins at `start_s` of all joined end to end."""
+    """One recording with its result; `start_s` is its start with all joined end to end."""
 
     path: str
     start_s: float
@@ -70,9 +71,9 @@ def joint_result(recordings: Sequence[Characterization],
     """
     Characterize one IMU from several recordings.
 
-    `recordings`: at least two, each of a whole recording. `remarks`: findings of the reader
-    about each. With `recordings` and `turn_on_bias`. Raises ImuAllanError: if there are fewer than
-    two, one of them holds nothing usable, or they cannot be recordings of one IMU in one setting.
+    `recordings`: at least two, each of a whole recording. `remarks`: findings of the reader about
+    each. Returns: a result with `recordings` and `turn_on_bias`. Raises ImuAllanError: if there
+    are fewer than two, one has no usable samples, or they cannot be of one IMU in one setting.
     """
     if len(recordings) < 2:
         raise ImuAllanError('a joint result needs at least two recordings')
@@ -124,13 +125,13 @@ def joint_result(recordings: Sequence[Characterization],
         spread)
 
 
-# ------------------------------------------------------------------------------ what must be equal
+# ------------------------------------------------------------------- consistency of the recordings
 
 def _agree(parts: Sequence[_Part]) -> None:
     first = parts[0]
     for part in parts[1:]:
         rate, other = first.record.rate_hz, part.record.rate_hz
-        # Clocks differ by less, settings by more.
+        # Clocks differ by less, settings of the rate by more.
         if abs(other / rate - 1) > 0.005:
             raise ImuAllanError(f'{part.path}: sampled at {other:.6g} Hz, {first.path} at '
                                 f'{rate:.6g} Hz; analyze recordings of different rates apart')
@@ -149,17 +150,17 @@ def _agree(parts: Sequence[_Part]) -> None:
 
 
 def _same_band(first: _Part, part: _Part, name: str) -> None:
-    """Refuse recordings that were low-passed differently: their white noise is not one."""
+    """Reject recordings with different low-pass filters, which change the white noise."""
     axes = first.result.axes[name], part.result.axes[name]
     if any(axis.power_law is not None for axis in axes) \
             and all(axis.band_limit_s is None and axis.band_edge_hz is None for axis in axes):
-        # Slow noise that reaches so far makes the fast end lower, too.
+        # Slow noise that reaches this far also lowers the ratio at the fast end.
         return
     one, other = _fast_end(axes[0], first.record.rate_hz), _fast_end(axes[1], part.record.rate_hz)
     if one is None or other is None:
         return
     (a, error_a), (b, error_b) = one, other
-    # A larger difference at the fast end, beyond error, is another filter and not noise.
+    # A larger difference at the fast end, beyond its error, means another filter.
     if abs(log(b / a)) > 0.2 + 4 * sqrt(error_a**2 + error_b**2):
         raise ImuAllanError(
             f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
@@ -167,8 +168,8 @@ def _same_band(first: _Part, part: _Part, name: str) -> None:
 
 
 def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
-    """Refuse recordings of which a filter has taken the slow part out of some."""
-    # One without a fit, too short or constant, is not in the joint likelihood either.
+    """Reject recordings if a filter has removed the slow part of only some of them."""
+    # Recordings without a fit, too short or constant, are not in the joint likelihood.
     fitted = [part for part in parts if part.result.axes[name].spectrum is not None]
     filtered = [part for part in fitted if part.result.axes[name].high_passed_hz is not None]
     raw = next((part for part in fitted if part not in filtered), None)
@@ -179,25 +180,25 @@ def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
 
 
 def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
-    """Density of the fastest octave over that three octaves below, and its relative error."""
+    """Return the density of the fastest octave over that three octaves below, and its error."""
     if axis.spectrum is None:
         return None
     frequency, psd = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
     means = []
     for top in (rate_hz / 2, rate_hz / 16):
         band = psd[(frequency > top / 2) & (frequency <= top)]
-        # The median: a line in one of the bands is no low-pass.
+        # The median ignores a line in one of the bands.
         if len(band) < 4 or (middle := float(np.median(band))) <= 0:
             return None
         means.append((middle, float(np.std(band)) / middle / sqrt(len(band))))
     return means[0][0] / means[1][0], sqrt(means[0][1]**2 + means[1][1]**2)
 
 
-# ---------------------------------------------------------------------------- what is put together
+# ------------------------------------------------------------------- combination of the recordings
 
 def _axis_results(parts: Sequence[_Part], rate_hz: float
                   ) -> dict[str, tuple[AxisResult, list[Finding]]]:
-    """Fit every axis to the recordings in which it works, if there are any."""
+    """Fit every axis to the recordings in which it works, or to all if it works in none."""
     found = {}
     for name in parts[0].record.names:
         working = [part for part in parts if part.result.axes[name].fault is None] or parts
@@ -209,7 +210,7 @@ def _axis_results(parts: Sequence[_Part], rate_hz: float
 
 
 def _merged(estimators: Sequence[Estimator]) -> Estimator:
-    """One estimator with the samples of all, for the curve; no difference across the seams."""
+    """Merge estimators for the curve, without differences across the seams."""
     merged = estimators[0].copy()
     for estimator in estimators[1:]:
         merged.merge(estimator)
@@ -217,7 +218,7 @@ def _merged(estimators: Sequence[Estimator]) -> Estimator:
 
 
 def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
-    """Keep what was wrong with an axis in one recording, though the others give its numbers."""
+    """Enter the faults of an axis in any recording, even if the others give its numbers."""
     if axis.constant:
         return axis
     each, still = [part.result.axes[name] for part in parts], axis.stood_still
@@ -236,9 +237,9 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
 
 def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
     """
-    Say what the slow noise of an axis is in each recording.
+    Report the slow noise of an axis in each recording.
 
-    `singles`: of each recording that has a fit.
+    `singles`: the axis in each recording that has a fit.
     """
     return finding('power_law', recordings=list(singles), exponents=[
         None if axis.power_law is None else axis.power_law.exponent for axis in singles.values()],
@@ -246,7 +247,7 @@ def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
 
 
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
-    """Add up what was seen; spans count on from recording to recording."""
+    """Add up the timelines; times continue from recording to recording."""
     timelines = [part.result.timeline for part in parts]
     counts = {name: sum(getattr(timeline, name) for timeline in timelines) for name in (
         'samples', 'duration_s', 'missing', 'duplicates', 'out_of_order', 'rejected')}
@@ -257,10 +258,10 @@ def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
 
 
 def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """Return what timeline and reader found about one recording or another."""
-    # An axis that is constant in all of them is said once.
+    """Return the findings of timeline and reader about single recordings."""
+    # An axis that is constant in all recordings is reported once.
     constant = {name for name, axis in axes.items() if axis.constant}
-    # What the single fits found is said of the joint one, or the joint one does without.
+    # Findings of the single fits are reported for the joint fit, if they apply to it.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'power_law',
            'coarse_resolution', 'warm_up', 'slow_cycle', 'trend_or_walk', 'temperature',
            'high_passed', 'tones')
@@ -270,20 +271,20 @@ def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Fin
 
 
 def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
-    """Lay the segments of all records end to end; steady is what is so in each of them."""
+    """Join the segments of all records end to end; steady means steady in each of them."""
     found = [(part.start_s, own) for part in parts
              if (own := part.result.axes[name].stationarity) is not None]
     if not found:
         return None
     tests = [own.p_value for _, own in found if own.p_value is not None]
-    # Of several tests the smallest probability, times their number (Bonferroni).
+    # The smallest probability of several tests, times their number (Bonferroni).
     return Stationarity(
         all(own.steady for _, own in found), min(1.0, len(tests) * min(tests)) if tests else None,
         tuple(replace(segment, start_s=start_s + segment.start_s)
               for start_s, own in found for segment in own.segments))
 
 
-# ----------------------------------------------------------------------- what differs between them
+# -------------------------------------------------------------- differences between the recordings
 
 def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dict[str, TurnOnBias]:
     spread = {}
@@ -291,7 +292,7 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
         if not mean_is_known(axis):
             continue
         own = [part for part in parts if mean_is_known(part.result.axes[name])]
-        # The joint coefficients know best how much a mean wanders during a recording.
+        # The joint coefficients give the best error of a mean over a recording.
         means = [part.result.axes[name].mean or 0.0 for part in own]
         lengths = [part.record.group_of(name).estimator.samples / part.record.rate_hz
                    for part in own]
@@ -301,14 +302,14 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
 
 
 def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
-    """Enter the spread between recordings; where they contradict each other intervals widen."""
+    """Enter the spread between recordings, and widen intervals if they contradict each other."""
     coefficients = dict(axis.coefficients)
     for key in LASTING_TERMS:
         found = coefficients[key]
         value = found.value
         if value is None or found.ci95 is None:
             continue
-        # The joint likelihood does not know what a coefficient changes by in each record.
+        # The joint likelihood ignores how a coefficient changes within each record.
         if variance := variance_within(name, key, parts):
             found = widened_interval(found, variance=variance)
         _, values, errors = _shown(name, key, parts)
@@ -316,7 +317,7 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
             between = random_effects(values, errors).between
             q, free = q_statistic(values, errors), len(values) - 1
             if _survival(q, free) <= _CONTRADICTION:
-                # Birge's ratio: as wide as the scatter of the recordings says at least.
+                # Birge ratio: at least as wide as the scatter of the recordings.
                 found = widened_interval(found, factor=sqrt(q / free))
             found = replace(found, between=value * between)
         coefficients[key] = found
@@ -324,7 +325,7 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
 
 
 def variance_within(name: str, key: str, parts: Sequence[_Part]) -> float:
-    """Relative variance that changes within the records leave in the mean of all."""
+    """Return the relative variance of the mean of all records due to changes within them."""
     whole = sum(part.result.timeline.duration_s for part in parts)
     variance = 0.0
     for part in parts:
@@ -336,7 +337,7 @@ def variance_within(name: str, key: str, parts: Sequence[_Part]) -> float:
 
 
 def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """Say which recording contradicts the others, and in what."""
+    """Report which recording contradicts the others, and in which coefficient."""
     remarks = []
     compared = [(name, key) for name in axes for key in LASTING_TERMS]
     for name, key in compared:
@@ -357,7 +358,7 @@ def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> l
 
 
 def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Array, Array]:
-    """Paths of the recordings that show a coefficient, its logarithm and the error of that."""
+    """Return paths of recordings that show a coefficient, its logarithm and the error of that."""
     paths, values, errors = [], [], []
     for part in parts:
         found = part.result.axes[name].coefficients[key]
@@ -371,7 +372,7 @@ def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Arra
 
 
 def _weighted_mean(values: Array, errors: Array) -> tuple[float, float]:
-    """Return the mean of some values, and its error."""
+    """Return the weighted mean of values, and its error."""
     weights = np.maximum(errors, 1e-12)**-2.0
     return float(np.average(values, weights=weights)), float(weights.sum())**-0.5
 

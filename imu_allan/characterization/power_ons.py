@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the means of a run were from one power-on of the sensor to the next.
+The means of a run from one power-on of the sensor to the next, and their spread.
 
-A run goes on over power-ons, and its coefficients are those of all its samples. The mean is
-another thing: a gyroscope wakes up with another bias each time, and by how much is what a filter
-must expect at its start.
+A run continues across power-ons, and its coefficients are those of all its samples. The mean is
+different: a gyroscope starts with another bias each time. By how much is what a filter must expect
+at its start.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,27 +19,27 @@ from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
 
 MOST = 1000
-"""Power-ons that are remembered, the latest ones: three years of a robot switched on daily."""
+"""Latest power-ons that are kept: three years of a robot that is switched on daily."""
 _ABSURD = 2.0**62
-"""More samples do not come in a life time, and no sensor's mean is so large."""
+"""Limit of counts and means: no lifetime has more samples, and no sensor so large a mean."""
 
 
 @dataclass
 class Mark(Record):
-    """Where a run stood when a power-on ended."""
+    """State of a run at the end of a power-on period."""
 
-    samples: dict[str, int]    # used so far, by axis
-    means: dict[str, float]    # of all of them
-    # The first of them, of the first axis: where a run that has begun on a moving robot has begun
-    # anew with its first stop, the first is another
+    samples: dict[str, int]    # samples used so far, by axis
+    means: dict[str, float]    # mean of all of these
+    # First of these on the first axis. It changes if a run restarts, as a run that began on a
+    # moving robot does at the first stop.
     first: float
-    # By axis the lowest and the highest value so far, each with how many samples stand there
+    # By axis, the lowest and the highest value so far, each with the number of samples there
     ends: dict[str, tuple[tuple[float, int], tuple[float, int]]]
-    # The axes whose samples of this power-on were cut off at an end: their mean is none
+    # Axes whose samples of this period were cut off at an end, so that their mean is invalid
     cut_off: list[str]
 
     def check(self) -> None:
-        """Raise ValueError where a mean is none."""
+        """Raise ValueError if a mean or a number of samples is impossible."""
         if self.samples.keys() != self.means.keys() or not all(
                 0 <= samples < _ABSURD for samples in self.samples.values()) or not all(
                 abs(mean) < _ABSURD for mean in self.means.values()):
@@ -47,10 +47,10 @@ class Mark(Record):
 
 
 def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
-    """Return where a run stands at the end of its latest power-on, behind those that ended."""
+    """Return the state of a run at the end of its latest power-on; `ended` are those before."""
     reference = record.group_of(record.names[0]).estimator.reference
     mark = Mark({}, {}, 0.0 if reference is None else float(reference[0]), {}, [])
-    # Where the run has begun anew all samples count.
+    # After a restart of the run, all samples count.
     before = ended[-1] if ended and ended[-1].first == mark.first else None
     for group in record.groups:
         estimator, census = group.estimator, group.estimator.census
@@ -61,7 +61,7 @@ def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
                 (float(census.lowest[axis]), int(census.at_ends[0, axis])),
                 (float(census.highest[axis]), int(census.at_ends[1, axis])))
             own = estimator.samples - (before.samples.get(name, 0) if before else 0)
-            # At an end that has moved on no earlier sample stands.
+            # If an end has moved, no earlier sample is there.
             earlier = dict(before.ends.get(name, ())) if before else {}
             if own and any(is_cut_off(estimator, axis, count - earlier.get(value, 0), own)
                            for value, count in ends):
@@ -74,12 +74,12 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     """
     Return the spread of the means of a run from power-on to power-on, by axis.
 
-    `ended`: of the power-ons before the latest, in their order. `axes`: what was fitted to all
-    samples. `record`: all samples.
+    `ended`: states after the power-ons before the latest, in order. `axes`: fits to all samples.
+    `record`: all samples.
     """
     found: dict[str, TurnOnBias] = {}
     for name, axis in axes.items():
-        # The mean of less than ten seconds at rest is that of the noise.
+        # The mean of less than ten seconds at rest is mostly noise.
         means = [(mean, samples / record.rate_hz) for mean, samples
                  in _of_each(name, (*ended, mark_of(record, ended)))
                  if samples >= 10.0 * record.rate_hz]
@@ -94,10 +94,10 @@ def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[f
     """
     Return the spread of means from one power-on to the next.
 
-    `means`: at least two. `axis`: whose means they are, and whose coefficients say how far a mean
-    wanders in a record. `lengths_s`: how long a record each is the mean of. Returns: what
-    measuring explains of the scatter is taken off; of the lower end of the interval what a term
-    may explain that does not show, too.
+    `means`: at least two. `axis`: the axis of these means, whose coefficients give the error of a
+    mean over a record. `lengths_s`: duration of the record behind each mean. Returns: the scatter
+    that measurement error does not explain; the lower end of the interval also allows for
+    unobservable terms.
     """
     found, careful = (
         random_effects(means, [error_of_mean(axis, length, at_most=at_most)
@@ -107,7 +107,7 @@ def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[f
 
 
 def _of_each(name: str, marks: Sequence[Mark]) -> Iterator[tuple[float, int]]:
-    """Give mean and samples of each power-on that had the axis, from the means up to its end."""
+    """Yield mean and number of samples of each power-on with the axis, from cumulative means."""
     used, mean = 0, 0.0
     for mark in marks:
         samples = mark.samples.get(name, 0)

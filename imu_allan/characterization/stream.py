@@ -1,10 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The path of every sample from message to result, in one class as all of it is one state.
+The path of every sample from message to result.
 
-The node and the recording tool both push their blocks through one `Characterization`; they differ
-in where blocks come from and where results go, and in nothing else.
+The node and the recording tool both push their blocks through one `Characterization`. They differ
+only in where blocks come from and where results go. It is one class because all of it is one
+state.
 """
 
 from __future__ import annotations
@@ -49,19 +50,19 @@ Backtests = Mapping[str, Backtest | None]
 
 @dataclass
 class _Memory(Record):
-    """What a characterization remembers beside its timeline."""
+    """State of a characterization, besides that of its timeline."""
 
     kind: Kind
     path: str | None
     topic: str | None
     epoch_ns: int | None = None    # stamp of the clock in use at time zero of the timeline
     groups: list[Group] = field(default_factory=list)
-    power_ons: list[Mark] = field(default_factory=list)    # those that have ended, in their order
-    # What was read before the first sample came
+    power_ons: list[Mark] = field(default_factory=list)    # those that have ended, in order
+    # Readings from before the first sample
     before: Thermometer = field(default_factory=Thermometer)
 
     def check(self) -> None:
-        """Raise ValueError where an axis stands in two groups."""
+        """Raise ValueError if an axis is in two groups."""
         known = [column for group in self.groups for column in group.columns.tolist()]
         if len(set(known)) != len(known) or not set(known) <= set(range(len(AXES))):
             raise ValueError('an axis stands in two groups')
@@ -69,16 +70,16 @@ class _Memory(Record):
 
 class Characterization:
     """
-    One IMU being characterized, in constant memory.
+    Characterization of one IMU, in constant memory.
 
-    The coefficients are those of equation (1) of docs/statistics.md, by the likelihood (7), the
-    curve is (4), the drift model (8).
+    The coefficients are those of equation (1) of docs/statistics.md, estimated by the likelihood
+    (7). The curve is (4), the drift model (8).
 
     Parameters
     ----------
     kind : {'recording', 'topic'}
     path : str or None
-        Of the recording.
+        Path of the recording.
     topic : str or None
     options : TimelineOptions, optional
 
@@ -116,15 +117,15 @@ class Characterization:
 
     def take_temperature(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
         """
-        Take in readings of a thermometer beside the sensor.
+        Take in readings of a thermometer near the sensor.
 
         Parameters
         ----------
         stamps_ns : array_like of int, shape (n,)
-            On the clock of the Imu messages' headers, or of reception where those are unusable;
-            in any order, before or after the samples they belong to.
+            On the clock of the Imu messages' headers, or of reception if those are unusable; in
+            any order, before or after the samples they belong to.
         celsius : array_like, shape (n,)
-            In degrees Celsius; what is not finite is left out.
+            In degrees Celsius; values that are not finite are left out.
 
         Raises
         ------
@@ -143,7 +144,7 @@ class Characterization:
         Parameters
         ----------
         blocks : iterable of ImuBlock
-            Its messages, in order.
+            Messages of the recording, in order.
 
         Raises
         ------
@@ -155,23 +156,23 @@ class Characterization:
             try:
                 self.update(block)
             except NoAxes:
-                # A driver may take a while to start; `result` says if it never did.
+                # A driver may take a while to start; `result` reports if it never did.
                 continue
             except ImuAllanError as error:
                 raise ImuAllanError(f'{self.place}: {error}') from error
 
     def finish(self) -> None:
-        """Take in what the timeline still holds back: the recording has ended."""
+        """Take in what the timeline still holds back, at the end of a recording."""
         epoch = self._timeline.epoch_ns
         self._absorb(self._timeline.flush(), epoch)
 
     def break_run(self) -> None:
-        """Begin anew after an interruption of unknown length; what was learnt stays."""
+        """Begin a new run after an interruption of unknown length; what was learned is kept."""
         epoch = self._timeline.epoch_ns
         self._absorb(self._timeline.break_run(), epoch)
 
     def power_on(self) -> None:
-        """Begin anew behind a power-on of the sensor, whose bias may be another now."""
+        """Begin a new run after a power-on of the sensor, whose bias may have changed."""
         record = self.record()
         if record is not None:
             marks = self._memory.power_ons
@@ -181,7 +182,7 @@ class Characterization:
         self._absorb(self._timeline.power_on(), epoch)
 
     def summary(self) -> TimelineSummary:
-        """Return what was seen of clock and samples so far."""
+        """Return the summary of clock and samples so far."""
         return self._timeline.summary()
 
     def snapshot(self) -> Characterization:
@@ -202,17 +203,17 @@ class Characterization:
 
     @property
     def place(self) -> str:
-        """Path, and topic where there is one, as complaints name them."""
+        """Path, and topic if there is one, as error messages name them."""
         return str(self.path) if self.topic == NO_TOPIC else f'{self.path}, topic {self.topic}'
 
     def record(self) -> FinishedRecord | None:
         """
-        Return what was taken in, the stream being left as it is.
+        Return the data taken in so far, without changing the stream.
 
         Returns
         -------
         FinishedRecord or None
-            None before a sample came.
+            None before the first sample.
 
         """
         twin = self.snapshot()
@@ -228,7 +229,7 @@ class Characterization:
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:
-        """Stamps in use; None as long as nothing has been decided for good."""
+        """Clock whose stamps are used; None until it is finally chosen."""
         return self._timeline.clock
 
     @property
@@ -239,19 +240,20 @@ class Characterization:
     def result(self, remarks: Iterable[Finding] = (), *,
                tested: Backtests | None = None) -> Result:
         """
-        Fit what has come so far; the stream is left as it is.
+        Fit the data taken in so far, without changing the stream.
 
         Parameters
         ----------
         remarks : iterable of Finding, optional
             Findings of the reader, such as a truncated recording; they come first.
         tested : mapping of axis name to Backtest or None, optional
-            Backtests of a shorter record, which spare a tenth of a second; else they are made.
+            Backtests of a shorter record, which saves a tenth of a second; by default they are
+            made.
 
         Returns
         -------
         Result
-            Without axes as long as no sample has come.
+            Without axes before the first sample.
 
         Raises
         ------
@@ -263,18 +265,18 @@ class Characterization:
 
     def fitted(self, remarks: Iterable[Finding] = (), *, tested: Backtests | None = None
                ) -> tuple[Result, Fits]:
-        """Return the result, as `result` does, and the fit of every axis that it was made of."""
+        """Return the result, as `result` does, and the fits of all axes behind it."""
         twin = self.snapshot()
         try:
             twin.finish()
         except ImuAllanError as error:
-            # Of a short recording all is decided here.
+            # For a short recording, everything is decided here.
             if self._memory.kind == 'topic':
                 raise
             raise ImuAllanError(f'{self.place}: {error}') from error
         summary = twin.summary()
         if summary.mostly_motion and self._memory.kind == 'recording':
-            # Two sensors on one topic shake as much as one that moves.
+            # Two sensors on one topic look like one that moves.
             mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
                      'the publishers' if any(remark.code in ('several_publishers', 'alternating')
                                              for remark in summary.remarks) else '')
@@ -300,7 +302,7 @@ class Characterization:
                 columns, 1 / record.rate_hz)), fits
 
     def _absorb(self, blocks: Iterable[EvenBlock], epoch_ns: int | None) -> None:
-        """Take in even blocks; `epoch_ns`: of the timeline before it gave them."""
+        """Take in even blocks; `epoch_ns` is that of the timeline before it returned them."""
         memory = self._memory
         if memory.epoch_ns is None:
             memory.epoch_ns = epoch_ns if epoch_ns is not None else self._timeline.epoch_ns
@@ -310,7 +312,8 @@ class Characterization:
             if block.restart:
                 memory.before, memory.groups = self._readings(), []
             if block.new_run:
-                # A jump of the clock begins a run, and what was held back belongs before it.
+                # A jump of the clock begins a run, and blocks held back until then belong before
+                # it.
                 memory.epoch_ns = self._timeline.epoch_ns
             there = np.isfinite(block.samples[0])
             known = [group.columns for group in memory.groups]
@@ -324,7 +327,7 @@ class Characterization:
                     group.add(block, memory.epoch_ns, self._timeline.interval_ns)
 
     def _readings(self) -> Thermometer:
-        """Give a thermometer with all readings so far, and no samples."""
+        """Return a thermometer with all readings so far, and no samples."""
         groups = self._memory.groups
         twin = (groups[0].thermometer if groups else self._memory.before).copy()
         twin.forget_samples()
@@ -332,7 +335,7 @@ class Characterization:
 
     def to_state(self) -> State:
         """
-        Return everything needed to go on later.
+        Return everything needed to continue later.
 
         Returns
         -------
@@ -349,12 +352,12 @@ class Characterization:
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> Characterization:
         """
-        Go on from `to_state`.
+        Restore a characterization from the result of `to_state`.
 
         Raises
         ------
         ImuAllanError
-            If the state is not one of a characterization.
+            If the state is not that of a characterization.
 
         """
         self = cls.__new__(cls)
@@ -368,7 +371,7 @@ class Characterization:
 
 def _fitted_axes(record: FinishedRecord, tested: Backtests | None
                  ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
-    """Fit every axis; return the results, what is worth reporting, and the fits."""
+    """Fit every axis; return the results, the findings and the fits."""
     fitted: dict[str, AxisResult] = {}
     found: list[Finding] = []
     fits: Fits = {}
@@ -390,7 +393,7 @@ def _fitted_axes(record: FinishedRecord, tested: Backtests | None
 
 def _fitted_group(group: FinishedGroup, rate_hz: float, tested: Backtests | None
                   ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
-    """Fit the axes of a group, and hold them against each other."""
+    """Fit the axes of a group, and compare them with each other."""
     names, finished = group.names, group.estimator
     fits = fit_axes(finished, 1 / rate_hz, group.temperature)
     fitted = axis_results(finished, rate_hz, [AXES[name] for name in names], fits)
@@ -416,8 +419,8 @@ def _fitted_group(group: FinishedGroup, rate_hz: float, tested: Backtests | None
     found += own
     for name, remark in halves_remarks(steady).items():
         found.append(remark.of(name))
-        # Its intervals stay as they are: it is drift over a filter's horizon that differs, of
-        # which no coefficient alone speaks.
+        # The intervals are kept: what differs is drift over a filter's horizon, which no single
+        # coefficient describes.
         if (parts := axes[name].stationarity) is not None:
             axes[name] = replace(axes[name], stationarity=replace(parts, steady=False))
     return axes, found, dict(zip(names, fits, strict=True))

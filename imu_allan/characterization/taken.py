@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was taken in of one IMU: axes that come and go together, and what is fitted of them."""
+"""Accumulated data of one IMU, in groups of axes that come and go together."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 
 @dataclass
 class Group(Record):
-    """Axes that have always been there together."""
+    """Axes that have always been present together."""
 
-    columns: NDArray[np.int64]    # their numbers among the six
+    columns: NDArray[np.int64]    # indices among the six axes
     estimator: Estimator
-    thermometer: Thermometer    # with the places of the samples of these axes
-    end: int = 0    # place on the grid behind the newest sample
-    new_run: bool = False    # a run has begun since
-    away: bool = False    # the newest block did not have these axes
+    thermometer: Thermometer    # with the grid places of the samples of these axes
+    end: int = 0    # grid place after the newest sample
+    new_run: bool = False    # whether a run has begun since then
+    away: bool = False    # whether the newest block lacked these axes
 
     def check(self) -> None:
-        """Raise ValueError where axes and their names differ in number."""
+        """Raise ValueError if axes and their names differ in number."""
         if self.columns.shape != (self.estimator.axes,):
             raise ValueError('axes of an estimator and their names differ in number')
 
     def part(self, some: NDArray[np.bool_]) -> Group:
-        """Give some of the axes, which go on alone."""
+        """Return a group of some of the axes, which continue on their own."""
         return replace(self, columns=self.columns[some],
                        estimator=self.estimator.taken(np.flatnonzero(some).tolist()),
                        thermometer=self.thermometer.copy())
@@ -44,12 +44,12 @@ class Group(Record):
         """
         Add a block that has these axes.
 
-        `block`: of which other axes are left aside. `epoch_ns`: stamp of the clock in use at time
-        zero of the block's `start_s`. `interval_ns`: from one sample to the next, by the clock.
+        `block`: its other axes are ignored. `epoch_ns`: stamp of the clock in use at time zero of
+        the block's `start_s`. `interval_ns`: sample interval by the clock.
         """
         estimator, skipped = self.estimator, 0
         if not estimator.samples:
-            # What was left out at the very beginning is time, too.
+            # Samples left out at the very beginning still take up time.
             estimator.signal.skip(block.first_index)
             skipped = block.first_index
         elif block.new_run or self.new_run:
@@ -70,7 +70,7 @@ class Group(Record):
         self.end = block.first_index + len(block)
 
     def finished(self, rate_hz: float) -> FinishedGroup:
-        """Return what can be fitted."""
+        """Return the data of the group, ready to be fitted."""
         estimator = self.estimator.finished()
         spectrum = estimator.periodogram
         return FinishedGroup(
@@ -80,7 +80,7 @@ class Group(Record):
 
 @dataclass(frozen=True)
 class FinishedGroup:
-    """Axes that were always there together."""
+    """Data of axes that were always present together."""
 
     names: list[str]
     estimator: Estimator    # finished, of these axes
@@ -99,21 +99,21 @@ class FinishedGroup:
 
 @dataclass(frozen=True)
 class FinishedRecord:
-    """What was taken in, ready to be fitted and put together with other records."""
+    """Accumulated data, ready to be fitted and combined with other records."""
 
     summary: TimelineSummary
     rate_hz: float    # samples per second
-    groups: tuple[FinishedGroup, ...]    # all but always one
+    groups: tuple[FinishedGroup, ...]    # nearly always one
 
     @property
     def names(self) -> list[str]:
-        """Of all axes, in the order of `AXES`."""
+        """Names of all axes, in the order of `AXES`."""
         known = {name for group in self.groups for name in group.names}
         return [name for name in AXES if name in known]
 
     @property
     def samples(self) -> int:
-        """How many samples the axes have that have most."""
+        """Number of samples of the axes that have most."""
         return max(group.estimator.samples for group in self.groups)
 
     def group_of(self, name: str) -> FinishedGroup:
@@ -124,16 +124,16 @@ class FinishedRecord:
 def groups_of(groups: Sequence[Group], there: NDArray[np.bool_], readings: Thermometer
               ) -> list[Group]:
     """
-    Divide groups, and add one, where some of their axes have left or come.
+    Split groups, and add one, if some of their axes have left or come.
 
-    `groups`: which are left as they are where nothing changes. `there`, shape (6,): the axes that
-    the next block has. `readings`: with all readings so far, and no samples: of a new group.
+    `groups`: kept as they are if nothing changes. `there`, shape (6,): axes that the next block
+    has. `readings`: for a new group, with all readings so far and no samples.
     """
     found: list[Group] = []
     for group in groups:
         stays = there[group.columns]
         if group.away and stays.any():
-            # Who comes back and gave one value before was dead, and begins anew.
+            # An axis that comes back after giving a single value was dead, and starts afresh.
             kept = ~(stays & group.estimator.constant)
             if not kept.any():
                 continue

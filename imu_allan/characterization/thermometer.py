@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Readings of a thermometer in constant memory, in one class as all of it reads the same cells.
+Readings of a thermometer in constant memory.
 
-Readings come by their stamps, in any order and any number at a time, before or after the samples
-that they belong to; where the samples lie on the same clock is noted as they come. The two meet
-when a fit asks for the temperature over the record.
+Readings arrive with stamps, in any order and any number at a time, before or after the samples
+that they belong to. The stamps of samples on the same clock are noted as they arrive. The two are
+combined when a fit asks for the temperature over the record. This is one class because everything
+uses the same cells.
 """
 
 from dataclasses import dataclass, field
@@ -23,9 +24,9 @@ Ints = NDArray[np.int64]
 
 _SECOND = 1_000_000_000  # in ns
 _SCALE = 1_000_000
-"""Readings are kept in millionths of a degree: sums of integers do not depend on their order."""
+"""Readings are stored in millionths of a degree: sums of integers do not depend on the order."""
 COVERED = 0.9
-"""Share of the record that the readings have to cover; the rest keeps the nearest."""
+"""Least share of the record that the readings must cover; the rest is interpolated."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,10 @@ class Temperature:
     """The temperature over a record."""
 
     covered: float    # share of the record with readings
-    # None where too little is covered or the temperature never changes
+    # None if too little is covered or the temperature never changes
     series: TemperatureSeries | None
-    gaps: int    # how many gaps of the readings are too long for a line
-    step: float    # smallest change from one reading to the next, in kelvin; 0 where there is none
+    gaps: int    # number of gaps between readings that are too long for a line
+    step: float    # smallest change between successive readings, in kelvin; 0 if there is none
 
 
 @dataclass(eq=False)
@@ -53,39 +54,39 @@ class Thermometer(Record):
 
     """
 
-    # Of a cell, in ns: 0.07 s at first, no sensor follows its temperature any faster.
+    # Width of a cell in ns: 0.07 s at first, as no sensor follows its temperature any faster.
     width: int = 1 << 26
-    step: int = 0    # smallest change from one reading to the next; 0 where there is none
-    shown: int = 0    # places of the signal that have samples
-    keys: Ints = field(init=False)    # (cells,): stamps over `width`
-    # (4, cells): sum, number, lowest and highest of the readings of each cell
+    step: int = 0    # smallest change between readings, in 1 / `_SCALE` K; 0 if there is none
+    shown: int = 0    # place in the signal after the newest sample
+    keys: Ints = field(init=False)    # (cells,): stamps divided by `width`
+    # (4, cells): sum, number, minimum and maximum of the readings of each cell
     readings: Ints = field(init=False)
-    # (runs, 7): run, and of its first and last sample: place in the run, place in the
-    # signal, stamp
+    # (runs, 7): run, then place in the run, place in the signal and stamp, both of its first and
+    # of its last sample
     runs: Ints = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin with nothing."""
+        """Start without readings and samples."""
         self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
         self.runs = np.zeros((0, 7), np.int64)
 
     def __len__(self) -> int:
-        """How many readings were taken."""
+        """Return the number of readings."""
         return int(self.readings[1].sum())
 
     def take(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
         """
-        Take readings.
+        Add readings.
 
-        `stamps_ns`, shape (n,): on the clock of the samples. `celsius`, shape (n,): what is not
-        finite, or beyond a million degrees, is left out. Raises ValueError: if the two differ in
-        length.
+        `stamps_ns`, shape (n,): on the clock of the samples. `celsius`, shape (n,): values that
+        are not finite, or beyond a million degrees, are left out. Raises ValueError: if the two
+        differ in length.
         """
         stamps = np.asarray(stamps_ns, dtype=np.int64).reshape(-1)
         values = np.asarray(celsius, dtype=np.float64).reshape(-1)
         if len(stamps) != len(values):
             raise ValueError(f'{len(stamps)} stamps for {len(values)} temperatures')
-        # A million degrees are no temperature, and far from what the integers hold.
+        # A million degrees is not a temperature, and far from overflow of the integers.
         usable = np.abs(values) < 1e6
         values, stamps = values[usable], stamps[usable]
         if not len(values):
@@ -97,7 +98,7 @@ class Thermometer(Record):
             self.step = min(self.step or int(changes.min()), int(changes.min()))
         self._add(stamps // self.width,
                   np.stack((scaled, np.ones(len(scaled), np.int64), scaled, scaled)))
-        # Half as many cells as the record itself has, and temperatures are slower.
+        # Half as many cells as the record itself has are enough, as temperatures are slower.
         while len(self.keys) > 4096:
             self.width *= 2
             keys, readings = self.keys // 2, self.readings
@@ -105,7 +106,7 @@ class Thermometer(Record):
             self._add(keys, readings)
 
     def _add(self, keys: Ints, readings: Ints) -> None:
-        """Add up readings of the same cell."""
+        """Add readings to the cells, and combine those of the same cell."""
         every = np.append(self.keys, keys)
         self.keys, place = np.unique(every, return_inverse=True)
         order = np.argsort(place, kind='stable')
@@ -118,12 +119,11 @@ class Thermometer(Record):
     def place(self, run: int, first: int, samples: int, skipped: int, first_ns: int | None,
               last_ns: int | None) -> None:
         """
-        Note where samples lie on the clock.
+        Record the stamps of samples.
 
-        `run`: their run, as the estimator numbers it. `first`, `samples`: place of the first of
-        them on the grid of the run, and how many they are. `skipped`: places left empty before
-        them. `first_ns`, `last_ns`: stamps of the first and the last; None where there is no
-        clock.
+        `run`: their run, as numbered by the estimator. `first`, `samples`: place of the first of
+        them on the grid of the run, and their number. `skipped`: places left empty before them.
+        `first_ns`, `last_ns`: stamps of the first and the last; None without a clock.
         """
         begin = self.shown + skipped
         self.shown = begin + samples
@@ -132,25 +132,26 @@ class Thermometer(Record):
         new = np.array([run, first, begin, first_ns, first + samples - 1, self.shown - 1,
                         last_ns], dtype=np.int64)
         if len(self.runs) and self.runs[-1, 0] > run:
-            # The estimator has numbered its runs anew: which is which is not known any more.
+            # The estimator has renumbered its runs, so the earlier ones cannot be identified any
+            # more.
             self.runs = self.runs[:0]
         if len(self.runs) and self.runs[-1, 0] == run:
             self.runs = self.runs.copy()
             self.runs[-1, 4:] = new[4:]
         else:
-            # With more runs the temperature of the oldest goes.
+            # With more runs, the temperature of the oldest is lost.
             self.runs = np.concatenate((self.runs, new[None]))[-256:]
 
     def forget_samples(self) -> None:
-        """Begin anew with the samples; the readings stay."""
+        """Forget the samples, but keep the readings."""
         self.runs, self.shown = self.runs[:0], 0
 
     def celsius(self, stamps: Array) -> Array:
-        """Temperature at some stamps, in ns, by a line between readings; NaN where too far."""
+        """Return the temperature at stamps in ns, interpolated linearly; NaN far from readings."""
         keys, readings = self.keys, self.readings
         if not len(keys):
             return np.full(len(stamps), np.nan)
-        # About the first: a stamp of today leaves a double only a resolution of 256 ns.
+        # Relative to the first: a present-day stamp in ns is rounded to 256 ns in a double.
         origin = float(keys[0]) * self.width
         times = (keys - keys[0] + 0.5) * self.width
         at = np.asarray(stamps - origin, dtype=np.float64)
@@ -164,9 +165,9 @@ class Thermometer(Record):
         return np.asarray(values)
 
     def _reach(self) -> float:
-        """Longest gap, in ns, over which a line is drawn."""
+        """Return the longest gap, in ns, that is interpolated linearly."""
         usual = float(np.median(np.diff(self.keys))) if len(self.keys) > 1 else 0.0
-        # Ten usual intervals, or five minutes: a sensor's temperature settles in several.
+        # Ten usual intervals, or five minutes, as a sensor takes several minutes to settle.
         return max(10 * usual * self.width, 300.0 * _SECOND)
 
     def temperature(self, series: Cells, size: int, dt: float) -> Temperature | None:
@@ -187,20 +188,20 @@ class Thermometer(Record):
         of_time = None
         if covered >= COVERED and np.ptp(values[known]) > 0:
             values = np.interp(in_a_row, in_a_row[known], values[known])
-            # From a fiftieth of the range on steps of the readings are more than their noise.
+            # Beyond a fiftieth of the range, the steps of the readings exceed their noise.
             if self.step > 0.02 * np.ptp(values) * _SCALE:
                 values = between_steps(in_a_row, values, self.step / _SCALE)
             of_time = TemperatureSeries(in_a_row * dt, values)
         return Temperature(covered, of_time, gaps, self.step / _SCALE)
 
     def _stamps(self, runs: Ints, places: Array) -> Array:
-        """Stamps of places on the grids of runs, in ns; NaN where a run is not known."""
+        """Return stamps, in ns, of places on the grids of runs; NaN for unknown runs."""
         row = np.clip(np.searchsorted(self.runs[:, 0], runs), 0, len(self.runs) - 1)
         stamps = self._between_ends(row, places - 0.5, 1, 4)
         return np.where(self.runs[row, 0] == runs, stamps, np.nan)
 
     def _between_ends(self, row: Ints, places: Array, first: int, last: int) -> Array:
-        """Stamps of places of runs, whose ends have the places in columns `first` and `last`."""
+        """Interpolate stamps between the ends of runs, at the places in two columns of `runs`."""
         known = self.runs[row].astype(np.float64)
         span = np.maximum(known[:, last] - known[:, first], 1)
         slope = (known[:, 6] - known[:, 3]) / span
@@ -210,8 +211,8 @@ class Thermometer(Record):
         """
         Return the temperature over time, in segments of whole columns of the signal.
 
-        `columns`: of the signal of the axes, on whose time axis it stands. In degrees Celsius;
-        None where no segment has a temperature.
+        `columns`: of the signal of the axes, whose time axis is used. Returns degrees Celsius;
+        None if no segment has a temperature.
         """
         if not len(self.keys) or not len(self.runs) or not len(columns.counts):
             return None
@@ -235,7 +236,7 @@ class Thermometer(Record):
             width * dt, lows, means, highs)
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields do not belong together."""
         if (self.width < 1 or self.keys.ndim != 1 or self.readings.shape != (4, len(self.keys))
                 or self.runs.shape[1:] != (7,)
                 or (np.diff(self.keys) <= 0).any() or (self.readings[1] < 1).any()):
