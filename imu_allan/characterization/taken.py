@@ -113,7 +113,7 @@ class FinishedRecord:
 
     @property
     def samples(self) -> int:
-        """Number of samples of the axes that have most."""
+        """Return the number of samples of the axes that have most."""
         return max(group.estimator.samples for group in self.groups)
 
     def group_of(self, name: str) -> FinishedGroup:
