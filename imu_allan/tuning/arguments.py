@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a caller hands over: what makes no sense is reported in one line, before any work."""
+"""Checks of arguments: an invalid one is reported in one line, before any work is done."""
 
 from numbers import Real
 from typing import Any
@@ -9,11 +9,12 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.result import AxisResult, DriftModel
 
 SHORTEST_S = 1e-6
-"""Of a time: no IMU has a sample in less."""
+"""Shortest time: no IMU samples any faster."""
 LONGEST_S = 3.2e9
-"""A hundred years: with any stamp of today it still fits into 64 bits of nanoseconds."""
+"""Longest time, a hundred years: added to a present-day stamp, it fits into 64 bits of
+nanoseconds."""
 _LEAST, _MOST = 1e-30, 1e30
-"""Of any other number: its square is still far from the ends of a double."""
+"""Limits of any other number, whose square is still far from the limits of a double."""
 
 
 def drift_model_of(axis: AxisResult) -> DriftModel:
@@ -25,7 +26,7 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
     ImuAllanError
         If the axis has none.
     TypeError
-        If it is none, such as a whole result.
+        If `axis` is not an `AxisResult`, such as a whole result.
 
     """
     if not isinstance(axis, AxisResult):
@@ -38,7 +39,7 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
 
 
 def positive_number(name: str, value: Any) -> float:
-    """Return an argument as a number above zero, the square of which can be taken."""
+    """Return an argument as a number above zero whose square neither overflows nor underflows."""
     return _in_range(name, value, 'above zero', (_LEAST, _MOST),
                      f'between {_LEAST:g} and {_MOST:g}')
 
@@ -50,7 +51,7 @@ def positive_time(name: str, value: Any) -> float:
 
 
 def positive_times(name: str, values: Any) -> list[float]:
-    """Return an argument, which is to be a sequence, as times in seconds."""
+    """Return an argument, which must be a sequence, as times in seconds."""
     try:
         given = None if isinstance(values, (str, bytes)) else list(values)
     except TypeError:
@@ -71,8 +72,8 @@ def _in_range(name: str, value: Any, positive: str, ends: tuple[float, float], b
 
 
 def _real(value: Any) -> float | None:
-    """Return a number as a float, infinite where it is beyond one; None for what is none."""
-    # True is an integer to Python, but no time and no factor: an argument in the wrong place.
+    """Return a number as a float, infinite on overflow; None for anything else."""
+    # True is an integer in Python, but not a time or factor: an argument in the wrong place.
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The drift model held against data that it was not fitted to: the other half of the same record.
+Backtest of the drift model on data not used in its fit: the other half of the same record.
 
 Each half is fitted as if it were the whole recording, and a Kalman filter of that model runs over
-the other. All of it comes from the whole-record series, at most 8192 means in equal cells, which
-the estimator keeps in any case: constant memory, and no second pass over the file. Horizons are
-therefore multiples of a cell, which for a recording of three hours is some two seconds long.
+the other. Everything comes from the whole-record series, at most 8192 means in equal cells, which
+the estimator keeps in any case. That takes constant memory, and no second pass over the file.
+Horizons are therefore multiples of a cell, some two seconds for a recording of three hours.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,31 +36,32 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-INTERVALS_S = (1.0, 10.0, 60.0)    # between corrections
+INTERVALS_S = (1.0, 10.0, 60.0)    # time between corrections
 COASTS_S = (10.0, 60.0, 300.0)
-"""Without any: from satellites that miss some beats to a tunnel. Judgments, as the intervals."""
-MOST_STEPS = 4096       # in one half: a filter step costs time
+"""Times without correction, from some missed satellite fixes to a tunnel. Chosen by judgment, as
+are the intervals."""
+MOST_STEPS = 4096       # in one half, as every filter step costs time
 
 
 @dataclass(frozen=True)
 class Met:
-    """What filters met in data that they were not fitted to, side by side."""
+    """Performance of several filters on data that they were not fitted to."""
 
-    # By interval: sum of the normalised innovations squared, shape (filters,), and steps
+    # By interval: sum of normalised innovations squared, shape (filters,), and number of steps
     innovations: dict[float, tuple[Array, int]]
-    # By horizon: sums of the squared error of the mean as predicted and as it was, shape
-    # (filters,), and outages
+    # By horizon: sums of the predicted and the actual squared error of the mean, shape (filters,),
+    # and number of outages
     coasts: dict[float, tuple[Array, Array, int]]
 
     def of(self, filters: slice) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:
-        """Put some of the filters together, where enough was seen."""
+        """Combine some of the filters, for intervals and horizons with enough data."""
         lanes = len(range(*filters.indices(1 << 30)))
         # At least ten steps of a filter in one half.
         scores = tuple(Innovations(step_s, float(z[filters].sum()) / (lanes * steps),
                                    lanes * steps)
                        for step_s, (z, steps) in self.innovations.items()
                        if steps >= 10 - 1)
-        # In each half: of fewer the observed deviation says little of the predicted one.
+        # In each half: with fewer, the observed deviation says little about the predicted one.
         coasts = tuple(Coast(horizon_s, *(float(np.sqrt(sums[filters].sum() / (lanes * outages)))
                                           for sums in (predicted, squared)))
                        for horizon_s, (predicted, squared, outages) in self.coasts.items()
@@ -72,7 +73,7 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     """
     Fit each half of a record, means in cells of `cell` samples, and filter the other.
 
-    For each axis there is None where the record is too short or the axis has no noise.
+    The entry of an axis is None if the record is too short or the axis has no noise.
     """
     axes = series.sums.shape[0]
     rows = max(segments(series, cell), key=lambda rows: rows.shape[1],
@@ -82,7 +83,7 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
                   round(INTERVALS_S[0] / cell_s))
     rows, cell_s = _averaged(rows, coarsen), cell_s * coarsen
     half = rows.shape[1] // 2
-    # Half of a record has to hold some unaided spans.
+    # The record must hold enough unaided spans in each half.
     if 2 * half * cell_s < 600.0:
         return [None] * axes
     found: list[Backtest | None] = [None] * axes
@@ -107,12 +108,12 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
 
 
 def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
-    """Where 95 % of the deviations in the backtest of an axis should lie, by horizon."""
+    """Return where 95 % of the deviations in the backtest of an axis should lie, by horizon."""
     found = axis.backtest
     if found is None:
         return ()
-    # One after the other in both halves, but for the first segment, in which the filter learns.
-    # The quotient of times that are multiples of one may be rounded down.
+    # Outages follow each other in both halves, except for the first segment, in which the filter
+    # learns. The quotient of two multiples of a cell may be rounded down.
     outages = [2 * max(int(found.tested_s / coast.horizon_s + 1e-9) - 1, 1)
                for coast in found.coast]
     return coast_bands(axis, found.coast, outages)
@@ -121,9 +122,9 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
 def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable[Array],
              cell_s: float) -> Met:
     """
-    Run filters over means in a row, shape (filters, n), anew in every part; keep what they met.
+    Run filters over consecutive means, shape (filters, n), restarting them in every part.
 
-    `fed` is what each filter holds, `cell_s` the time that a mean is taken over.
+    `fed` are the drift model and tones of each filter, `cell_s` is the duration of a mean.
     """
     sizes = dict.fromkeys(max(1, round(interval / cell_s)) for interval in INTERVALS_S)
     spaces = {size: [space_of(*one, size * cell_s) for one in fed] for size in sizes}
@@ -146,11 +147,11 @@ def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable
 
 def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters: Filtered,
            means: Array, step_s: float) -> None:
-    """Add predicted and observed deviation of the mean over horizons without correction."""
+    """Add predicted and observed deviations of the mean over horizons without correction."""
     for horizon in COASTS_S:
         size = round(horizon / step_s)
         if not size:
-            # Means over longer than that: a sensor of a sample in some seconds.
+            # Means are longer than the horizon: the sensor has one sample in several seconds.
             continue
         starts = np.arange(size, means.shape[1] - size + 1, size)
         total = np.concatenate((np.zeros((len(fed), 1)), np.cumsum(means, axis=1)), axis=1)
@@ -170,23 +171,22 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
 
 def segments(series: Cells, cell: int) -> list[Array]:
     """
-    Cut a series of means into rows where the record is interrupted.
+    Split a series of means where the record is interrupted.
 
-    Cells less than half full are left out, and few missing ones filled: a line across a long gap
-    is no data.
+    Cells less than half full are left out, and a few missing ones filled. A line across a long gap
+    is not data.
     """
     whole = series.take(series.counts >= cell / 2)
     if not len(whole):
         return []
-    # Keys of another run are far away, too.
-    # More than four means from one to the next that is there are an interruption.
+    # A step of more than four means is an interruption. Keys of another run are also far away.
     cuts = np.flatnonzero(np.diff(whole.keys) > 4) + 1
     edges = [0, *cuts.tolist(), len(whole)]
     return [np.asarray(filled(whole.take(slice(*ends)))) for ends in pairwise(edges)]
 
 
 def _averaged(rows: Array, size: int) -> Array:
-    """Means of `size` neighbours, the incomplete last one left out."""
+    """Return means of `size` neighbours, without the incomplete last one."""
     count = rows.shape[1] // size
     return np.asarray(rows[:, :count * size].reshape(len(rows), count, size).mean(axis=2))
 
@@ -198,6 +198,6 @@ def _fitted(row: Array, step_s: float) -> DriftModel | None:
 
 
 def section_of(rows: Array) -> SpectrumSection:
-    """Return the spectrum of means in a row, shape (axes, n), as one section."""
-    # About their mean, so that a large one costs no digits.
+    """Return the spectrum of consecutive means, shape (axes, n), as one section."""
+    # Relative to their mean, so that a large one costs no digits.
     return whole_section(rows - rows.mean(axis=1, keepdims=True))

@@ -1,14 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Filters with the numbers of one recording, run over another: another day, or the motors on.
+Filters with the numbers of one recording, run over another: another day, or motors on.
 
-They see means over a second of what is at rest there, and begin anew after every interruption: a
-robot that has moved in between stands otherwise against gravity and the turning of the earth,
-which is no drift. For the same reason the factors come from the spectrum within the stops: by how
-much the white noise and the drift of the first recording's model would have to be multiplied to
-be likeliest there, and what pair would then have been tuned. The interval of the drift's factor
-has in it that a short first recording knows the shape of its drift badly.
+They see means over one second of what is at rest there, and restart after every interruption. A
+robot that has moved in between has another attitude to gravity and the earth's rotation, which is
+not drift. For the same reason, the factors come from the spectrum within the stops. They are the
+likeliest factors on white noise and drift of the first recording's model, and the pair that these
+would have been tuned to. The interval of the drift's factor contains how poorly a short first
+recording knows the shape of its drift.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,32 +36,33 @@ from scipy.optimize import brentq
 Array = NDArray[np.float64]
 
 _FARTHEST = 1e3
-"""Factor on an amplitude that an interval is looked for within: ten times K is folklore's most."""
+"""Largest factor on an amplitude in the search for an interval; rules of thumb go up to ten times
+K."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one filter met."""
+    """Performance of one filter."""
 
-    # Over means of 1, 10 and 60 s, where the stops are long enough
+    # Over means of 1, 10 and 60 s, if the stops are long enough
     innovations: tuple[Innovations, ...]
     coasts: tuple[Coast, ...]    # over 10, 60 and 300 s
-    # Where 95 % of the observed deviations should lie: what the recording's own unsteadiness and
-    # the number of outages leave open
+    # Where 95 % of the observed deviations should lie, given the recording's own unsteadiness and
+    # the number of outages
     bands: tuple[Interval, ...]
 
 
 @dataclass(frozen=True)
 class FieldTest:
-    """Numbers of one axis in another recording."""
+    """Numbers of one axis, tested in another recording."""
 
-    tested_s: float    # what was at rest there
-    stops: int    # in so many parts
+    tested_s: float    # duration at rest there
+    stops: int    # number of parts at rest
     # Of the tuned pair, and of the whole drift model
     tuned: Outcome
     full: Outcome
-    # By which to multiply the tuned N and K, to be right there; for a filter with a Gauss-Markov
-    # process N and its sigma, the correlation time as it is
+    # Factors that make the tuned N and K right there; for a filter with a Gauss-Markov process N
+    # and its sigma, with the same correlation time
     noise_factor: float
     random_walk_factor: float
     noise_ci95: Interval
@@ -73,7 +74,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     """
     Run filters with the numbers of some axes over means of another recording of the same sensor.
 
-    An axis without a drift model, or that the other recording does not have, is left out.
+    Axes without a drift model, or not in the other recording, are left out.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     fed = [(model, tones) for axis in kept.values() for model, tones in (
         (_as_model(tune(axis, aiding_interval_s, coast_s, bias)), ()),
         (drift_model_of(axis), axis.all_tones))]
-    # Long ones begin anew, too: what a filter keeps of every step is much.
+    # Long parts are split, too, as filters keep much for every step.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
                          for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
     sections = [section_of(part) for part in parts]
@@ -111,7 +112,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
 
 
 def _as_model(tuning: FilterTuning) -> DriftModel:
-    """Return what a filter with these numbers takes the sensor for."""
+    """Return the drift model that a filter with these numbers assumes."""
     process = () if tuning.sigma is None or tuning.correlation_time_s is None else (
         GaussMarkov(tuning.sigma, tuning.correlation_time_s),)
     return DriftModel(tuning.noise_density, tuning.random_walk or 0.0, process, 0.0, 0.0)
@@ -125,12 +126,13 @@ def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
 
 def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisResult, step_s: float
                   ) -> Bins:
-    """Return the spectrum with two columns: what a model predicts of noise, and of drift."""
+    """Return the spectrum with two design columns: predicted noise, and predicted drift."""
     model = drift_model_of(axis)
     lines = step_s * float(line_power(axis.all_tones, step_s))
     drift = bins.design[:, RANDOM_WALK] * model.rate_random_walk**2
     for process in model.processes:
-        # A stop is short beside a slow process: the spectrum of an endless record is not its.
+        # A stop is short compared with a slow process, so the spectrum of an endless record does
+        # not apply.
         power = {length: dct_power(process.correlation_time_s, step_s, length)
                  for length in {section.length for section in sections}}
         drift = drift + process.sigma**2 * np.concatenate(
@@ -140,7 +142,7 @@ def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisRes
 
 
 def _scales(spectrum: Groups) -> list[tuple[float, Interval]]:
-    """Factors on white noise and on drift that are likeliest, with intervals."""
+    """Return the likeliest factors on white noise and on drift, with intervals."""
     drifting = bool(spectrum.design[:, 1].any())
     scaled = spectrum if drifting else spectrum.with_design(spectrum.design[:, :1])
     best = maximise(scaled)
@@ -150,7 +152,7 @@ def _scales(spectrum: Groups) -> list[tuple[float, Interval]]:
 
 
 def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
-    """Factors at which the likelihood ratio reaches the 95 % of a chi-square of one degree."""
+    """Return the factors at which the likelihood ratio reaches the 95 % of chi-square(1)."""
     threshold = float(chi_square.upper(0.05, 1))
 
     def excess(log_factor: float) -> float:
@@ -162,7 +164,7 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
     low, high = 0.0, float('inf')
     if excess(-far) > 0:
         low = float(np.exp(brentq(excess, -far, middle, xtol=1e-4)))
-    # One that is surely farther off than that has an upper end all the same.
+    # A factor certainly beyond that still has an upper end.
     highest = max(far, middle + np.log(10)) if low > 0 else far
     if highest > middle and excess(highest) > 0:
         high = float(np.exp(brentq(excess, middle, highest, xtol=1e-4)))
@@ -171,7 +173,7 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
 
 def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_s: float,
              coast_s: float, bias: Bias) -> tuple[float, float, Interval, Interval]:
-    """Return what scaled noise and drift make of the numbers: best, and at both ends of each."""
+    """Return the factors on the tuned numbers due to scaled noise and drift, with intervals."""
     (noise, noises), (drift, drifts) = scales
     time = tune(axis, aiding_s, coast_s, bias).correlation_time_s
 
@@ -188,7 +190,7 @@ def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_
 
 
 def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:
-    """Return the axis with more or less white noise and drift."""
+    """Return the axis with its white noise and drift scaled."""
     model, curve = drift_model_of(axis), axis.curve
     more = replace(
         model, noise_density=noise * model.noise_density,
@@ -197,6 +199,6 @@ def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:
                         for process in model.processes))
     tones, weaker = (tuple(replace(tone, amplitude=noise * tone.amplitude) for tone in some)
                      for some in (axis.tones, axis.weaker_tones))
-    # Of the curve only what lies above the band is used, which is noise.
+    # Only the curve above the band is used, which is noise.
     return replace(axis, drift_model=more, tones=tones, weaker_tones=weaker, curve=replace(
         curve, adev=tuple(noise * value for value in curve.adev)))

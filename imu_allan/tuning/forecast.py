@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What an axis does on its own: heading, velocity and position after a time without correction.
+Forecast of unaided drift: heading, velocity and position after a time without correction.
 
-The bias was averaged over some time before and subtracted; the drift model then gives the variance
-of what remains, exactly: the mean over the outage about the mean before it, and for a position the
-double integral. The band holds what the recording does not know: how well so few independent
-segments of that length fix a variance, and how much the drift changes from one part to another.
+The bias was averaged over some time before and subtracted. The drift model then gives the exact
+variance of what remains: of the mean over the outage about the mean before it, and for a position
+of the double integral. The band contains what the recording does not know: how well a few
+independent segments of that length give a variance, and how much the drift changes between parts.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
-"""From the beat of satellites to an hour without them, as a terminal of 80 columns holds."""
+"""From the interval of satellite fixes to an hour without any, as many as fit into 80 columns."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,17 @@ class DriftForecast:
     ----------
     horizons_s : tuple of float
     calibration_s : float
-        How long the bias was averaged before.
+        Time over which the bias was averaged before.
     integral : tuple of float
         Of the angle (gyroscope, rad) or the velocity (accelerometer, m/s).
     integral_ci95 : tuple of (float, float)
-        Where the standard deviation of a segment like those of the recording lies.
+        Where the standard deviation of a segment like those of the recording lies, with 95 %.
     position : tuple of float or None
         Of the position (m); None for a gyroscope.
     position_ci95 : tuple of (float, float) or None
     known_to_s : float
-        The longest time, of an outage or of a calibration, that the recording speaks of; beyond it
-        the values are widened by a random walk that it could not have shown.
+        Longest time, of an outage or of a calibration, that the recording covers. Beyond it the
+        values are widened by a random walk that it could not have shown.
 
     """
 
@@ -62,7 +62,7 @@ class DriftForecast:
 def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 60.0, 600.0),
                     calibration_s: float = 60.0) -> DriftForecast:
     """
-    Predict what integrating an axis without correction comes to: (9) of docs/statistics.md.
+    Predict the error of integrating an axis without correction: (9) of docs/statistics.md.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
     horizons_s : sequence of float, optional
         Times without correction, in seconds.
     calibration_s : float, optional
-        How long the bias was averaged at rest just before.
+        Time over which the bias was averaged at rest just before.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def _pairs(sigma: Array, wide: Array) -> tuple[Interval, ...]:
 
 
 def _mean_about_mean(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
-    """Variance of the mean over h about that over c just before."""
+    """Return the variance of the mean over h about the mean over c just before."""
     total = (model.noise_density**2 * (1 / h + 1 / c) + model.rate_random_walk**2 * (h + c) / 3
              + line_power(axis.all_tones, h) + line_power(axis.all_tones, c))
     for process in model.processes:
@@ -125,7 +125,7 @@ def _mean_about_mean(axis: AxisResult, model: DriftModel, h: Array, c: float) ->
 
 
 def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
-    """Variance of the double integral over h about what the mean over c makes of it."""
+    """Return the variance of the double integral over h about its value from the mean over c."""
     lever = h**2 / 2
     total = (model.noise_density**2 * (h**3 / 3 + lever**2 / c)
              + model.rate_random_walk**2 * (h**5 / 20 + lever**2 * c / 3)
@@ -144,8 +144,9 @@ def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
 
 
 def _double_integral(time: float, h: Array) -> Array:
-    """Variance of the integral of the integral over h of a process of unit variance."""
+    """Return the variance of the double integral over h of a process of unit variance."""
     x = h / time
     exact = 2 * time**4 * (x**3 / 3 - x**2 / 2 - np.expm1(-x) - x * np.exp(-x))
-    # There the series errs by 1e-8, the formula, which cancels, by 1e-9 at a quarter.
+    # At 0.05 the series errs by 1e-8; the formula, by cancellation, errs by 1e-9 at a quarter of
+    # it.
     return np.where(x < 0.05, h**4 / 4 * (1 - 4 * x / 15 + x**2 / 18 - x**3 / 105), exact)

@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The Kalman filter of state spaces: over series of means, and in its steady state.
+Kalman filters of state spaces: over series of means, and in the steady state.
 
-All axes and both directions of a test run in the same loop: a step costs a dozen operations on
-small arrays, whether one filter runs or twenty.
+All axes and both directions of a test run in one loop. A step costs a dozen operations on small
+arrays, whether one filter runs or twenty.
 """
 
 from collections.abc import Sequence
@@ -21,22 +21,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """What filters saw, step by step."""
+    """Innovations and states of filters, step by step."""
 
     # (filters, steps): mean minus prediction; NaN where the mean is missing
     innovation: Array
-    variance: Array    # (filters, steps): predicted for it
+    variance: Array    # (filters, steps): predicted variance of the innovation
     state: Array    # (filters, steps, states): before each step
-    covariance: Array    # (filters, steps, states, states): predicted for it
+    covariance: Array    # (filters, steps, states, states): predicted covariance of the state
 
 
 def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     """
-    Run the Kalman filter of each state space over its consecutive means, NaN where one is missing.
+    Run the Kalman filter of each state space over its consecutive means, NaN where missing.
 
-    States that a space does not have stay zero; they stand behind the last. With x, P before a
-    step and y its mean: ``S = H P H' + R``, ``G = (A P H' + C)/S``, then ``x = A x + G (y - H x)``
-    and ``P = A P A' + Q - G S G'``.
+    A space with fewer states than others has zeros after its last one. Let x, P be before a step,
+    and y its mean. Then ``S = H P H' + R``, ``G = (A P H' + C)/S``, ``x = A x + G (y - H x)`` and
+    ``P = A P A' + Q - G S G'``.
     """
     series = np.asarray(means, dtype=np.float64)
     lanes, steps = series.shape
@@ -70,27 +70,25 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
 
 def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
     """
-    Variance of the mean over each horizon after very many corrections, by docs/statistics.md (9).
+    Return the variance of means over horizons after many corrections, by docs/statistics.md (9).
 
     Parameters
     ----------
     axis : AxisResult
-        With a drift model.
+        An axis with a drift model.
     aiding_s : float
         Time between two corrections.
     horizons : ndarray, shape (n,)
-        In seconds.
+        Horizons in seconds.
 
     Returns
     -------
     ndarray, shape (n,)
-        ``w P w' + r``: covariance P of the states (`steady_covariance`), and the weights w and the
-        rest r of a mean over the horizon, which are observation and measurement of its state
+        ``w P w' + r``, with the covariance P of the states (`steady_covariance`). The weights w
+        and the remainder r of a mean over the horizon are observation and measurement of its state
         space.
 
-    Examples
-    --------
-    White noise alone is known after very many corrections, but for the outage's own:
+    After many corrections, only the white noise of the outage itself remains:
 
     >>> import imu_allan
     >>> axis = imu_allan.characterize(imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0),
@@ -112,20 +110,21 @@ def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arra
 
 def steady_covariance(space: StateSpace) -> Array:
     """
-    Covariance of the states before a mean is seen, after very many have been.
+    Return the covariance of the states before a mean is seen, after very many have been seen.
 
-    P of the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
-    ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space: by doubling, which takes 2^k
-    steps in k (E. K.-W. Chu et al., Int. J. Control 77, 2004).
+    It is the solution P of the Riccati equation
+    ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and ``G = (A P H' + C)/S``, for A, H, Q, R,
+    C of the state space. It is found by doubling, which makes 2^k steps in k iterations (E. K.-W.
+    Chu et al., Int. J. Control 77, 2004).
     """
-    # Not scipy's solve_discrete_are: beside a random walk of K = 0 it may give, without an error,
-    # what solves nothing, and it takes twenty times as long.
+    # Not scipy's solve_discrete_are: with a random walk of K = 0 it may return, without an error,
+    # what is not a solution, and it takes twenty times as long.
     gain = space.cross / space.measurement
     a = (space.transition - gain @ space.observation).T
     g = space.observation.T @ space.observation / space.measurement
     p = space.process - gain @ space.cross.T
     one = np.eye(len(p))
-    # So many are not reached: 8 to 17 settle for steps of 0.01 to 100 s.
+    # This limit is not reached: 8 to 17 iterations converge for steps of 0.01 to 100 s.
     for _ in range(40):
         left, right = np.linalg.solve(one + g @ p, a), np.linalg.solve(one + p @ g, p @ a)
         g = g + a @ g @ np.linalg.solve(one + p @ g, a.T)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Means over a second of even samples as they come, in constant memory."""
+"""Means over one second of even samples, in order of arrival and in constant memory."""
 
 from collections.abc import Collection, Iterable
 
@@ -11,28 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST = 32_768
-"""Nine hours of seconds, 2 MB of six axes; after that the means are over two, four, ..."""
+"""Most means kept: nine hours of seconds, 2 MB for six axes; then they are over two, four, ..."""
 
 
 class Means:
     """
-    Means over a second of some axes; where one of them is away, there is a gap.
+    Means over one second of some axes; where one of them is absent, there is a gap.
 
     Parameters
     ----------
     axes : collection of str, optional
-        Keys of `AXES`; those that the first sample has by default.
+        Keys of `AXES`; by default those of the first sample.
 
     Attributes
     ----------
     series : Cells
-        Of these axes.
+        Means of these axes.
     cell : int
-        Samples in a mean.
+        Number of samples in a mean.
     columns : ndarray of int
         Their columns in a block.
     cell_s : float
-        Time that a mean is taken over.
+        Duration of a mean.
 
     """
 
@@ -45,15 +45,15 @@ class Means:
 
     @property
     def cell_s(self) -> float:
-        """Time that a mean is taken over."""
+        """Duration of a mean, in seconds."""
         return self.cell * self._interval_ns * 1e-9
 
     def take(self, blocks: Iterable[EvenBlock], interval_ns: float | None) -> None:
         """
         Take in the next samples.
 
-        `blocks`: as a timeline gives them. `interval_ns`: time between two samples as the timeline
-        has it by now.
+        `blocks`: as a timeline returns them. `interval_ns`: the current sample interval of the
+        timeline.
         """
         self._interval_ns = interval_ns or self._interval_ns
         for block in blocks:
@@ -72,7 +72,7 @@ class Means:
         there = np.asarray(np.isfinite(rows).all(axis=0))
         edges = np.flatnonzero(np.diff(there, prepend=False, append=False))
         for start, end in edges.reshape(-1, 2).tolist():
-            # What comes after an axis has been away is another run.
+            # Samples after the absence of an axis belong to another run.
             self._run += start > 0 or self._away
             self.series = joined(self.series, cells_of(
                 rows[:, start:end], self._run, block.first_index + start, self.cell))

@@ -1,12 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The drift model as a state space of the mean rate over a step, exact at any step.
+The drift model as a state space of the mean rate over a step, exact for any step.
 
-Integrating the processes over the step gives, for one of variance s^2 and correlation time tau
-with ``e = exp(-T/tau)`` and ``a = (tau/T)(1 - e)``: transition e, process s^2 (1 - e^2),
-observation a, measurement s^2 (2 (tau/T)(1 - a) - a^2), cross s^2 a (1 - e). The random walk has
-1, K^2 T, 1, K^2 T/3 and K^2 T/2; white noise adds N^2/T to the measurement, a line a^2/2 sinc^2.
+Integration over a step T gives, for a process of variance s^2 and correlation time tau, with
+``e = exp(-T/tau)`` and ``a = (tau/T)(1 - e)``: transition e, process s^2 (1 - e^2), observation a,
+measurement s^2 (2 (tau/T)(1 - a) - a^2), cross s^2 a (1 - e). The random walk has 1, K^2 T, 1,
+K^2 T/3 and K^2 T/2. White noise adds N^2/T to the measurement, a line of amplitude A adds
+A^2/2 sinc^2.
 """
 
 from dataclasses import dataclass
@@ -30,9 +31,9 @@ class StateSpace:
     Attributes
     ----------
     step_s : float
-        In seconds.
+        Duration of the step, in seconds.
     transition : ndarray, shape (n, n)
-        The states are the Gauss-Markov processes by growing correlation time, then the random
+        The states are the Gauss-Markov processes by increasing correlation time, then the random
         walk, all in the unit of a sample.
     observation : ndarray, shape (1, n)
     process : ndarray, shape (n, n)
@@ -40,10 +41,10 @@ class StateSpace:
     measurement : ndarray, shape (1, 1)
         E[v v].
     cross : ndarray, shape (n, 1)
-        E[w v]: what moves a state during the step moves the mean over the step, too.
+        E[w v]: what moves a state during the step also moves the mean over the step.
     initial : ndarray, shape (n, n)
-        Covariance of x before the first step. Processes stand at their stationary variance; the
-        walk, which is the unknown bias, at a million times the variance of the first mean.
+        Covariance of x before the first step. For a process it is the stationary variance; for the
+        random walk, which is the unknown bias, a million times the variance of the first mean.
 
     Examples
     --------
@@ -87,20 +88,20 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     axis : AxisResult
         An axis object of a result, with a drift model.
     step_s : float
-        In seconds, not below the shortest horizon that the drift model is known for.
+        Duration of the step in seconds, not below the shortest horizon of the drift model.
 
     Returns
     -------
     StateSpace
-        Exact for a step t: a process of (8) of docs/statistics.md decays by ``exp(-t/T)``, enters
-        the mean with w(t/T) of (9) and is driven by ``sigma^2 (1 - exp(-2 t/T))``; the random walk
-        is driven by ``K^2 t``; the mean has ``N^2/t + K^2 t/3`` of its own besides what the
+        Exact for a step t. A process of (8) of docs/statistics.md decays by ``exp(-t/T)``, enters
+        the mean with w(t/T) of (9) and is driven by ``sigma^2 (1 - exp(-2 t/T))``. The random walk
+        is driven by ``K^2 t``. The mean has ``N^2/t + K^2 t/3`` of its own, besides what the
         processes add.
 
     Raises
     ------
     ImuAllanError
-        If the axis has no drift model or the step is not one that it is known for.
+        If the axis has no drift model, or the model does not cover the step.
 
     Examples
     --------
@@ -113,7 +114,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     """
     model = drift_model_of(axis)
     step_s = positive_time('step_s', step_s)
-    # The edge may come from a rate that is off by rounding.
+    # The band edge may be off by the rounding of a rate.
     if step_s < model.from_s * (1 - 1e-6):
         raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge: '
                             'this recording does not know how the sensor drifts faster; '
@@ -126,7 +127,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
 
 
 def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:
-    """Return the state space of a drift model and lines, whatever the step."""
+    """Return the state space of a drift model and tones, for any step."""
     n, t = len(model.processes) + 1, step_s
     transition, observation = np.eye(n), np.ones((1, n))
     process, initial, cross = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, 1))
@@ -142,7 +143,8 @@ def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> State
     walk = model.rate_random_walk**2 * t
     process[-1, -1], cross[-1, 0] = walk, walk / 2
     measurement += walk / 3
-    # In variances of a measurement: one of them forgets it, and a double keeps ten digits.
+    # In units of the variance of a measurement: one of these removes it, and a double keeps ten
+    # digits.
     initial[-1, -1] = 1e6 * (measurement + float(np.trace(initial)))
     return StateSpace(step_s, transition, observation, process,
                       np.array([[measurement]]), cross, initial)

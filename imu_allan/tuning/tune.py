@@ -1,13 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Two or three numbers for a filter, in one module with the closed forms that choose them.
+Filters with two or three parameters, in one module with the closed forms that choose them.
 
-Most filters know white noise and a random walk, some white noise and a first-order Gauss-Markov
-process. The truth is the drift model; what such a filter predicts for the mean over the next h
-seconds, V(h), and what then happens, E(h), both have closed forms in its steady state. The numbers
-are those with the best mean logarithmic score, the smallest mean of ln V + E/V, over horizons from
-the time between two corrections to the longest unaided time.
+Most filters model white noise and a random walk, some white noise and a first-order Gauss-Markov
+process. The truth is the drift model. V(h) is what such a filter predicts for the variance of the
+mean over the next h seconds, E(h) its actual mean square error. In the steady state both have
+closed forms. The parameters are those with the best mean logarithmic score, the smallest mean of
+ln V + E/V. It is taken over horizons from the time between two corrections to the longest unaided
+time.
 
 References
 ----------
@@ -36,33 +37,33 @@ Array = NDArray[np.float64]
 Bias = Literal['random_walk', 'gauss_markov']
 
 _STEP = 9 / 160
-"""Decades of density squared: 7 % of a random walk, finer than it is known."""
+"""Grid step in decades of squared density: 7 % of a random walk, finer than it is known."""
 _EXCESS = 10 ** np.linspace(0, 1, 41)
-"""Factors of squared noise density for a filter that is to predict enough: 3 % of N apart."""
+"""Factors on squared noise density for a conservative filter to choose from: 3 % of N apart."""
 _KEPT = 256
-"""Tunings: a report writes configurations of some thirty consumers, most of the same wishes."""
+"""Cached tunings: a report configures some thirty consumers, most with the same options."""
 
 
 @dataclass(frozen=True)
 class FilterTuning:
     """
-    Numbers for a filter, and what they reach.
+    Parameters of a filter, and their performance.
 
     Attributes
     ----------
     aiding_interval_s, coast_s : float
-        How often something else corrects the filter, and the longest that it is unaided.
+        Interval of external corrections, and the longest time without any.
     noise_density : float
     random_walk : float or None
         Driving density of the bias for a filter with a random walk.
     sigma, correlation_time_s : float or None
         Standard deviation and correlation time for a filter with a Gauss-Markov process.
     consistency : tuple of (float, float, float)
-        Horizon in seconds, standard deviation expected and predicted of the mean over it.
+        Horizon in seconds, and expected and predicted standard deviation of the mean over it.
     known_from_s, known_to_s : float
-        Horizons that the recording speaks of. Below them the noise density is that of the band it
-        knows, or more where the curve stands above; beyond them what is expected was widened by
-        a random walk that the recording could not have shown.
+        Horizons that the recording covers. Below them, the noise density is that of the band it
+        knows, or more if the curve lies above. Beyond them, the expectation was widened by a
+        random walk that the recording could not have shown.
 
     """
 
@@ -81,7 +82,7 @@ class FilterTuning:
         """
         Return the expected mean normalised innovation squared.
 
-        1 is right, above 1 overconfident.
+        1 is consistent, above 1 overconfident.
 
         """
         _, expected, predicted = self.consistency[0]
@@ -98,23 +99,23 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
          bias: Bias = 'random_walk', conservative: bool = False,
          correlation_time_s: float | None = None) -> FilterTuning:
     """
-    Choose the numbers for a filter with one bias state: equation (10) of docs/statistics.md.
+    Choose the parameters of a filter with one bias state: equation (10) of docs/statistics.md.
 
     Parameters
     ----------
     axis : AxisResult
         An axis object of a result, with a drift model.
     aiding_interval_s : float, optional
-        Time between two corrections by camera, lidar, satellites.
+        Time between two corrections by camera, lidar or satellites.
     coast_s : float, optional
-        The longest unaided time.
+        Longest unaided time.
     bias : {'random_walk', 'gauss_markov'}, optional
-        What the filter takes its bias for.
+        Bias model of the filter.
     conservative : bool, optional
-        Never below the upper 95 % end of what is expected at any horizon, the recording's own
-        unsteadiness included, instead of right on average.
+        Whether predictions are never below the upper 95 % end of what is expected at any horizon,
+        instead of right on average. The recording's own unsteadiness is included.
     correlation_time_s : float, optional
-        Of a filter whose process has this one; chosen when left out.
+        Correlation time of the filter's process, if it is fixed; chosen by default.
 
     Returns
     -------
@@ -149,7 +150,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
 
 
 def _drifting(axis: AxisResult) -> AxisResult:
-    """Leave of an axis what tuning takes: axes that are equal in it are tuned once."""
+    """Keep only what tuning needs of an axis, so that axes equal in it are tuned once."""
     model = drift_model_of(axis)
     return AxisResult(axis.quantity, axis.unit, None, None, axis.all_tones, {},
                       GoodnessOfFit(None, None, True), axis.curve, drift_model=model,
@@ -174,7 +175,7 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
     cost = np.mean(np.log(predicted) + wanted / predicted, axis=0)
     if conservative:
         worst = np.max(wanted / predicted, axis=0)
-        # Where none is safe at every horizon the least unsafe one is taken.
+        # If none is safe at every horizon, take the least unsafe one.
         cost = np.where(worst <= max(1.0, 1.001 * float(worst.min())), cost, np.inf)
     best = int(np.argmin(cost))
     return _tuning(filters, best, truth, horizons, expected[:, best], predicted[:, best], coast_s)
@@ -184,23 +185,24 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
            aiding_interval_s: float = 0.1, coast_s: float = 60.0,
            correlation_time_s: float | None = None) -> FilterTuning:
     """
-    Return what given numbers would reach in a filter, by the terms of (10) in docs/statistics.md.
+    Return how given parameters perform in a filter, by the terms of (10) in docs/statistics.md.
 
     Parameters
     ----------
     axis : AxisResult
         An axis object of a result, with a drift model.
     noise_density, random_walk : float
-        What the filter is given.
+        Parameters that the filter is given.
     aiding_interval_s, coast_s : float, optional
         As for `tune`.
     correlation_time_s : float, optional
-        Of a filter whose bias is a first-order Gauss-Markov process, driven by `random_walk`.
+        Correlation time if the filter's bias is a first-order Gauss-Markov process driven by
+        `random_walk`.
 
     Returns
     -------
     FilterTuning
-        With the numbers as given.
+        With the parameters as given.
 
     Raises
     ------
@@ -244,7 +246,7 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_i
 
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
             ) -> tuple[tuple[float, float, float], ...]:
-    """Consistency of a filter that holds the whole drift model: what is expected it predicts."""
+    """Return the consistency of a filter with the whole drift model: expected equals predicted."""
     from imu_allan.tuning.kalman import unaided_variance
 
     aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
@@ -255,17 +257,17 @@ def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 6
 
 @dataclass(frozen=True, eq=False)
 class Filters:
-    """Filters of one bias state in their steady state, side by side: fields of shape (n,)."""
+    """Filters with one bias state in their steady state, side by side: fields of shape (n,)."""
 
     aiding_s: float
     white: Array    # squared noise density
     walk: Array    # squared driving density, for filters with a random walk; else 0
-    # Of the process, for filters with one; else 0 and infinite
+    # Standard deviation and correlation time of the process; 0 and infinite for a random walk
     sigma: Array
     time: Array
     gain: Array    # of the one-step predictor
-    # What is lost of the state in one step without its correction; a filter that learns for ages
-    # loses so little that one less that is one
+    # 1 minus the closed-loop transition of the state: a filter that learns for long has so little
+    # of it that 1 minus it would be rounded to 1
     forgetting: Array
     covariance: Array    # of the state after a correction
 
@@ -294,30 +296,30 @@ class Filters:
                    gain * a - np.expm1(-x), p)
 
     def weight(self, horizons: Array) -> Array:
-        """Weight of the state in the mean over each horizon, shape (horizons, n)."""
+        """Return the weight of the state in the mean over each horizon, shape (horizons, n)."""
         return on_mean(self.time, horizons[:, None])
 
     def predicted(self, horizons: Array) -> Array:
-        """V(h): variance that the filters predict for the mean over each horizon."""
+        """Return V(h), the variance that the filters predict for the mean over each horizon."""
         h, weight = horizons[:, None], self.weight(horizons)
         process = self.sigma**2 * rest_of_mean(self.time, h) + self.walk * h / 3
         return np.asarray(weight**2 * self.covariance + process + self.white / h)
 
 
 class Truth:
-    """What truly happens to a filter: the drift model of an axis with its lines."""
+    """Actual errors of a filter, by the drift model of an axis with its tones."""
 
     def __init__(self, axis: AxisResult) -> None:
         self.axis = axis
         self.model = drift_model_of(axis)
 
     def allan_variance(self, interval_s: float) -> float:
-        """Allan variance of the model with its lines, and what is measured above the band."""
+        """Return the Allan variance of model and tones, plus what exceeds it above the band."""
         return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
                 + self._above_band(interval_s))
 
     def _above_band(self, interval_s: float) -> float:
-        """Allan variance that stands above the model where the model does not reach."""
+        """Return the measured Allan variance in excess of the model, where that does not reach."""
         curve = self.axis.curve
         if interval_s >= self.model.from_s * (1 - 1e-6) or not curve.tau_s:
             return 0.0
@@ -327,54 +329,54 @@ class Truth:
         return max(float(measured) - model, 0.0)
 
     def _shows_s(self, walk: float) -> float:
-        """Averaging time from which on a random walk exceeds the white noise, if known."""
+        """Return from which averaging time, at most `to_s`, a random walk exceeds white noise."""
         white = float(np.sqrt(3)) * self.model.noise_density
         return min(white / walk, self.model.to_s) if walk > 0 else self.model.to_s
 
     def expected(self, filters: Filters, horizons: Array) -> Array:
-        """E(h): mean square of what the filters get wrong, shape (horizons, filters)."""
+        """Return E(h), the mean square error of the filters, shape (horizons, filters)."""
         return np.asarray(sum(part for _, part in self._parts(filters, horizons)))
 
     def upper(self, filters: Filters, horizons: Array) -> Array:
-        """Upper 95 % end of what is expected, shape (horizons, filters)."""
+        """Return the upper 95 % end of E(h), shape (horizons, filters)."""
         total = np.zeros((len(horizons), len(filters.white)))
         for scale_s, part in self._parts(filters, horizons):
             if scale_s is None:
                 factor, _ = upper_factors(self.axis, horizons)
             else:
-                # A process is known by how often it came and went, however short the horizon, or,
-                # a slow one, by how often it stood clear of the white noise.
+                # A process is known by how often it came and went, whatever the horizon. A slow
+                # one is known by how often it exceeded the white noise.
                 _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
             total = total + part * factor[:, None]
         return total
 
     def _parts(self, filters: Filters, horizons: Array) -> Iterator[tuple[float | None, Array]]:
-        """Terms of E(h), and the time over which each shows itself; None for what is fast."""
+        """Yield the terms of E(h), and the time over which each shows; None for fast noise."""
         t, h = filters.aiding_s, horizons[:, None]
         g, lost, weight = filters.gain, filters.forgetting, filters.weight(horizons)
-        # Variance of the state per variance of independent means.
+        # Variance of the state over that of independent means.
         memory = g**2 / (lost * (2 - lost))
         above = self._above_band(t)
-        # What is above the band averages out as its phase does.
+        # Noise above the band averages out like phase noise.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))
         yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
                     + line_power(self.axis.all_tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
-        # Over short times a process is a random walk, too. Its Allan variance is highest at 1.89
-        # correlation times. It is known by what it does over eight times as long as a random walk
-        # takes to reach the white noise: less makes a conservative filter overconfident on more
-        # real halves, more makes it wider. Chosen on the 24 halves of two ADIS16405, which
-        # therefore do not validate it.
+        # Over short times a process is a random walk, too. Its Allan variance peaks at 1.89
+        # correlation times. It is known by its values over eight times as long as a random walk
+        # takes to reach the white noise. A smaller factor makes a conservative filter
+        # overconfident on more real halves, a larger one makes it wider. Chosen on the 24 halves
+        # of two ADIS16405, which therefore do not validate it.
         processes = [(min(1.89 * p.correlation_time_s,
                           8.0 * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
                      for p in self.model.processes]
         if walk > 0:
             shows_s = self._shows_s(walk)
             if np.isfinite(filters.time).any():
-                # A random walk leaves a filter that forgets behind in the end. It is followed for
-                # as long as the recording has seen it.
+                # In the end a random walk leaves a forgetting filter behind. It is followed for
+                # only as long as the recording has seen it, by a slow process in its place.
                 time = 10 * self.model.to_s
                 processes.append((shows_s, GaussMarkov(walk * float(np.sqrt(time / 2)), time)))
             else:
@@ -402,7 +404,7 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
 
 
 def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
-    """Pairs (N, K) to choose from: what K does not explain at the aiding interval is N."""
+    """Return candidate pairs (N, K): what K does not explain at the aiding interval is N."""
     more, walk = (part.ravel() for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
     white = more * _white(s2, walk * aiding_s / 3, aiding_s)
     return Filters.with_random_walk(white, walk, aiding_s)
@@ -410,33 +412,33 @@ def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array)
 
 def _with_gauss_markov(s2: float, aiding_s: float, coast_s: float, excess: Array,
                        time_s: float | None) -> Filters:
-    """Triples (N, sigma, Tc) to choose from."""
-    # Correlation times, from one correction to ten times the longest time without.
+    """Return candidate triples (N, sigma, Tc)."""
+    # Correlation times from the aiding interval to ten times the longest unaided time.
     times = (np.geomspace(aiding_s, 10 * coast_s, 25) if time_s is None
              else np.array([time_s]))
     time, q, more = (part.ravel() for part in np.meshgrid(
         times, _driving(s2, aiding_s, coast_s), excess))
     variance = q * time / 2
     x = aiding_s / time
-    # Allan variance of the process: the variance of a mean less the covariance of neighbours.
+    # Allan variance of the process: the variance of a mean minus the covariance of neighbours.
     avar = variance * rest_of_mean(1.0, x)
     return Filters.markov(more * _white(s2, avar, aiding_s), np.sqrt(variance), time, aiding_s)
 
 
 def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
-    """Squared densities: from what nobody would see to three times everything there is."""
-    # A random walk of 1 % of N over the longest time without makes 1 % of the variance then.
+    """Return squared driving densities, from invisible ones to three times the Allan variance."""
+    # With K = 0.01 N / coast_s, the bias makes 1 % of the variance over the longest unaided time.
     decades = 1 - 2 * np.log10(1e-2 * aiding_s / coast_s)
     return np.asarray(s2 / aiding_s * 10 ** (1 - _STEP * np.arange(decades / _STEP + 1)))
 
 
 def _white(s2: float, explained: Array, aiding_s: float) -> Array:
-    # A filter without white noise divides by nearly nothing.
+    # Without white noise a filter would divide by nearly zero.
     return np.asarray(aiding_s * np.maximum(s2 - explained, 0.05 * s2))
 
 
 def _horizons(aiding_s: float, coast_s: float) -> Array:
-    # Between one correction and the longest time without: a few to a decade, all of equal weight.
+    # From aiding interval to longest unaided time: a few per decade, all with equal weight.
     return np.geomspace(aiding_s, coast_s, 7)
 
 

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether numbers from one recording hold in another: on another day, or with the motors on.
+Verification of numbers from one recording in another: on another day, or with motors on.
 
-The other recording's own drift model says what a filter with these numbers would meet there; its
-Allan curve says, band by band, how much more there is than the first recording predicts, with the
-interval of the curve. To that of the drift's factor is added that a short first recording knows
-the shape of its drift badly.
+The drift model of the other recording shows what a filter with these numbers would meet there. Its
+Allan curve shows, band by band, how much more there is than the first recording predicts, with the
+interval of the curve. The interval of the drift's factor also contains how poorly a short first
+recording knows the shape of its drift.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from imu_allan.tuning.uncertainty import widened
 import numpy as np
 
 _BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
-"""A decade each: of cameras and lidars, of satellites, of an outage, and what lies beyond."""
+"""Bands of a decade each: of cameras and lidars, of satellites, of an outage, and beyond."""
 
 
 @dataclass(frozen=True)
 class Excess:
-    """Allan deviation of the other recording over what the first one predicts, in one band."""
+    """Ratio of the other recording's Allan deviation to the prediction, in one band."""
 
-    # Averaging times of the band that both recordings know
+    # Averaging times of the band that both recordings cover
     from_s: float
     to_s: float
     ratio: float
@@ -35,14 +35,14 @@ class Excess:
 
 @dataclass(frozen=True)
 class Verification:
-    """Numbers from one recording held against another."""
+    """Numbers from one recording, verified in another."""
 
-    met: FilterTuning    # the numbers, with what they meet in the other recording
-    # By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process
+    met: FilterTuning    # the numbers, assessed in the other recording
+    # Factors that make N and K right there, or N and sigma of a Gauss-Markov process
     noise_factor: float
     random_walk_factor: float
-    # Intervals of the factors, from that of the other's curve at the two ends; that of the drift
-    # as far as the first recording knows its own
+    # Intervals of the factors, from that of the other curve at aiding interval and unaided time.
+    # That of the drift includes how well the first recording knows its own drift
     noise_ci95: Interval
     random_walk_ci95: Interval
     excess: tuple[Excess, ...]
@@ -50,7 +50,7 @@ class Verification:
 
 def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verification:
     """
-    Hold a tuning of an axis against the same axis of another recording.
+    Verify a tuning of an axis with the same axis of another recording.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
 
 
 def _scaled(factor: float, other: AxisResult, tau_s: float) -> Interval:
-    """Interval of a factor, as wide as that of the other's curve at an averaging time."""
+    """Return the interval of a factor, relatively as wide as the other curve's at `tau_s`."""
     curve = other.curve
     at = int(np.argmin(np.abs(np.log(np.array(curve.tau_s) / tau_s))))
     low, high = curve.ci95[at]
@@ -96,7 +96,7 @@ def _excess(axis: AxisResult, other: AxisResult) -> tuple[Excess, ...]:
         if not len(here):
             continue
         ratio = float(np.exp(np.mean(np.log(np.array(curve.adev)[here] / predicted[here]))))
-        # Neighbouring octaves are correlated: the interval is that of the best known of them.
+        # Neighbouring octaves are correlated, so the interval is that of the best known one.
         best = here[int(np.argmax(np.array(curve.edf)[here]))]
         scale = ratio / curve.adev[best]
         found.append(Excess(float(tau[here[0]]), float(tau[here[-1]]), ratio,
