@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Acceleration in g where m/s^2 is due.
+Acceleration published in g instead of m/s^2: detection and conversion.
 
-Some drivers publish sensor_msgs/Imu in g (Livox; Hesai in its first versions). Anything that is
-subject to gravity and does not fall shows about 9.81 m/s^2: a steady magnitude near 1 is g.
-Messages wait until that is decided, so that how they come in blocks decides nothing.
+Some drivers publish sensor_msgs/Imu in g (Livox; Hesai in its first versions). A sensor under
+gravity that does not fall measures about 9.81 m/s^2, so a steady magnitude near 1 means g.
+Messages are held back until that is decided, so that their division into blocks does not matter.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,28 +18,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SPAN = 32
-"""Messages that are judged at once: what is steady for so long stands still, or nearly."""
+"""Messages judged at once: a sensor that is steady for this long is at rest, or nearly."""
 _LONGEST_WAIT = 2048
-"""Messages that wait at most: ten seconds at 200 Hz in which somebody sets the sensor down."""
+"""Most messages held back: ten seconds at 200 Hz, in which somebody puts the sensor down."""
 _NEAR_ONE = (0.9, 1.1)
-"""Median magnitude: ten per cent are bias and scale of the poorest sensors."""
+"""Range of the median magnitude in g: bias and scale error of the poorest sensors are 10 %."""
 _NO_G = (0.5, 2.0)
-"""What nearly all of a span in g lies between, however it is held; gravity in m/s^2 lies above,
-what somebody has taken gravity out of below."""
+"""Range of nearly all magnitudes in g, however the sensor is held. Gravity in m/s^2 lies above,
+acceleration with gravity removed below."""
 
 
 def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
-    """Return the magnitude of each message, 0 where it says nothing."""
-    # Damaged messages may hold numbers of any size.
+    """Return the magnitude of each message, 0 if it is not known."""
+    # Damaged messages may contain numbers of any size.
     with np.errstate(over='ignore', invalid='ignore'):
         magnitudes = np.sqrt((block.samples[:, 3:]**2).sum(axis=1))
     return np.where(np.isfinite(magnitudes) & ~block.absent[:, 1], magnitudes, 0.0)
 
 
 def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
-    """Whether a span is in g; None where it may be, but does not stand still."""
+    """Return whether a span is in g; None if it may be, but is not steady."""
     low, middle, high = np.percentile(magnitudes, [5, 50, 95])
-    # What moves freely without gravity varies more.
+    # Free motion with gravity removed varies more.
     if _NEAR_ONE[0] <= middle <= _NEAR_ONE[1] and high - low <= 0.2:
         return True
     return False if high < _NO_G[0] or low > _NO_G[1] else None
@@ -47,12 +47,12 @@ def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
 
 class AccelerationUnit:
     """
-    Turns acceleration that is found to be in g into m/s^2; decides once and keeps to it.
+    Converts acceleration found to be in g to m/s^2; the decision is made once.
 
     Parameters
     ----------
     decided : bool, optional
-        What was decided before, of a stream that goes on: whether it is in g.
+        Earlier decision for a stream that continues: whether it is in g.
 
     """
 
@@ -64,24 +64,24 @@ class AccelerationUnit:
 
     @property
     def decision(self) -> bool | None:
-        """Whether the stream is in g; None as long as that is open."""
+        """Whether the stream is in g; None while that is undecided."""
         return self._decision
 
     @property
     def in_g(self) -> bool:
-        """Whether the stream is in g, by the latest messages where that is still open."""
+        """Whether the stream is in g, by the latest messages while that is undecided."""
         if self._decision is not None:
             return self._decision
         return len(self._latest) > 0 and _verdict(self._latest) is True
 
     @property
     def remarks(self) -> list[Finding]:
-        """Return what the user should know of it; code `unit_g`."""
+        """Return the finding that the user should know; its code is `unit_g`."""
         return [finding('unit_g')] if self.in_g else []
 
     @property
     def waiting(self) -> list[ImuBlock]:
-        """Return the messages that wait, in m/s^2 by what they look like so far."""
+        """Return the messages held back, in m/s^2 by the latest messages."""
         return self._converted(self._waiting)
 
     def __call__(self, block: ImuBlock) -> list[ImuBlock]:
@@ -90,7 +90,7 @@ class AccelerationUnit:
             return self._converted([block])
         if self._waiting:
             return self._after(block)
-        # What has no acceleration, or zeros, is the same in any unit.
+        # Absent or zero acceleration is the same in any unit.
         informative = np.flatnonzero(
             (np.nan_to_num(block.samples[:, 3:]) != 0).any(axis=1) & ~block.absent[:, 1])
         if not len(informative):
@@ -100,13 +100,13 @@ class AccelerationUnit:
                 *self._after(block.part(slice(first, None)))]
 
     def each(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
-        """Return the blocks with their acceleration in m/s^2."""
+        """Yield the blocks with their acceleration in m/s^2."""
         for block in blocks:
             yield from self(block)
         yield from self.waiting
 
     def _after(self, block: ImuBlock) -> list[ImuBlock]:
-        """Let messages wait behind those before; return all once it is decided."""
+        """Hold messages back, after earlier ones; return all when the unit is decided."""
         self._waiting.append(block)
         magnitudes = _magnitudes(block)[:_LONGEST_WAIT - self._waited]
         self._waited += len(magnitudes)
@@ -116,8 +116,8 @@ class AccelerationUnit:
             verdict = _verdict(usable[first:first + _SPAN])
             first += _SPAN
             self._agreeing += verdict is True
-            # A driver's first messages, or a steady push on what has gravity taken out, may lie
-            # near 1 for a while: eight spans must look like g, and none unlike it.
+            # The first messages of a driver, or a steady push with gravity removed, may lie near 1
+            # for a while. Eight spans must look like g, and none unlike it.
             if verdict is False or self._agreeing == 8:
                 self._decision = verdict
         self._unjudged, self._latest = len(usable) - first, usable[-_SPAN:]

@@ -3,8 +3,8 @@
 """
 Noise models and datasheets as YAML files whose values carry units.
 
-One shape serves the simulator (what the sensor's noise is) and the datasheet check (what it may at
-most be)::
+One format serves the simulator (the noise of the sensor) and the datasheet check (its upper
+limits)::
 
     name: My IMU
     gyro: {noise_density: 0.03 deg/s/sqrt(Hz), bias_instability: 18 deg/h}
@@ -12,10 +12,10 @@ most be)::
       noise_density: 100 ug/sqrt(Hz)
       z: {noise_density: 150 ug/sqrt(Hz)}
 
-What stands under a sensor holds for its three axes, what stands under ``x``, ``y`` or ``z`` for
-that axis, before the sensor's. A coefficient may be called by its key or by the name that tables
-print (``angle_random_walk``). A datasheet may limit besides what is no noise (`LIMITS`); a
-simulation passes that over.
+Entries under a sensor hold for its three axes. Entries under ``x``, ``y`` or ``z`` hold for that
+axis and take precedence. A coefficient is given by its key or by its name in tables
+(``angle_random_walk``). A datasheet may also limit what is not noise (`LIMITS`), which a
+simulation ignores.
 """
 
 from collections.abc import Mapping
@@ -42,15 +42,15 @@ LIMITS: dict[str, dict[Quantity, str]] = {
     )
 }
 """
-What a datasheet may limit besides the noise terms, with the SI unit by quantity: distance of the
-mean from `mean`, distance of the mean vector's length from standard gravity, effective window of a
-low-pass, amplitude of a spectral line, change of the mean with temperature, and its spread from
-one power-on to the next.
+Limits in a datasheet besides the noise terms, with the SI unit by quantity. They are, in order,
+the distance of the mean from `mean`, and of the mean vector's length from standard gravity. Then
+come the effective window of a low-pass and the amplitude of a spectral line. The last two are the
+change of the mean with temperature, and its spread between power-ons.
 """
 _SENSORS = ('gyro', 'accel')
 _WANTED = 'give a noise model or datasheet YAML file'
 _LONGEST_FILE = 1_000_000
-"""Bytes: a model has one KB, and a YAML parser takes seconds for a thousand."""
+"""In bytes: a model has 1 KB, and a YAML parser takes seconds for 1000 KB."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +61,16 @@ class NoiseModel:
     Attributes
     ----------
     name : str or None
-        What the file calls the sensor.
+        Name of the sensor in the file.
     axes : dict of axis name to dict of term key to float
-        Coefficients in SI units; axes and terms the file does not name are missing.
+        Coefficients in SI units; axes and terms that the file does not name are missing.
     gauss_markov : dict of axis name to GaussMarkov
     mean : dict of axis name to float
         Constant part of the signal, in rad/s or m/s^2.
     as_written : dict of axis name to dict of key to str
-        The text of each coefficient and limit in the file.
+        Text of each coefficient and limit in the file.
     limits : dict of axis name to dict of key to float
-        What a datasheet limits besides, by key of `LIMITS`, SI units.
+        Further limits of a datasheet, by key of `LIMITS`, in SI units.
 
     """
 
@@ -122,8 +122,8 @@ def load_model(path: str | os.PathLike[str]) -> NoiseModel:
     Raises
     ------
     ImuAllanError
-        If the file cannot be read or a key, value or unit is not right; the message names the
-        file, the key and a right example.
+        If the file cannot be read, or a key, value or unit is invalid. The message names the file
+        and the key, and gives a valid example.
 
     """
     try:
@@ -150,12 +150,12 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
     text : str
         YAML.
     name : str
-        What errors call the text, for instance its path.
+        Name of the text in error messages, for instance its path.
 
     Raises
     ------
     ImuAllanError
-        If a key, value or unit is not right.
+        If a key, value or unit is invalid.
 
     """
     document = _yaml(text, name)
@@ -179,7 +179,8 @@ def _yaml(text: str, name: str) -> Any:
     import yaml
 
     try:
-        # The base loader leaves every scalar a text: a value without unit stays what was typed.
+        # The base loader keeps every scalar as text, so a value without unit stays as it was
+        # typed.
         return yaml.load(text, Loader=yaml.BaseLoader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
@@ -191,7 +192,7 @@ def _yaml(text: str, name: str) -> Any:
 
 
 def _read_sensor(model: NoiseModel, sensor: str, value: Any, where: str) -> None:
-    """Read what stands under a sensor for all axes, then what stands under a single one."""
+    """Read the entries of a sensor for all axes, then those for single axes."""
     entries = _mapping(value, where)
     for letter in 'xyz':
         own = _mapping(entries[letter], f'{where}.{letter}') if letter in entries else {}
@@ -233,7 +234,7 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
 
 
 def _key(written: str, quantity: Quantity) -> str:
-    """Key of a term that is called by the name that tables print; anything else as it is."""
+    """Return the key of a term given by its name in tables; anything else unchanged."""
     words = written.replace('_', ' ').replace('-', ' ')
     return next((key for key, term in TERMS.items() if term.name(quantity) == words), written)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Numbers that no sensor of the kind has at rest, and what they are likely to be instead.
+Values that no such sensor has at rest, and what they are likely to be instead.
 
 The limits lie above the worst datasheets of sensors that are sold, which docs/faq.md lists: what
 passes them is another unit, raw counts, or was moved.

@@ -3,7 +3,7 @@
 """
 A simulated IMU at rest: a noise model in, blocks of Imu samples out.
 
-It stands where a topic or a recording stands: the simulated sensor of the node and the recordings
+It takes the place of a topic or a recording: the simulated sensor of the node and the recordings
 that ``imu_allan simulate`` writes both come from here.
 """
 
@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DRAWN_AT_ONCE = 1024
-"""Calls of numpy cost more than the noise in smaller blocks. Part of what a seed means."""
+"""Samples drawn at once: in smaller blocks numpy calls cost more than the noise. The samples of a
+seed depend on it."""
 
 
 class SimulatedImu:
@@ -29,12 +30,12 @@ class SimulatedImu:
     Parameters
     ----------
     model : NoiseModel
-        Coefficients of each axis. An axis that the model does not name is noiseless; where it
-        gives no accelerometer a mean, z measures gravity, as at rest it does.
+        Coefficients of each axis. An axis that is not in the model is noiseless. If no
+        accelerometer has a mean, z measures gravity.
     sample_rate_hz : float
         Samples per second.
     seed : int, optional
-        The same seed gives the same samples, whatever the sizes they are drawn in.
+        The same seed gives the same samples, however many are drawn at a time.
 
     """
 
@@ -51,8 +52,8 @@ class SimulatedImu:
         """Return the next samples, shape (samples, 6), in rad/s and m/s^2."""
         drawn = [self._ready]
         missing = samples - len(self._ready)
-        # The streams take their random numbers block by block: only blocks of one size make the
-        # samples independent of the sizes they are asked for in.
+        # The streams draw random numbers block by block: with blocks of one size, the samples do
+        # not depend on how many are requested at a time.
         for _ in range(-(-missing // _DRAWN_AT_ONCE)):
             drawn.append(np.stack([s.draw(_DRAWN_AT_ONCE) for s in self._streams], axis=1))
         rows = np.concatenate(drawn)
@@ -61,7 +62,7 @@ class SimulatedImu:
 
 
 def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
-    """Give what `imu_allan.noise.simulate` wants to know of one axis of `model`."""
+    """Return the coefficients of one axis of `model`, as `imu_allan.noise.simulate` takes them."""
     coefficients: dict[str, Any] = dict(model.axes.get(axis, {}))
     if axis in model.gauss_markov:
         process = model.gauss_markov[axis]
@@ -87,7 +88,7 @@ def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, 
     sample_rate_hz : float
         Samples per second.
     samples : int
-        How many.
+        Number of samples.
     seed : int, optional
         As for `SimulatedImu`.
     start_ns : int, optional

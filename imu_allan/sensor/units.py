@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Units as engineers write them, to SI and back.
+Conversion of units as engineers write them, to SI and back.
 
-One table, of the units that inertial sensors are described in and no others. An angle is a
-dimension of its own here, so that ``0.03 1/s/sqrt(Hz)`` is not taken for an angular rate; ``g`` is
-the standard acceleration, not a gram.
+One table has the units in which inertial sensors are described, and no others. An angle has its
+own dimension here, so that ``0.03 1/s/sqrt(Hz)`` is not taken for an angular rate. ``g`` is the
+standard acceleration, not a gram.
 """
 
 from functools import lru_cache
@@ -15,7 +15,7 @@ import re
 from imu_allan.errors import ImuAllanError
 
 STANDARD_GRAVITY = 9.80665
-"""m/s^2 in one g, by definition; what an accelerometer at rest measures upwards."""
+"""m/s^2 in one g, by definition; an accelerometer at rest measures it upwards."""
 
 ENGINEERING_UNITS: dict[str, str] = {
     'rad': 'deg',
@@ -54,14 +54,12 @@ _UNITS: dict[str, tuple[float, _Powers]] = {
         ('dps', pi / 180, (1.0, 0.0, -1.0, 0.0)),
         ('g', STANDARD_GRAVITY, (0.0, 1.0, -2.0, 0.0)),
         ('Gal', 1e-2, (0.0, 1.0, -2.0, 0.0)),
-        # A difference of temperature: a degree Celsius is as large as a kelvin.
+        # For temperature differences: a degree Celsius is as large as a kelvin.
         ('K kelvin degC', 1.0, _KELVIN),
     )
     for name in names.split()
 }
-"""
-Size in SI units, and powers of angle, length, time and temperature, of every unit that is known.
-"""
+"""Size in SI units, and powers of angle, length, time and temperature, of every known unit."""
 _PREFIXES = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'milli': 1e-3}
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
@@ -70,12 +68,12 @@ _DECIMAL_COMMA = re.compile(r',\d')
 _SPELLINGS = (
     ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
 )
-# Exponents have one digit and no exponent of their own: no text asks for an enormous power.
+# Exponents have one digit and no exponent of their own, so no text leads to an enormous power.
 _TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
                     r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
 _ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
 _LONGEST = 80
-"""Characters: twice as long as any unit in use; the rest of a text is neither parsed nor shown."""
+"""In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
 
 def parse(text: str, to: str) -> float:
@@ -86,19 +84,19 @@ def parse(text: str, to: str) -> float:
     ----------
     text : str
         A number and a unit, such as ``0.03 deg/s/sqrt(Hz)``, ``18 deg/h`` or ``100 ug/sqrt(Hz)``.
-        The signs of datasheets (``°``, ``µ``, ``√``, ``²``) are understood.
+        The symbols of datasheets (``°``, ``µ``, ``√``, ``²``) are accepted.
     to : str
-        Unit of the result, which is one of the keys of `ENGINEERING_UNITS`.
+        Unit of the result, one of the keys of `ENGINEERING_UNITS`.
 
     Returns
     -------
     float
-        In the unit `to`.
+        Value in the unit `to`.
 
     Raises
     ------
     ImuAllanError
-        If the number, the unit or its dimension is not right; the message gives a right example.
+        If the number, the unit or its dimension is invalid; the message gives a valid example.
 
     """
     known = dict.fromkeys((ENGINEERING_UNITS.get(to, to), to))
@@ -147,7 +145,7 @@ def convert(value: float, unit: str, to: str) -> float:
     Raises
     ------
     ImuAllanError
-        If the two units are not of one dimension.
+        If the two units have different dimensions.
 
     """
     factor = _factor(unit, to)
@@ -157,7 +155,7 @@ def convert(value: float, unit: str, to: str) -> float:
 
 
 MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
-"""In which the mean of an axis is read: one can imagine a turn of a degree a second."""
+"""Unit in which the mean of an axis is shown: a degree per second is easy to imagine."""
 
 
 def engineering(value: float, unit: str) -> tuple[float, str]:
@@ -167,7 +165,7 @@ def engineering(value: float, unit: str) -> tuple[float, str]:
     Parameters
     ----------
     value : float
-        In the SI unit `unit`.
+        Value in the SI unit `unit`.
     unit : str
         One of the keys of `ENGINEERING_UNITS`.
 
@@ -183,7 +181,7 @@ def engineering(value: float, unit: str) -> tuple[float, str]:
 
 
 def typeset(unit: str) -> str:
-    """Return `unit` with the signs of print: ``°/√h`` for ``deg/sqrt(h)``, ``µg`` for ``ug``."""
+    """Return `unit` with typographic symbols: ``°/√h`` for ``deg/sqrt(h)``, ``µg`` for ``ug``."""
     unit = re.sub(r'sqrt\((\w+)\)', r'√\1', unit)
     unit = re.sub(r'\bdeg\b', '°', re.sub(r'\bug\b', 'µg', unit))
     return unit.replace('^2', '²').replace('^3', '³')
@@ -191,7 +189,7 @@ def typeset(unit: str) -> str:
 
 @lru_cache(maxsize=256)
 def _factor(unit: str, to: str) -> float | None:
-    """Units of `to` in one `unit`; None where `unit` is unknown or of another dimension."""
+    """Return how many `to` are in one `unit`; None if it is unknown or of another dimension."""
     try:
         size, powers = _size(unit)
         to_size, to_powers = _size(to)
@@ -204,11 +202,11 @@ _Size = tuple[float, tuple[float, ...]]
 
 
 class _NotAUnit(ValueError):
-    """Text that is no unit of this module."""
+    """Raised for text that is not a unit of this module."""
 
 
 def _size(text: str) -> _Size:
-    """Size in SI units, and powers of angle, length, time and temperature, of a unit."""
+    """Return the size of a unit in SI, and its powers of angle, length, time and temperature."""
     for sign, spelling in _SPELLINGS:
         text = text.replace(sign, spelling)
     text = _ROOT.sub(lambda m: f'({m[1] or m[2]})^0.5', text).strip()
@@ -229,7 +227,7 @@ def _size(text: str) -> _Size:
 
 
 def _product(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
-    """Read factors up to a closing parenthesis or the end; return what follows them too."""
+    """Read factors up to a closing parenthesis or the end; also return what follows them."""
     size, tokens = _power(tokens)
     while tokens and tokens[0][2] != ')':
         sign = tokens[0][2]
