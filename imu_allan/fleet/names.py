@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a unit is called, and in which order units stand."""
+"""Names of units, and their order."""
 
 from pathlib import Path
 import re
@@ -10,10 +10,10 @@ from imu_allan.errors import ImuAllanError, printable
 
 def name_pattern(text: str) -> 'str | re.Pattern[str]':
     """
-    Read what names are made of.
+    Parse the option that says what units are named after.
 
-    ``folder``, ``file``, or a regular expression whose first group (or all of it, where it has
-    none) is the name.
+    It is ``folder``, ``file``, or a regular expression whose first group (or whole match, if it
+    has none) is the name.
     """
     if text in ('folder', 'file'):
         return text
@@ -28,8 +28,8 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
     """
     Name a unit after its recording.
 
-    After its own name, that of the folder it lies in, or what a regular expression finds in the
-    path, as `name_pattern` read it.
+    The name is that of the file, of its folder, or what a regular expression from `name_pattern`
+    finds in the path.
     """
     if isinstance(source, re.Pattern):
         found = source.search(path)
@@ -45,6 +45,6 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
 
 def natural(name: str) -> tuple[tuple[object, ...], str]:
     """Return a key that sorts ``unit2`` before ``unit10``, and ``bag_2`` before ``bag_10``."""
-    # Text and numbers alternate, so that the parts of two names are always of one kind.
+    # Text and numbers alternate, so that compared parts of two names always have the same type.
     return tuple(int(part) if place % 2 else part.casefold()
                  for place, part in enumerate(re.split(r'(\d+)', name))), name

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Units of one model as a population: every coefficient's spread, and its outliers."""
+"""Units of one model as a population: the spread of every coefficient, and outliers."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,43 +19,43 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 PERCENTILES = (5, 25, 50, 75, 95)
-"""Median, the half of the units about it, and all but one in ten."""
+"""The median, the middle half of the units, and the middle nine tenths."""
 TOLERANCE_SHARE = 0.95         # of the units ...
 TOLERANCE_CONFIDENCE = 0.95
-"""The usual 95/95 limit: 95 % of all units keep it, with 95 % confidence."""
+"""The usual 95/95 tolerance limit, which 95 % of all units keep, with 95 % confidence."""
 MEAN = 'mean'
-"""Key of the zero bias of a gyroscope, which stands among the coefficients of a population."""
+"""Key of the zero bias of a gyroscope, which is listed with the coefficients of a population."""
 
 FEWEST_UNITS = 3
-"""Of two, the 95 % interval of a spread reaches up to 32 times of it, of three to 6."""
+"""The 95 % interval of a spread reaches up to 32 times it with two units, 6 times with three."""
 _SIGNED = ('rate_ramp', MEAN)
-"""Signed quantities are normal about their mean; the others spread by factors."""
+"""Signed quantities, which are normal about their mean; the others are lognormal."""
 _VAGUE = 10.0
-"""A limit so many times above nearly all units is no limit: too few units are known."""
+"""A limit this many times above nearly all units says nothing: too few units are known."""
 
 
 @dataclass(frozen=True)
 class Trait:
     """
-    One quantity over all units, SI units.
+    Statistics of one quantity over all units, in SI units.
 
     Attributes
     ----------
     axis, key, unit : str
-        Which quantity.
+        Axis, quantity and its unit.
     units, observable : int
-        How many units have the axis, and how many show the quantity.
+        Number of units that have the axis, and of units that show the quantity.
     median : float
     between : float
-        Standard deviation between units, measurement error apart.
+        Standard deviation between units, without measurement error.
     between_ci95 : (float, float)
     measurement : float
-        Standard error of a typical unit's value.
+        Standard error of the value of a typical unit.
     percentiles : mapping of int to float
-        Of the population, by percent.
+        Percentiles of the population, by percent.
     tolerance : float or None
-        95 % of all units keep this limit, with 95 % confidence; of a signed quantity its
-        magnitude does. None where too few units are known for one.
+        Limit that 95 % of all units keep, with 95 % confidence; for a signed quantity, on its
+        magnitude. None if too few units are known.
 
     """
 
@@ -75,19 +75,19 @@ class Trait:
 @dataclass(frozen=True)
 class Oddity:
     """
-    Why a unit does not belong.
+    Reason why a unit is an outlier.
 
     Attributes
     ----------
     unit, axis : str
     key : str or None
-        The quantity; None where the axis does not measure.
+        The quantity; None if the axis does not measure.
     fault : str or None
         'missing', or why the axis does not measure (`AxisResult.fault`).
     value, median, spreads : float or None
-        The unit's value, the median of the others, and the distance from it in standard
-        deviations between units (and of its own measurement), signed; where the axes of a sensor
-        are judged together, that of their mean.
+        The unit's value, the median of the others, and the signed distance from it in standard
+        deviations between units (and of its own measurement). If the axes of a sensor are judged
+        together, the distance is that of their mean.
 
     """
 
@@ -103,9 +103,9 @@ class Oddity:
 @dataclass(frozen=True)
 class Population:
     """
-    Units in natural order of their names, what they have in common, and its outliers.
+    Units in natural order of their names, statistics of their quantities, and outliers.
 
-    `unseen` holds axis and key of the coefficients that a filter takes and too few units show.
+    `unseen` holds axis and key of the coefficients that a filter needs and too few units show.
     """
 
     units: tuple[str, ...]
@@ -122,7 +122,7 @@ class Population:
 
 @dataclass(frozen=True)
 class _Sample:
-    """One quantity as measured on every unit that has the axis, on the scale it is normal on."""
+    """One quantity on every unit that has the axis, on the scale on which it is normal."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -132,9 +132,7 @@ class _Sample:
 
 def population(results: Mapping[str, Result]) -> Population:
     """
-    Describe a fleet.
-
-    Of quantities that at least three units show.
+    Describe a fleet by the quantities that at least three units show.
 
     Examples
     --------
@@ -151,7 +149,7 @@ def population(results: Mapping[str, Result]) -> Population:
                    if key in LASTING_TERMS and len(sample.values) < FEWEST_UNITS <= sample.units)
     samples = {quantity: sample for quantity, sample in samples.items()
                if len(sample.values) >= FEWEST_UNITS}
-    # A fleet without a bad unit names one with a probability of 0.01.
+    # In a fleet without bad units, the probability of naming any is 0.01.
     alone = {quantity: {name for name, out in zip(sample.values, outliers(
         list(sample.values.values()), list(sample.errors.values()), 0.01 / len(samples)),
         strict=True) if out} for quantity, sample in samples.items()}
@@ -160,7 +158,7 @@ def population(results: Mapping[str, Result]) -> Population:
     apart = {(oddity.unit, oddity.axis, oddity.key) for oddity in together}
     traits = []
     for (axis, key), sample in samples.items():
-        # The bad ones say nothing about the others.
+        # Outliers say nothing about the others.
         kept = [name for name in sample.values
                 if name not in alone[axis, key] and (name, axis, key) not in apart]
         effects = random_effects([sample.values[name] for name in kept],
@@ -179,7 +177,7 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
         having = sum(axis in result.axes for result in results.values())
         for name, result in results.items():
             if axis not in result.axes:
-                # An axis that most units lack is missing in none.
+                # An axis that most units lack is not missing in any.
                 if 2 * having > len(results):
                     yield Oddity(name, axis, None, 'missing')
             elif (fault := result.axes[axis].fault) is not None:
@@ -207,11 +205,11 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
             sample.values[name], sample.errors[name] = found.value, (high - low) / (2 * NORMAL95)
         elif found.value > 0:
             sample.values[name] = log(found.value)
-            # An interval down to zero has only its upper half on this scale.
+            # Of an interval down to zero, only the upper half exists on this scale.
             half = log(high / low) / 2 if low > 0 else log(high / found.value)
             sample.errors[name] = half / NORMAL95
     if key == MEAN and sample.errors:
-        # A unit whose drift does not show drifts like the others all the same.
+        # A unit whose drift is not visible still drifts like the others.
         typical = median(sample.errors.values())
         sample.errors.update({name: max(error, typical) for name, error in sample.errors.items()})
     return sample
@@ -222,7 +220,7 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
     errors = sorted(sample.errors.values())
     typical = errors[len(errors) // 2]
     if key in _SIGNED:
-        # Both ends of the population: half of what may lie outside on each side.
+        # Two-sided limits: half of the share outside lies on each side.
         share = (1 + TOLERANCE_SHARE) / 2
         above = effects.tolerance(share, TOLERANCE_CONFIDENCE)
         below = 2 * effects.mean - above
@@ -244,11 +242,11 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
 def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tuple[str, str | None]]
               ) -> Iterator[Oddity]:
     """
-    Find units that lie apart on the axes of a sensor together, each axis too little by itself.
+    Find units that are outliers on the axes of a sensor together, but not on a single one.
 
-    A unit is held against the others by the mean of its axes. How much such a mean scatters is the
-    variance between units, pooled over the axes, and how correlated the axes of one unit are in
-    all quantities (their intraclass correlation).
+    A unit is compared with the others by the mean of its axes. The scatter of such a mean follows
+    from the variance between units, pooled over the axes. It also depends on the correlation of a
+    unit's axes in all quantities (their intraclass correlation).
     """
     from scipy.stats import t
 
@@ -259,7 +257,7 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
             units = [unit for unit in (samples[axes[0], key].values if axes else ())
                      if all(unit in samples[axis, key].values for axis in axes)
                      and (unit, key) not in named]
-            # As for one axis alone: among four, what a unit is held against is hardly known.
+            # As for single axes: with four units, the reference for a unit is hardly known.
             if key not in _SIGNED and len(axes) > 1 and len(units) >= 5:
                 own = [samples[axis, key] for axis in axes]
                 groups.append((axes, key, units,
@@ -285,12 +283,12 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
                            * count * (1 + (count - 1) * correlation))
             apart = values[place] - rest.mean(0)
             if abs(np.sum(np.sign(apart) * (np.abs(apart) > sqrt(variance)))) < count:
-                # One axis alone is judged by itself.
+                # Unless all axes lie apart in one direction, each is judged by itself.
                 continue
             away = float(np.sum(apart)) / scatter
             freedom = count * (len(rest) - 1) / (1 + (count - 1) * correlation**2)
-            # The same by all axes of a sensor together; .00 to .02, the more correlated axes of a
-            # unit are.
+            # Nominal probability of naming a good unit by all axes of a sensor together. The
+            # actual one, 0.00 to 0.02, rises with the correlation of the axes of a unit.
             if 2 * t.sf(abs(away), freedom) < 0.005 / tests:
                 for axis, value, others in zip(axes, values[place], rest.T, strict=True):
                     yield Oddity(unit, axis, key, None, exp(value), exp(median(others)), away)
