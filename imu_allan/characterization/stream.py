@@ -234,7 +234,7 @@ class Characterization:
 
     @property
     def at_other_rate(self) -> bool:
-        """Whether the latest messages are left out, as they come at another rate."""
+        """Whether the latest messages are left out because they come at another rate."""
         return self._timeline.at_other_rate
 
     def result(self, remarks: Iterable[Finding] = (), *,

@@ -94,7 +94,7 @@ def find_model(name: str) -> Path:
     Raises
     ------
     ImuAllanError
-        If there is neither.
+        If neither exists.
 
     """
     try:
@@ -105,7 +105,7 @@ def find_model(name: str) -> Path:
     if path.is_file():
         return path
     if path.name == name:
-        # The checkout, or what pip and colcon install beside the libraries.
+        # The checkout, or the folder into which pip and colcon install files.
         for parent in Path(__file__).resolve().parents[1:]:
             for folder in ('config', 'share/imu_allan/config'):
                 shipped = parent / folder / f'{path.stem}.yaml'

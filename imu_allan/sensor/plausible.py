@@ -3,8 +3,8 @@
 """
 Values that no such sensor has at rest, and what they are likely to be instead.
 
-The limits lie above the worst datasheets of sensors that are sold, which docs/faq.md lists: what
-passes them is another unit, raw counts, or was moved.
+The limits lie above the worst datasheets of sensors on the market, which docs/faq.md lists. Values
+beyond them are in another unit, raw counts, or due to motion.
 """
 
 from collections.abc import Mapping
@@ -17,19 +17,19 @@ from imu_allan.sensor.units import STANDARD_GRAVITY
 
 
 class Limits(NamedTuple):
-    """Largest numbers at rest, in SI units."""
+    """Largest values at rest, in SI units."""
 
     noise_density: float
     mean: float
-    spread: float    # of a sample to the next: Allan deviation at the shortest averaging time
-    # How many times too large a number is in the unit that is most often taken for SI, and which
+    spread: float    # between samples: Allan deviation at the shortest averaging time
+    # The unit most often taken for SI, after the factor by which it makes a number too large
     factor: float
     unit: str
 
 
 LIMITS = {
     'angular_velocity': Limits(5e-3, 1.5, 0.5, degrees(1), 'deg/s'),
-    # Of the mean gravity is 9.81 m/s^2.
+    # The mean includes gravity, 9.81 m/s^2.
     'linear_acceleration': Limits(0.2, 20.0, 5.0, 1e3 / STANDARD_GRAVITY, 'mg'),
 }
 

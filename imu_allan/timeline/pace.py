@@ -280,8 +280,8 @@ def _even_with_outages(steps: Floats) -> float | None:
     pauses = steps[~near]
     if not len(pauses):
         return None
-    # Late stamps make many short steps that are not even: half of the time beside even steps
-    # passes in longer ones than this.
+    # Late stamps make many short uneven steps, so take the median by time: half of the time beside
+    # even steps passes in longer steps than this.
     pauses = np.sort(pauses)
     passed = np.cumsum(pauses)
     lasting = float(pauses[np.searchsorted(passed, passed[-1] / 2)])

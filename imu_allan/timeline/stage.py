@@ -174,7 +174,7 @@ class TimelineStage(Record):
 
     @property
     def at_other_rate(self) -> bool:
-        """Whether the latest messages are left out, as they come at another rate."""
+        """Whether the latest messages are left out because they come at another rate."""
         return self._placing.cursor.other_rate
 
     @property
