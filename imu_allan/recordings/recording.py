@@ -121,7 +121,7 @@ class Recording(ABC):
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
         definition: Definition | None,
     ) -> bool:
-        """Add a topic to `topics` if it holds an IMU, else to `other_topics`; return which."""
+        """Add a topic to `topics` and return True if it holds an IMU, else to `other_topics`."""
         found: dict[str, ImuMessages] = {}
         if definition is not None and is_parsed(topic, type_name, definition, self.options):
             self._searched_characters += len(definition.text)

@@ -26,8 +26,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     Return a line with the verdict on each sensor, based on its worst axis.
 
-    An example is ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3
-    h.``
+    Example: ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
     """
     lines = []
     for sensor, verdict in verdicts_of(result).items():

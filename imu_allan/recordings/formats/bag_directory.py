@@ -116,7 +116,7 @@ class BagDirectory(Recording):
                              if name not in recorded}
 
     def _read_metadata(self) -> list[str]:
-        """List topics and files by metadata.yaml; without it, add a remark and return no files."""
+        """Read topics and file names from metadata.yaml; without it, add a remark, return none."""
         path = self.path / 'metadata.yaml'
         if not path.is_file():
             if _recorded_files(self.path):

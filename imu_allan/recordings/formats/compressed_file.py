@@ -66,7 +66,7 @@ class CompressedRecording(Recording):
             file.seek(0)
             read = decompressing(file)
             try:
-                # Bytes held in memory at a time; a bound may be exceeded by at most this much.
+                # Bytes decompressed at a time, so that an exceeded bound is noticed early.
                 while data := read(1 << 22):
                     written += len(data)
                     if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:

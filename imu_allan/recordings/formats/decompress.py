@@ -117,8 +117,8 @@ class Effort:
         self._at_least = at_least
         self._bytes_per_step = bytes_per_step
         self._left = 0
-        # Ten chunks may take all of `at_least` steps, whatever their size. Beyond that, even the
-        # smallest compressed record takes more than four bytes of the file.
+        # Up to ten chunks may take `at_least` steps each, whatever their size. Beyond that, even
+        # the smallest compressed record takes more than four bytes of the file.
         self._steps = 10 * at_least + size // 4
         self._bytes = PLAIN_BYTES + MOST_RATIO * size
 

@@ -60,9 +60,9 @@ def glim(numbers: Numbers) -> str:
 
     ``IMUIntegration`` (imu_integration.cpp) squares ``imu_acc_noise`` and ``imu_gyro_noise`` into
     GTSAM's continuous covariances. ``OdometryEstimationIMU::insert_frame``
-    (odometry_estimation_imu.cpp) ties the biases of two frames by ``Sigma(6, imu_bias_noise)``
-    whatever the time between them: K times the root of that time, of the sensor for which that is
-    larger.
+    (odometry_estimation_imu.cpp) constrains the bias change between two frames by ``Sigma(6,
+    imu_bias_noise)``, regardless of the time between them. The value is therefore K times the root
+    of that time, the larger of both sensors.
     """
     frame = numbers.aiding_s or 0.1
     densities = expanded(numbers, """    "imu_acc_noise": {accel N},
@@ -89,9 +89,9 @@ def gazebo(numbers: Numbers) -> str:
     Write the SDF noise of a Gazebo IMU sensor for each axis: N sqrt(f), and K.
 
     ``GaussianNoiseModel::ApplyImpl`` of gz-sensors (GaussianNoiseModel.cc) adds noise of standard
-    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at a step: this
+    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at each step. This
     parameter is thus the driving density K, ``sigma sqrt(2/Tc)``, not the standard deviation of
-    the bias. ``stddev`` is that of a sample. Releases whose ``ApplyImpl`` has no time step have no
+    the bias. ``stddev`` refers to a sample. Releases whose ``ApplyImpl`` has no time step have no
     dynamic bias.
     """
     f = numbers.rate()
@@ -153,16 +153,16 @@ def matlab(numbers: Numbers) -> str:
     """
     Write MATLAB's ``gyroparams`` and ``accelparams``: N, B and K, for each axis, single-sided.
 
-    ``setupBandwidth`` of imuSensor (IMUSensorSimulator.m of the toolbox) takes f for a NoiseType
-    of 'single-sided' and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
-    NoiseDensity by the root of that, ``setStdDevRandWalk`` divides RandomWalk by it: N sqrt(f) and
-    K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B times
-    ``sqrt(2/(f pCorrelationTime))``, which is B as it is, because ``setupBiasInstabilityDrift``
-    sets that time to two samples: white noise that goes through the filter of
-    BiasInstabilityCoefficients. That is
-    ``fractalcoef`` (R2023b; N. J. Kasdin, Proc. IEEE 83(5), 1995): of n poles it makes flicker of
-    level B out of it for as long as n samples, and of one, the default, white noise of 2 B a
-    sample, without any flicker.
+    ``setupBandwidth`` of imuSensor (IMUSensorSimulator.m of the toolbox) uses f for the NoiseType
+    'single-sided', and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
+    NoiseDensity by the root of that, and ``setStdDevRandWalk`` divides RandomWalk by it. The
+    correct values, N sqrt(f) and K/sqrt(f), are thus those of 'single-sided'.
+
+    ``setStdDevBiasInst`` multiplies B by ``sqrt(2/(f pCorrelationTime))``. That factor is 1,
+    because ``setupBiasInstabilityDrift`` sets the time to two samples. The resulting white noise
+    passes the filter of BiasInstabilityCoefficients. With n poles of ``fractalcoef`` (R2023b; N.
+    J. Kasdin, Proc. IEEE 83(5), 1995), it becomes flicker of level B over times up to n samples.
+    With one pole, the default, it is white noise of 2 B per sample, without flicker.
     """
     # Flicker is accurate to 2 % over half as many samples, and to 10 % over four times as many.
     poles = 2000

@@ -4,14 +4,14 @@
 Configurations from templates: files in the consumer's format, with formulas for numbers.
 
 The folder templates/ has one template per consumer. Lines that begin with ``#:`` state where in
-the consumer's source the meaning of its numbers was read. Other lines may contain
+the consumer's source the meaning of its numbers was read. Other lines may contain:
 
-- ``{gyro N sqrt(f)}`` for a number of the worst axis, in the unit that follows after ``in``. With
-  ``of x, y, z``, ``on the diagonal`` of a matrix and ``times identity`` it is several numbers.
-  With ``from 0.1 to 1`` it stays within what is safe to load, with ``gyro_x`` it is of that axis.
-  What is to be said of it comes above it, as comments.
-- ``{heading}`` for where the numbers come from, ``{f}`` and ``{1/f}`` for the rate, ``{rates}``
-  for that of each sensor, ``{topic}``, and ``{hours}`` for the correlation time of all axes.
+- ``{gyro N sqrt(f)}``, a number of the worst axis, in the unit that follows ``in``. With
+  ``of x, y, z``, ``on the diagonal`` of a matrix or ``times identity`` it is several numbers.
+  ``from 0.1 to 1`` keeps it within a range that is safe to load, and ``gyro_x`` selects an axis.
+  Remarks on it are inserted above it as comments.
+- ``{heading}``, the origin of the numbers; ``{f}`` and ``{1/f}`` for the rate, ``{rates}`` for
+  the rate of each sensor; ``{topic}``; and ``{hours}``, the correlation time of all axes.
 
 A paragraph with a value that the result lacks is omitted. For a number of a whole sensor, a
 comment says so.
