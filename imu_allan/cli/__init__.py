@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `imu_allan`: one verb, one module."""
+"""The command `imu_allan`, with one module for each verb."""
 
 from imu_allan.blas_threads import use_one_thread
 

@@ -90,7 +90,7 @@ def register(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Characterize every recording; each result is shown once it and those before it are done."""
+    """Characterize every recording; show each result once it and all earlier ones are done."""
     from imu_allan.recordings import recordings_in
 
     args.recordings = [str(path) for given in args.recordings for path in recordings_in(given)]
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         args.parser.error('--resume needs --output')
     choice = choice_of(args)
     if args.dask is None:
-        # What works on a cluster may see another disk.
+        # The workers of a cluster may see another disk.
         if args.output is not None:
             require_writable(args.output)
         if args.json is not None and not Path(args.json).exists():
@@ -145,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
                 continue
             gathering.add(task, result)
             with progress.aside():
-                # Up to seven topics of a recording are a table each, more are a line each.
+                # Up to seven topics of a recording get a table each, more get a line each.
                 _hand_out(task, result, args, first=not shown, brief=apart or len(tasks) > 7)
             if unsaved is not None:
                 complaints.append(unsaved)
@@ -171,7 +171,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
            gathering: Gathering) -> list[Task]:
-    """List what is to be done; what cannot be opened is added to `complaints`."""
+    """Return the tasks; add errors of recordings that cannot be opened to `complaints`."""
     from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording
 
@@ -192,7 +192,7 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllan
     if args.together:
         if complaints:
             raise complaints[0]
-        # Nothing is left out silently of what is to be one result.
+        # A joint result must not leave out a recording silently.
         return [Task(' + '.join(args.recordings), choice, sum(size for _, _, size in found),
                      output, 'together', inspection, tuple(args.consumers),
                      tuple(args.recordings))]
@@ -206,12 +206,12 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllan
 
 def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: bool,
               brief: bool) -> None:
-    """Show a result; its folder has been written already."""
+    """Print a result, whose folder has been written already."""
     from imu_allan.writers.filters import export
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
 
-    # Where it cannot be written, the work shall not have been for nothing.
+    # If it cannot be written, the result is printed all the same.
     unsaved: ImuAllanError | None = None
     if args.json is not None:
         try:
@@ -235,7 +235,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
 
 
 def _written(task: Task) -> str:
-    """Name the files of the only recording; of several the page of the fleet."""
+    """Return the line that names the files of a single recording."""
     from imu_allan.writers.filters import CONSUMERS
 
     own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')

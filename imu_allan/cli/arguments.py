@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Types of command line arguments: one out of range is wrong usage, reported before any work."""
+"""Types of command line arguments; values out of range are reported as wrong usage at once."""
 
 import argparse
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ _META = ('serial', 'operator', 'station')
 
 
 class Shown(argparse.Action):
-    """Prints what the function `const` returns, and ends the program as --help does."""
+    """Prints what the function `const` returns, and exits as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print it."""
+        """Print the text and exit."""
         print(self.const(), end='')
         parser.exit()
 
@@ -44,11 +44,11 @@ def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), {'': 1.0, 'hz': 1.0, 'khz': 1e3},
                        f'{text!r} is no rate: write Hz (100), or a number with Hz or kHz (2kHz)')
-    # Thirty times what the fastest IMUs give.
+    # Thirty times the rate of the fastest IMUs.
     if value > 1e6:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
                                          'the rate in Hz')
-    # Slower than any, and samples of many days still have times in nanoseconds.
+    # Slower than any IMU; at this rate, times of many days still fit into nanoseconds.
     if 0 < value < 1e-3:
         raise argparse.ArgumentTypeError(f'{text}: no IMU gives so few samples a second; give the '
                                          'rate in Hz')
@@ -102,16 +102,16 @@ def whole_number(text: str) -> int:
 
 def require_apart(args: argparse.Namespace) -> None:
     """
-    Refuse an output that is an input, another output, or there and of another kind.
+    Refuse an output that is an input, another output, or an existing file of another kind.
 
-    Each verb says by its defaults `inputs` and `outputs` which of its arguments are which, the
-    outputs with their kind (`imu_allan.writers.atomic`), which is empty for a folder.
+    The defaults `inputs` and `outputs` of each verb list which of its arguments are which. Outputs
+    have a kind (`imu_allan.writers.atomic`), which is empty for a folder.
 
     Raises
     ------
     ImuAllanError
-        If one is; a name that is empty, as of a variable that a shell does not know, is refused,
-        too.
+        If there is one, or if a name is empty, for example because of an undefined variable in a
+        shell.
 
     """
     from imu_allan.writers.atomic import require_replaceable
@@ -126,7 +126,7 @@ def require_apart(args: argparse.Namespace) -> None:
     taken: dict[str, str] = {}
     for name, path, kind in written:
         is_file = Path(path).is_file()
-        # A device takes several outputs.
+        # A device can take several outputs.
         if (is_file or not Path(path).exists()) and (
                 first := taken.setdefault(os.path.realpath(path), name)) != name:
             raise ImuAllanError(f'{name} {printable(path)}: is the file of {first}, too; name '
@@ -145,10 +145,10 @@ def _paths(args: argparse.Namespace, name: str) -> list[str]:
 
 
 def specification_of(text: str) -> 'NoiseModel':
-    """Return a datasheet: a file, or one that is shipped."""
+    """Return a datasheet, from a file or from those that are shipped."""
     from imu_allan.sensor.noise_model import find_model, load_model
 
-    # A pipe is no regular file, which is all that a model is looked for among.
+    # `find_model` looks for regular files only, so a pipe is opened directly.
     given = Path(text)
     return load_model(given if given.exists() else find_model(text))
 
@@ -159,12 +159,12 @@ def add_inspection(parser: argparse.ArgumentParser) -> None:
                         help='which unit is measured, by whom and where: serial=A-0017, '
                              'operator=NAME, station=NAME; may be repeated')
     for key in _META:
-        # As they were called before there was --meta.
+        # The names from before --meta existed.
         parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)
 
 
 def inspection_of(args: argparse.Namespace) -> 'Inspection | None':
-    """Return what those options say; None where nothing is said."""
+    """Return the values of these options; None if none was given."""
     from imu_allan.result import Inspection
 
     said = {key: value for key in _META if (value := getattr(args, key)) is not None}
@@ -181,7 +181,7 @@ def _meta(text: str) -> tuple[str, str]:
 
 
 def consumer(text: str) -> str:
-    """Read the name of a consumer, as `imu_allan.writers.consumers` knows it."""
+    """Read the name of a consumer that `imu_allan.writers.consumers` knows."""
     try:
         return consumer_called(text)
     except KeyError as error:
@@ -189,7 +189,7 @@ def consumer(text: str) -> str:
 
 
 def _with_unit(text: str, units: Mapping[str, float], complaint: str) -> float:
-    """Read a number with one of the units, of which no name stands for the first."""
+    """Read a number with one of the units; the unit may be omitted if `units` has ''."""
     match = re.fullmatch(rf'(.*?)\s*({"|".join(units)})', text.strip(), re.DOTALL)
     assert match is not None
     try:

@@ -43,7 +43,7 @@ def register(verbs: Any) -> None:
     undecided = parser.add_mutually_exclusive_group()
     undecided.add_argument('--allow-undecided', action='store_true',
                            help='exit status 0, not 4, where something is undecided')
-    # What is the rule now had to be asked for before.
+    # The default now, which was an option before.
     undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--min-duration', metavar='TIME', type=arguments.duration, default=0.0,
                         help='from a shorter record nothing passes (30min, 3h)')
@@ -67,7 +67,7 @@ def register(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the verdicts, write what was asked for, and return the status that they call for."""
+    """Print the verdicts, write the requested files, and return the exit status."""
     from imu_allan.recordings import recordings_in
 
     if args.live and args.start == 'auto':
@@ -92,13 +92,13 @@ def run(args: argparse.Namespace) -> int:
     if complaints and not failed:
         raise complaints[-1]
     unclear = not args.allow_undecided and 'cannot tell' in outcomes
-    # Beside 0, 1 and 2 of every verb, so that a script distinguishes a bad sensor from a bad
-    # command; a longer recording may turn 4 into 0 or 3.
+    # In addition to 0, 1 and 2 of every verb, so that scripts can distinguish a bad sensor from a
+    # bad command; a longer recording may turn 4 into 0 or 3.
     return 3 if failed else 4 if unclear else 0
 
 
 def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:
-    """Print the verdicts about one result or recording, and return what they come to."""
+    """Print the verdicts on one result or recording, and return the overall verdict."""
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
@@ -110,7 +110,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
         result = _result(source, args)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
     if (unit := arguments.inspection_of(args)) is not None:
-        # What is not said stays as it was.
+        # Entries that are not given stay as they were.
         said = {key: value for key, value in vars(unit).items() if value is not None}
         result = replace(result, inspection=replace(result.inspection or Inspection(), **said))
     for path, writer in ((args.json, datasheet.to_json), (args.junit, datasheet.to_junit),
@@ -129,7 +129,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
 
 def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
-    """Read until the verdict is certain, and say after how long it was."""
+    """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import fitted_of, growing
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing

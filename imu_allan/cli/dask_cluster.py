@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The connection to a Dask cluster; what else may answer at its address ends in one line."""
+"""Connection to a Dask cluster; anything else at its address gives an error of one line."""
 
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -12,12 +12,12 @@ from typing import Any
 from imu_allan.errors import ImuAllanError
 
 ANSWER_S = 10.0
-"""How long a scheduler may take to answer; one in the same building takes milliseconds."""
+"""Longest time for a scheduler to answer; one in the same building takes milliseconds."""
 
 
 @contextmanager
 def dask_client(address: str) -> Iterator[Any]:
-    """Connect to a scheduler, or say in a line why that does not work."""
+    """Connect to a scheduler, or raise an error of one line that says why that fails."""
     try:
         from distributed import Client
     except ImportError:
@@ -27,7 +27,7 @@ def dask_client(address: str) -> Iterator[Any]:
 
     class Quiet(Client):
         def __del__(self) -> None:
-            """Do nothing: one that was never connected would wait for its end, and complain."""
+            """Do nothing: a client that never connected would wait for its end, and complain."""
 
     def connect() -> None:
         try:
@@ -36,16 +36,16 @@ def dask_client(address: str) -> Iterator[Any]:
         except Exception as error:
             answer.set_exception(error)
 
-    # The library's own timeout does not end a wait for a peer that takes the connection and then
-    # says nothing. A thread that may be left behind must not keep the process alive.
+    # The library's own timeout does not cover a peer that accepts the connection and then sends
+    # nothing. The thread may be left behind and must not keep the process alive.
     threading.Thread(target=connect, daemon=True).start()
-    # What is logged at a failure are tracebacks of what a stranger sent.
+    # On failure the library logs tracebacks about whatever the peer sent.
     disabled = logging.root.manager.disable
     logging.disable()
     try:
         client = answer.result(2 * ANSWER_S)
     except Exception as error:
-        # What is no scheduler may send anything, and the library then raises anything.
+        # A peer that is no scheduler may send anything, so the library may raise anything.
         raise ImuAllanError(f'--dask {address}: no scheduler answers ({_reason(error)}); start '
                             'one with: dask scheduler') from error
     logging.disable(disabled)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Say what a finding means, how it is found, and what to do about it."""
+"""Explain what a finding means, how it is found, and what to do about it."""
 
 import argparse
 from difflib import get_close_matches
@@ -23,7 +23,7 @@ def register(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what is known of a code."""
+    """Print the explanation of a code, or a list of all codes."""
     import sys
     from textwrap import fill
 

@@ -15,7 +15,7 @@ from imu_allan.writers.consumers import consumers_by_family
 
 _OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
             'step_s': '--aiding', 'coast_s': '--coast'}
-"""What the user typed for what the library calls its arguments."""
+"""Options of the command, by the names of the library's arguments."""
 
 
 def register(verbs: Any) -> None:
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
             args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
             args.inflate)).text
     except ImuAllanError as error:
-        # The user typed something else than what the library calls its arguments.
+        # The user knows the options, not the names of the library's arguments.
         said = re.sub(rf'\b({"|".join(_OPTIONS)})\b', lambda name: _OPTIONS[name[1]], str(error))
         older = '' if path is None else left_from_before(path)
         raise ImuAllanError(f'{said}{older}') from error

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Several recordings as a fleet: what is done already, and what is gathered on the way."""
+"""Several recordings as a fleet: results of earlier runs, and results as they come in."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,44 +17,44 @@ if TYPE_CHECKING:
     from imu_allan.result import Result
 
 _MOST_COMPLAINTS = 100
-"""Lines on what failed: a file can name 65,000 topics without a message."""
+"""Lines about failures: a file can name 65,000 topics without a message."""
 
 
 class Gathering:
-    """The results of many recordings as they come in, without what a fleet does not need."""
+    """Collects the results of many recordings, without the parts that a fleet does not need."""
 
     def __init__(self, output: Path | None, *, apart: bool = False) -> None:
         self._output = output
-        # Nobody asks for those of many topics, and of 65,000 they would take 2.5 GB.
+        # Results of many topics are not needed, and those of 65,000 would take 2.5 GB.
         self._wanted = apart or output is not None
         self._results: dict[str, Result] = {}
         self._failures: list[tuple[str, str, str]] = []
         self._means: dict[tuple[float, ...], str] = {}
 
     def add(self, task: Task, result: 'Result') -> None:
-        """Take in a result; one of the messages of another counts as a failure."""
+        """Add a result; one from the same messages as an earlier one counts as a failure."""
         if not self._wanted:
             return
         from imu_allan.analysis import given_twice
 
-        # No two recordings have the same means to the last digit, but for axes that are dead.
+        # Two recordings never have the same means to the last digit, except on dead axes.
         means = tuple(axis.mean for axis in result.axes.values()
                       if axis.mean is not None and not axis.constant)
         if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
             self.fail(task.unit, task.path, given_twice(other, task.unit))
             return
-        # Signal and spectrum are most of a result; of a thousand they would fill the memory.
+        # Signal and spectrum are most of a result; those of a thousand would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
                 for name, axis in result.axes.items()}
         self._results[task.unit] = replace(result, axes=axes)
 
     def fail(self, unit: str, path: str, error: BaseException) -> None:
-        """Take in that nothing came of a recording."""
+        """Add a recording that has failed."""
         if self._wanted:
             self._failures.append((unit, path, str(error)))
 
     def finish(self) -> None:
-        """Print what the units have in common; write it where there is a folder for it."""
+        """Print the table of all units, and write the files of the fleet if there is a folder."""
         if len(self._results) + len(self._failures) < 2:
             return
         from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
@@ -75,8 +75,8 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     """
     Return the results that an earlier run has left, by unit.
 
-    A result counts if its file is whole and was made of the very files of the recording, as they
-    are now, by this version with the same options; and if the other files lie beside it.
+    A result counts if its file is complete and the other files are beside it. It must have been
+    made from the files of the recording as they are now, by this version with the same options.
     """
     from imu_allan.recordings.same_recording import files_digest
     from imu_allan.version import __version__
@@ -104,7 +104,7 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
 
 
 def line(unit: str, result: 'Result') -> str:
-    """Return a result in one line."""
+    """Return a result as one line."""
     from imu_allan.sensor.units import engineering
     from imu_allan.wording import duration, number, SENSORS
     from imu_allan.writers.verdict import findings_line
@@ -123,7 +123,7 @@ def line(unit: str, result: 'Result') -> str:
 
 
 def raise_last(complaints: Sequence[ImuAllanError]) -> None:
-    """Print what kept recordings from being read, one line each; the last ends the command."""
+    """Print why recordings failed, one line each; raise the last error to end the command."""
     sys.stdout.flush()
     for complaint in complaints[:-1][:_MOST_COMPLAINTS]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
@@ -134,7 +134,7 @@ def raise_last(complaints: Sequence[ImuAllanError]) -> None:
 
 
 def complaint_of(error: BaseException, path: str) -> ImuAllanError:
-    """Return what stops one recording of several; what is unexpected shows where it came from."""
+    """Return the error of one recording of several; print the traceback of an unexpected one."""
     if isinstance(error, ImuAllanError):
         return error
     traceback.print_exception(error)
@@ -144,7 +144,7 @@ def complaint_of(error: BaseException, path: str) -> ImuAllanError:
 
 
 def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
-    """Return the complaint about a recording of which no axis shows any coefficient."""
+    """Return the error about a recording in which no axis shows any coefficient."""
     if any(found.observable or found.upper95 is not None
            for axis in result.axes.values() for found in axis.coefficients.values()):
         return None

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Say what a recording holds, before it is analyzed."""
+"""Show what a recording contains, before it is analyzed."""
 
 import argparse
 from collections.abc import Callable
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _INDENT = 14
-"""Columns of the names before what is said."""
+"""Width of the column of names."""
 _LISTED = 5
-"""Gaps and motions reported one by one."""
+"""Number of gaps and motions listed one by one."""
 _MOST_READ = 20
-"""Imu topics that are read, each of which goes through the whole recording."""
+"""Most Imu topics to read; each takes a pass over the whole recording."""
 _MOST_NAMED = 200
-"""Other topics reported by name; a robot has fewer."""
+"""Most other topics to list by name; a robot has fewer."""
 
 _READ = {'counted': 'each message taken for a sample, gaps seen where they last',
          'placed': 'each stamp shows its place, single missing samples are seen',
          'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
-"""How the stamps of a clock are read."""
+"""How the stamps of a clock are interpreted."""
 
 
 def register(verbs: Any) -> None:
@@ -51,7 +51,7 @@ def register(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what the recording holds, or each recording of a folder of several."""
+    """Print the contents of the recording, or of each recording in a folder."""
     from imu_allan.recordings import recordings_in
 
     complaints: list[ImuAllanError] = []
@@ -101,7 +101,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
 
 
 def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
-    """Return the rate that is stated for a topic."""
+    """Return the rate that the user states for a topic."""
     from imu_allan.recordings.halves import half_of
 
     if args.rate is None and args.accel_rate is None:
@@ -111,7 +111,7 @@ def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> fl
 
 
 def _choice(recording: 'Recording') -> str:
-    """Say what of several topics is read where none is named."""
+    """Describe which of several topics are read if none is named."""
     from imu_allan.recordings.halves import choose_streams
 
     try:
@@ -126,7 +126,7 @@ def _choice(recording: 'Recording') -> str:
 
 
 def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
-    """Print names, each with a word about it, where there are any."""
+    """Print topics with a word about each, if there are any."""
     from imu_allan.wording import counted
 
     if topics:
@@ -164,7 +164,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
                 try:
                     stage.push(block)
                 except NoAxes:
-                    # What comes later may have values; else the end decides.
+                    # Later blocks may have values; if none has, `flush` raises.
                     continue
                 except ImuAllanError as error:
                     failure = str(error)
@@ -195,7 +195,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
 
 
 def _wrapped(name: str, text: str) -> list[str]:
-    """Break what is said of a name into lines of the terminal; a pipe gets it whole, for grep."""
+    """Wrap the text about a name to the terminal; a pipe gets it in one line, for grep."""
     width = columns_of()
     if width is None:
         return [f'{name}{printable(text)}'.rstrip()]
@@ -216,7 +216,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
         rows.append(('start', summary.start_time))
     rows.append(('duration', duration(timeline.duration_s)))
     if timeline.sample_rate_hz is not None:
-        # Decimal seconds of a table are rounded to about that.
+        # Decimal seconds in a table are rounded to about this.
         jitter = ('' if summary.jitter_s is None or untimed else
                   f', jitter {duration(abs(summary.jitter_s))}'
                   if abs(summary.jitter_s) >= 1e-6 else ', jitter below 1 us')
@@ -248,7 +248,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                               for span in spans[:_LISTED])
             more = f' and {count - _LISTED} more' if count > _LISTED else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
-    # Nothing is cut out here, and where it moves was reported.
+    # Nothing is excluded here, and motion has a row of its own.
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks
                 if remark.code != 'motion')
     return rows

@@ -5,7 +5,7 @@ Entry point of the command `imu_allan`.
 
 Each verb is a module of this package with ``register(verbs)``, which describes its options, and
 ``run(args)``, which does the work and returns the exit status. Only ``run`` imports what the work
-needs: ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag reader.
+needs, so ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag reader.
 """
 
 import argparse
@@ -23,11 +23,11 @@ from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPT
 from imu_allan.version import __version__
 
 _BY_PIP = ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')
-"""Packages that an installation by rosdep may lack; pip and Python call them the same."""
+"""Packages that may be missing after rosdep; their names are the same in pip and in Python."""
 
 
 def command_parser() -> argparse.ArgumentParser:
-    """Build the parser of the whole command, every verb registered."""
+    """Build the parser of the whole command, with every verb."""
     parser = _Parser(
         prog='imu_allan',
         description='How noisy is this IMU? Allan deviation and the noise coefficients that '
@@ -49,17 +49,17 @@ def command_parser() -> argparse.ArgumentParser:
 
 class _Parser(argparse.ArgumentParser):
     """
-    Shows first what most need, and says what is wrong in two lines.
+    Parser whose help begins with the most common options, and whose errors take two lines.
 
-    A word that is none of the choices is reported with what it was perhaps meant to be, by names
-    that argparse does not publish: what it has for that begins with Python 3.14.
+    For an unknown word the nearest choice is suggested, through private names of argparse, which
+    has suggestions of its own only from Python 3.14 on.
 
     Parameters
     ----------
     short : str, optional
-        The options that --help shows, without their dashes; --help-all shows the others, too.
+        The options that --help shows, without their dashes; --help-all shows all options.
     examples : sequence of str, optional
-        Command lines, behind `imu_allan`, that end the help.
+        Command lines, without `imu_allan`, to show at the end of the help.
 
     """
 
@@ -74,7 +74,7 @@ class _Parser(argparse.ArgumentParser):
                               help='show every option and exit')
 
     def format_help(self, *, whole: bool = False) -> str:
-        """Return the help, without options that few need unless it is to be whole."""
+        """Return the help; unless `whole`, without the options that few users need."""
         formatter = self._get_formatter()
         formatter.add_text(self.description)
         for group in self._action_groups:
@@ -90,7 +90,7 @@ class _Parser(argparse.ArgumentParser):
         return f'{self.format_usage()}\n{formatter.format_help()}{examples}'
 
     def format_usage(self) -> str:
-        """Return one line: what is required, and that there is more."""
+        """Return one line with the required arguments, and a hint that there are options."""
         if self._subparsers is not None or self.usage is not None:
             return super().format_usage()
         required = [action for action in self._actions
@@ -110,7 +110,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments; one too many is reported with the usage of its verb."""
+    """Parse the arguments; report an unknown one with the usage of its verb."""
     parser = command_parser()
     args, unknown = parser.parse_known_args(argv)
     if unknown:
@@ -138,7 +138,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     """
     if sys.stderr is None:
-        # Its number is the first that is free, and no file shall get it.
+        # Otherwise the next file to be opened could get its descriptor.
         sys.stderr = open(os.devnull, 'w')  # noqa: PTH123, SIM115
     if sys.stdout is None:
         return _fail('standard output: is closed; lead it to a file, or to /dev/null')
@@ -166,7 +166,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
     except OSError as error:
         if error.filename is None and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            # Files are written by functions that name them.
+            # Functions that write files name them in errors, so this is standard output.
             drop_stdout()
             return _fail(f'standard output: {error.strerror}')
         if error.filename is None or error.strerror is None:
@@ -176,7 +176,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _fail(message: str) -> int:
     print(f'imu_allan: {printable(message)}', file=sys.stderr)
-    # argparse takes 2 for wrong usage.
+    # Not 2, which argparse uses for wrong usage.
     return 1
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The progress bar of long work: on a terminal only, on stderr, gone when the work is done."""
+"""Progress bar for long work: on stderr, only on a terminal, and removed at the end."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ProgressBar:
-    """A bar, or none; called with the amount done so far."""
+    """A progress bar or none, called with the amount done so far."""
 
     def __init__(self, bar: 'tuple[Progress, TaskID] | None' = None) -> None:
         self._bar = bar
@@ -27,7 +27,7 @@ class ProgressBar:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Take the bar off the terminal for as long as something else is written there."""
+        """Remove the bar from the terminal while something else is written there."""
         if self._bar is None:
             yield
             return
@@ -41,7 +41,7 @@ class ProgressBar:
 @contextmanager
 def progress_bar(label: object, total: int, *, wanted: bool = True,
                  in_bytes: bool = True) -> Iterator[ProgressBar]:
-    """Show how far the work is and when it will be done, `wanted` and on a terminal only."""
+    """Show progress and remaining time, only if `wanted` and on a terminal."""
     if not wanted or not sys.stderr.isatty():
         yield ProgressBar()
         return

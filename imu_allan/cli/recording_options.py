@@ -1,10 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The options that say how a recording is to be read; the same for every verb that reads one.
+Options for how to read a recording, the same for every verb that reads one.
 
-Some belong to messages and files, others to the timeline: in one module because every verb that
-characterizes takes both.
+Some are about messages and files, others about the timeline. They share a module because every
+verb that characterizes takes both.
 """
 
 import argparse
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options to a verb."""
+    """Add the options about messages and files to a verb."""
     parser.add_argument('--rate', metavar='RATE', type=rate,
                         help='sample rate (100Hz, 2kHz) in place of the measured one; needed '
                              'for a CSV without a time column')
@@ -33,7 +33,7 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--accel', metavar='FIELD[:UNIT]',
                        help='field of the acceleration and its unit: imu.acc:g; or the unit '
                             'alone: :g')
-    # Names of before, for a release.
+    # Former names, kept for one release.
     group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--stamp', metavar='FIELD',
@@ -54,7 +54,7 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_timeline_options(parser: argparse.ArgumentParser) -> None:
-    """Add those that say which part of the recording counts, and by which clock."""
+    """Add the options about the clock, and about the part of a recording to use."""
     parser.add_argument('--clock', choices=('header', 'receive', 'none'),
                         help='stamps to trust (default: header, unless unusable); none counts '
                              'samples and needs --rate')
@@ -69,7 +69,7 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
 
 
 def choice_of(args: argparse.Namespace) -> 'Choice':
-    """Return what the arguments say of how a recording is read; wrong usage ends the program."""
+    """Return how the arguments want a recording to be read; wrong usage ends the program."""
     from imu_allan.analysis import Choice
     from imu_allan.timeline import TimelineOptions
 
@@ -84,12 +84,12 @@ def choice_of(args: argparse.Namespace) -> 'Choice':
 
 def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     """
-    Return what the arguments say.
+    Return the reading options that the arguments give.
 
     Raises
     ------
     ImuAllanError
-        If a unit or a column is not one.
+        If a unit or a column is invalid.
 
     """
     from imu_allan.recordings import RecordingOptions
@@ -111,9 +111,9 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
 
 
 def _field(text: str | None) -> tuple[str | None, str | None]:
-    """Return a field with its unit as the library writes them, or a unit alone."""
+    """Return a field and its unit in the notation of the library, or a unit alone."""
     field, colon, unit = (text or '').rpartition(':')
     if not colon or ']' in unit:
-        # The colon of imu.gyro[0:3].
+        # It is the colon of imu.gyro[0:3].
         return text, None
     return (f'{field.strip()} {unit.strip()}', None) if field.strip() else (None, unit.strip())

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from imu_allan.block import ImuBlock
 
 _MOST_SAMPLES = 10**11
-"""Three years at 1 kHz, and 37 TB."""
+"""Three years at 1 kHz, which take 37 TB."""
 
 
 def register(verbs: Any) -> None:
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '
                             f'--rate {args.rate:g}; simulate for longer')
     _make_folder_above(output)
-    # 2026-01-01: the same command writes the same file on every day.
+    # 2026-01-01, fixed so that the same command always writes the same file.
     blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
                               start_ns=1_767_225_600 * 10**9)
     with progress_bar(output, samples, wanted=not args.no_progress,
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _make_folder_above(output: Path) -> None:
-    """Make the folder in which the recording will lie, through no link of another user."""
+    """Make the parent folder of the recording, without following links of another user."""
     from imu_allan.writers.output_path import followed, open_folder
     if os.name != 'posix':
         return

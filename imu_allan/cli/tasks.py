@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""One result to be made: of which recording, in which way, into which folder."""
+"""Tasks of the command: from which recording to make a result, how, and into which folder."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,19 +27,19 @@ class Task:
     path : str
         The recording.
     choice : Choice
-        What is taken of it.
+        Which part of it is used, and how it is read.
     size_bytes : int
-        Of the recording, for progress.
+        Size of the recording, for progress.
     folder : Path or None
         Where to write the result.
     unit : str
-        What the recording is called among others.
+        Name of the recording among others.
     inspection : Inspection or None
-        What the result says of the unit.
+        What the result states about the unit.
     exports : tuple of str
         Consumers whose configurations are written into the folder.
     together : tuple of str
-        Recordings of one IMU that make one result; empty where it is one recording.
+        Recordings of one IMU that give one joint result; empty for a single recording.
 
     """
 
@@ -57,9 +57,9 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
                  recording: 'Recording | None' = None
                  ) -> 'tuple[Result, ImuAllanError | None]':
     """
-    Make the result of a task and write its folder: where the work is done, not one by one.
+    Make the result of a task and write its folder, so that workers write their folders themselves.
 
-    Beside the result stands why the folder could not be written, where it could not.
+    Return the result, and the error if the folder could not be written.
     """
     from imu_allan.analysis import analyzed
 
@@ -79,17 +79,16 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
 
 def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:
     """
-    Name a folder after each unit and topic, every name once.
+    Name a folder after each unit and topic, without duplicates.
 
-    Nothing in a topic's name leads out of the folder above, and no name is longer than a file
-    system takes.
+    No name of a topic leads out of the parent folder, and no name is too long for a file system.
     """
     taken: set[str] = set()
     numbers: dict[str, Iterator[int]] = {}
     names = []
     for unit, topic in units:
         first = name = _folder_name(unit, topic)
-        # Where capitals count for nothing, two names that differ in them are one folder.
+        # On a file system that ignores case, names that differ only in case are one folder.
         while name.casefold() in taken:
             name = f'{first}-{next(numbers.setdefault(first.casefold(), naturals(2)))}'
         taken.add(name.casefold())
@@ -100,5 +99,5 @@ def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:
 def _folder_name(unit: str, topic: str | None) -> str:
     name = unit if topic is None else f'{unit}_{topic.strip("/")}'
     name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
-    # Bytes of a folder's name; file systems take 255, and a number may have to be added.
+    # In bytes: file systems allow 255, and a number may have to be added.
     return name.encode()[:200].decode(errors='ignore') or 'recording'

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Show what a filter needs, and what it would reach with other numbers."""
+"""Show the numbers that a filter needs, and what it would achieve with others."""
 
 import argparse
 from dataclasses import replace
@@ -57,7 +57,7 @@ def register(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the tables, and write what was asked for."""
+    """Print the tables, and write the requested files."""
     from imu_allan.writers import tuning_table
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_file import load_result
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:
-    """Give the tables of the other recording, and the same as plain numbers."""
+    """Return the tables about the other recording, and the same as plain numbers."""
     from imu_allan.tuning.field_test import field_test
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
@@ -132,7 +132,7 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
 
 
 def _format(path: str) -> str:
-    """Return the kind of picture that the ending of a file asks for."""
+    """Return the image format that the suffix of a file requests."""
     from imu_allan.writers.plot import FORMATS
 
     ending = Path(path).suffix.lower().lstrip('.')
@@ -143,7 +143,7 @@ def _format(path: str) -> str:
 
 
 def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
-    """Read a result, or a recording twice: for its result, and to run filters over it."""
+    """Return the other result and, of a recording, the means to run filters over."""
     from imu_allan.writers.result_file import is_result, load_result
 
     if is_result(args.verify):

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Who works on several recordings: this process, others of this machine, or a Dask cluster.
+Work on several recordings in this process, in others of this machine, or on a Dask cluster.
 
-The processes are not those of `concurrent.futures`: these import from the current folder first,
-which may be a recording that somebody else made, and one that is killed for want of memory takes
-the results of all others with it.
+The processes are not those of `concurrent.futures`, which import from the current folder first.
+That folder may be a recording from somebody else. Moreover, if one of those processes is killed
+for lack of memory, the results of all others are lost.
 """
 
 from collections import deque
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 T = TypeVar('T')
 Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
 Answer = tuple[Any, tuple[BaseException, str] | None]
-"""What a function returned, or what it raised and where: one of the two is None."""
+"""What a function returned, or what it raised and its traceback; one of the two is None."""
 
 
 @contextmanager
 def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
     """
-    Give whatever works: `jobs` processes of this machine, a Dask cluster, or None for this one.
+    Yield an executor of `jobs` processes or of a Dask cluster, or None to use this process.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
 
 def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable[[int], None]
              ) -> Iterator[tuple[Task, Outcome]]:
-    """Work on every task; give each, in order, with what returns its result or raises."""
+    """Work on all tasks; yield each in order, with a function that gives its result or raises."""
     groups = [list(same) for _, same in groupby(tasks, _recording_of)]
     return (_here(groups, progress) if workers is None else
             _elsewhere(workers, groups, progress))
@@ -68,7 +68,7 @@ def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable
 
 def _here(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
           ) -> Iterator[tuple[Task, Outcome]]:
-    """Work in this process, so that Ctrl-C and progress need no messenger."""
+    """Work in this process, where Ctrl-C and progress need no communication."""
     from imu_allan.analysis import counted_on
 
     done_bytes = 0
@@ -82,8 +82,8 @@ def _here(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
 
 def _elsewhere(workers: Executor, groups: Sequence[Sequence[Task]],
                progress: Callable[[int], None]) -> Iterator[tuple[Task, Outcome]]:
-    # Of many recordings there is one for every worker without parting any. A cluster reads one up
-    # to 16 times, so that each of its workers has a share, however uneven they are.
+    # Many recordings keep all workers busy without being split. A cluster reads one up to 16
+    # times, so that each of its workers gets a share, however uneven recordings are.
     most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
             else 16)
     waiting = deque((part, workers.submit(characterize_each, part))
@@ -101,38 +101,38 @@ def _elsewhere(workers: Executor, groups: Sequence[Sequence[Task]],
 
 
 def characterize_each(tasks: Sequence[Task]) -> list[Answer]:
-    """Characterize several topics of one recording; a failure stops none of the others."""
+    """Characterize several topics of one recording; a failure does not stop the others."""
     with _opened_once(tasks) as recording:
         return [_answer(characterize, task, None, recording) for task in tasks]
 
 
 def _recording_of(task: Task) -> tuple[object, ...]:
-    """Return what is the same of the topics of a recording; a task without one is by itself."""
+    """Return a key that the topics of a recording share; a task without topic has its own."""
     return (task.path, task.choice.reading, task.choice.options,
             id(task) if task.choice.topic is None else 0)
 
 
 @contextmanager
 def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Recording | None]':
-    """Open a recording once for all its topics in `tasks`; None where each task opens its own."""
+    """Open a recording once for all its topics in `tasks`; None if each task opens it itself."""
     with ExitStack() as stack:
         recording = None
         if len(tasks) > 1:
-            # What is wrong with it meanwhile is reported with each task.
+            # Each task then reports what is wrong with it.
             with suppress(ImuAllanError):
                 recording = stack.enter_context(tasks[0].choice.opened(tasks[0].path))
         yield recording
 
 
 def _parts(group: Sequence[Task], most: int) -> Iterator[Sequence[Task]]:
-    """Part the topics of a recording: each part is one reading, and several can work on them."""
+    """Split the topics of a recording among at most `most` workers, which each read it once."""
     size = ceil(len(group) / most)
     for first in range(0, len(group), size):
         yield group[first:first + size]
 
 
 class WorkerProcesses(Executor):
-    """Works in processes of this machine, each served by a thread of this one."""
+    """Executor that works in processes of this machine, each served by a thread of this one."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -145,7 +145,7 @@ class WorkerProcesses(Executor):
         return self._threads.submit(self._ask, partial(fn, *args, **kwargs))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Let the workers end; at once where an exception leaves the context."""
+        """Let the workers end, at once if an exception leaves the context."""
         if kind is not None:
             self._given_up = True
             self._threads.shutdown(wait=False, cancel_futures=True)
@@ -156,7 +156,7 @@ class WorkerProcesses(Executor):
             tasks, answers = _pipes(process)
             tasks.close()
             try:
-                # It may remove what it unpacked first, and waits 10 s for its own reader.
+                # It may have to remove unpacked files, and waits 10 s for its own reader.
                 process.wait(15.0)
             except subprocess.TimeoutExpired:
                 process.kill()
@@ -164,7 +164,7 @@ class WorkerProcesses(Executor):
             answers.close()
 
     def _ask(self, work: 'partial[T]') -> T:
-        """Have a task done by the process of this thread."""
+        """Run a task in the process of this thread."""
         process = getattr(self._of_thread, 'process', None)
         if process is None:
             process = self._of_thread.process = self._start()
@@ -185,7 +185,7 @@ class WorkerProcesses(Executor):
 
     def _start(self) -> subprocess.Popen[bytes]:
         try:
-            # In a session of its own, Ctrl-C does not reach it: it ends with its standard input.
+            # Its own session keeps Ctrl-C away; it ends when its standard input is closed.
             process = start_python(__name__, 'serve', stdout=subprocess.PIPE,
                                    start_new_session=True)
         except OSError as error:
@@ -198,10 +198,10 @@ class WorkerProcesses(Executor):
 
 
 def serve() -> None:
-    """Be a worker process: do what comes on standard input until that is closed."""
+    """Run a worker process, which executes what comes on standard input until that is closed."""
     end_in_peace()
     answers = os.fdopen(os.dup(1), 'wb')
-    # What a library might print must not get among the answers.
+    # Anything that a library prints must not get among the answers.
     os.dup2(2, 1)
     with suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
         while True:
@@ -217,7 +217,7 @@ def _answer(work: Callable[..., Any], *args: Any) -> Answer:
 
 
 def _returned(answer: Answer) -> Any:
-    """Return what a worker has, or raise what it raised, where that was if it was unexpected."""
+    """Return the value from a worker or raise its error, with the traceback if unexpected."""
     value, failure = answer
     if failure is None:
         return value
