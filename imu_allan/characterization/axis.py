@@ -316,7 +316,7 @@ def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
 
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
            law: PowerLaw | None = None) -> Curve:
-    """Return the Allan deviation of one axis with intervals by the fitted terms, not a model."""
+    """Return the Allan deviation of one axis, with intervals by the fitted terms."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())
     tau: Array = (points.size * dt).astype(np.float64)

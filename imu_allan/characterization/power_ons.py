@@ -30,8 +30,8 @@ class Mark(Record):
 
     samples: dict[str, int]    # samples used so far, by axis
     means: dict[str, float]    # mean of all of these
-    # First of these on the first axis. It changes if a run restarts, as a run that began on a
-    # moving robot does at the first stop.
+    # First sample on the first axis. It changes if a run restarts, as a run that began on a moving
+    # robot does at the first stop.
     first: float
     # By axis, the lowest and the highest value so far, each with the number of samples there
     ends: dict[str, tuple[tuple[float, int], tuple[float, int]]]

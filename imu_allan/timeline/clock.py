@@ -34,7 +34,7 @@ def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        As they came.
+        In order of arrival.
     repeats : ndarray of bool, shape (n - 1,)
         Whether a message has the same content as the one before: a repeated message is not a flaw
         of the clock.
@@ -90,7 +90,7 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        As they came.
+        In order of arrival.
     last : int or None
         Newest stamp kept so far, None at the start.
 
@@ -150,7 +150,7 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
 
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints | None:
     """
-    Count the messages directly before each one with the same stamp; None if there are none.
+    Count for each message those in a row before it with its stamp; None if there are none.
 
     `last` is the stamp of the previous message, and `ties` the number of messages before that one
     with the same stamp.

@@ -15,8 +15,7 @@ LARGEST = 1e9
 _BLOCK = 64
 """Samples per transform: drift stays out of its upper half, where neighbours are compared."""
 _ALTERNATING = 3.0
-"""Least ratio of the power at half the rate to that of its neighbours; by chance it is below
-1.5."""
+"""Least power at half the rate relative to its neighbours; by chance it is 1.5 at most."""
 _ALTERNATING_AXES = 3
 """Axes that must alternate: two sensors differ in most axes, while mains hum at half the sample
 rate shows in one or two."""
@@ -30,7 +29,7 @@ _ISOLATED = 3
 
 def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     """
-    Return in which respect every second sample differs, if any.
+    Return in which respect every second sample differs, '' if in none.
 
     Two sensors differ in mean or in noise. Either alternates from message to message, which is a
     line at exactly half the message rate. A vibration at that frequency also alternates in its
@@ -39,7 +38,7 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     Parameters
     ----------
     samples : ndarray, shape (n, 6)
-        As they came; NaN where an axis is absent.
+        In order of arrival; NaN where an axis is absent.
 
     """
     blocks = len(samples) // _BLOCK
@@ -103,7 +102,7 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
     stamps : ndarray of int64, shape (n,)
         Stamps in nanoseconds.
     samples : ndarray, shape (n, 6)
-        As they came; NaN where an axis is absent.
+        In order of arrival; NaN where an axis is absent.
     interval_ns : float
         Measured interval.
 

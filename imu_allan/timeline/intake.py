@@ -40,8 +40,7 @@ from imu_allan.timeline.pace import (
 import numpy as np
 
 _OTHER_GRID = 0.01
-"""Grids whose intervals differ by a larger share cannot be one grid by two clocks. Chosen by
-judgment."""
+"""Intervals that differ by a larger share are not one grid by two clocks. Chosen by judgment."""
 _FARTHEST_NS = 2**61
 """Stamps are clipped to this magnitude, so that their differences do not overflow."""
 _FEWEST_FOR_RATE = 64
@@ -257,7 +256,7 @@ class Intake(Record):
         rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
         numbers = window.numbers
-        # Numbers of samples increase, except where a driver restarts its count, once.
+        # Publication numbers increase, except for one restart of the driver's count.
         decision.numbered = numbers is not None and not (
             len(numbers) < _FEWEST_FOR_RATE or repeats.held.any() or self._counts.other_frames
             or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1)
@@ -295,7 +294,7 @@ class Intake(Record):
             # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
-        # Header stamps have no flaw, but are less suitable.
+        # No flaw: header stamps are usable, but less suitable.
         decision.remarks['receive_clock'] = {'flaw': None}
         return second, seen
 

@@ -297,7 +297,7 @@ class Cursor(Record):
 @dataclass
 class Memory(Record):
     """
-    All that a timeline remembers.
+    The whole state of a timeline.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ _FEW_LOSSES = 8
 _STRAIGHT = 0.75
 """Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
-"""Messages per median: with 8, ticks as long as the interval pass for losses (a test)."""
+"""Messages per median: with 8, ticks as long as the interval pass for losses (there is a test)."""
 _GROUPS = 8
 """A jump lasts if 8 medians of 16 messages all exceed the 8 before. A stall is over by then."""
 _LEAP = 16
@@ -71,7 +71,7 @@ class Pace:
 
 def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     """
-    Measure the sample interval of rising stamps.
+    Measure the sample interval of increasing stamps.
 
     On a grid, it is the interval whose phases fit best, whatever share of its places is empty and
     however late single stamps are.
@@ -79,7 +79,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        Rising stamps in nanoseconds.
+        Increasing stamps in nanoseconds.
     other : ndarray of int64, shape (n,), optional
         Stamps of the same messages by another clock.
 
@@ -101,7 +101,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
         # Bursts fit every grid whose interval divides their distance.
         short = steps < 0.5 * overall
-        # Of the steps of pairs, half are short; of longer bursts, more.
+        # Half of the steps in pairs are short, more in longer bursts.
         if np.mean(short) > 0.55:
             return _in_batches(time, ~short) or _on_a_line(time)[0]
         grid = _best_grid(time, steps, overall)
@@ -154,9 +154,9 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        Rising stamps in nanoseconds.
+        Increasing stamps in nanoseconds.
     place : ndarray of int64, shape (n,)
-        Rising numbers that the publisher gave its messages.
+        Increasing numbers that the publisher gave its messages.
 
     Returns
     -------
@@ -174,9 +174,9 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
 
 def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
     """
-    Return whether the interval of a grid is a tick of 0.1, 1 or 10 ms.
+    Return whether a grid only consists of the ticks of the clock, of 0.1, 1 or 10 ms.
 
-    If such a grid had been thinned by regular drops, some stamps would still be one place apart.
+    If samples of such an interval were dropped in turn, some stamps would be one place apart.
     """
     # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
     tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
@@ -188,7 +188,7 @@ def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
 
 
 def _in_batches(time: Floats, begins: Bools) -> Pace | None:
-    """Measure the pace of batches, each message a sample, without outages between batches."""
+    """Measure the pace of batches, each message being one sample; ignore outages between them."""
     first = np.flatnonzero(np.append(True, begins))
     if len(first) < _FEW_LOSSES:
         return None
@@ -203,7 +203,7 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
                 - np.arange(len(time)) + np.repeat(first, sizes))
     leaps = lasts / interval - size
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
-    # Starts of batches have no sawtooth, so shorter lags are enough, and more certain.
+    # Starts of batches have no sawtooth, so shorter lags are enough, with a smaller error.
     hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, 2.0)
     # Less than one in 200 affects no result.
     if hidden > 0.005:
@@ -272,7 +272,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
 def _even_with_outages(steps: Floats) -> float | None:
     """Return the median step if messages are even except for pauses of any length, else None."""
     usual = float(np.median(steps))
-    # No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO.
+    # No IMU samples faster than 10 kHz: messages that are evenly closer were read from a FIFO.
     if usual < 1e5:
         return None
     near = np.abs(steps - usual) < 0.1 * usual
@@ -298,14 +298,14 @@ def _even_with_outages(steps: Floats) -> float | None:
 
 def _overfull(time: Floats, interval: float) -> bool:
     """
-    Return whether there are more messages than grid places, as when batches fit a grid.
+    Return whether there are more messages than grid places, as on the grid of batches.
 
     Messages that wait for a late one also arrive together, but none of them early.
     """
     groups = len(time) // _GROUP
     phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
     falls = np.diff(phase.min(axis=1)) < -0.9
-    # A group in which all messages wait shows no place.
+    # A group in which all messages wait shows no grid place.
     goes_on = phase[:, -1] - phase[:, 0] > -_GROUP / 2
     # With pairs of which 60 % are lost, the share is 0.08; on a grid, it is zero.
     return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > 0.06)
@@ -325,7 +325,7 @@ def _refine(time: Floats, interval: float) -> Pace:
 
 
 def spread_about(stamps: Stamps, interval_ns: float) -> float:
-    """Return the standard deviation of rising stamps about a grid, in intervals."""
+    """Return the standard deviation of increasing stamps about a grid, in intervals."""
     time = (stamps - stamps[0]).astype(np.float64)
     _, length = group_phases(time / interval_ns - np.arange(len(time)))
     return _spread(length)
@@ -378,8 +378,8 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
     """
     if len(residual) < 3 * lags[-1]:
         return 0.0
-    # Averaged over 20 lags, at least one batch, since a FIFO is read that often. A batch adds most
-    # variance at half its length, and none at its full length.
+    # Averaged over 20 lags, at least one batch, since a FIFO is read at least every 20 messages. A
+    # batch adds most variance at half its length, and none at its full length.
     variances = [float(np.mean([np.var(residual[at:] - residual[:-at])
                                 for at in range(lag, lag + 20)]))
                  for lag in lags.tolist()]
@@ -442,7 +442,7 @@ def _lasting_rise(level: Floats) -> Floats:
 
 def longest_at_one_rate(stamps: Stamps) -> slice:
     """
-    Find the longest part of rising stamps in which the rate stays the same.
+    Find the longest part of increasing stamps in which the rate stays the same.
 
     Parts of 128 messages are compared by the median distance of messages 16 apart, which neither a
     lost message nor a tick changes by 12 %.

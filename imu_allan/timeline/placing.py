@@ -196,7 +196,7 @@ class Placing(Record):
         yield from self._put(messages, steps)
 
     def _as_before(self, messages: Messages) -> bool:
-        """Return whether messages as a whole have the previous rate, if parts do not show it."""
+        """Return whether messages together have the previous rate, which outages hide in parts."""
         pace = measure_pace(messages.stamps[:messages.consumed])
         return pace is not None and abs(
             pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
@@ -264,7 +264,7 @@ class Placing(Record):
         return lost
 
     def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
-        """Return intervals elapsed, places counted, and messages, all without gaps."""
+        """Return elapsed intervals, grid places and number of messages, each without gaps."""
         pace, steps = self._decision.pace, steps[1:]
         passed = np.diff(stamps)
         short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
@@ -359,7 +359,7 @@ class Placing(Record):
 
     def _advance(self, messages: Messages, late: Floats, passed_ns: int, places: int,
                  paced_ns: int, paced_steps: int) -> None:
-        """Update counts and cursor; `late` are the latest stamps against the last, in places."""
+        """Update counts and cursor; `late` is how late recent stamps are relative to the last."""
         cursor, counts, c = self.cursor, self._counts, messages.consumed
         interval = self._decision.pace.interval_ns
         counts.samples += c
@@ -386,7 +386,7 @@ class Placing(Record):
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < _FOLLOWED:
-                # Only a part of the change is followed: an oscillator drifts slowly, jitter does
+                # Only part of the change is followed: an oscillator drifts slowly, jitter does
                 # not.
                 self._decision.pace = replace(
                     self._decision.pace, interval_ns=interval + 0.2 * (lately_ns - interval))

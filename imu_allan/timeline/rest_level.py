@@ -111,7 +111,7 @@ class RestLevel(Record):
     quieter: int = 0
 
     def check(self) -> None:
-        """Refuse tables of another width."""
+        """Reject tables of another width."""
         if (self.first is not None and self.first.shape != (12,)) or [
                 part.shape for part in vars(self.baseline).values()] != [(12,), (12,), (6,), (6,)]:
             raise ValueError('the level of rest is not that of six axes')
@@ -144,8 +144,7 @@ class RestLevel(Record):
             # samples.
             quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
             centre = np.median(loudness[quieter], axis=0)
-            # Over 25 samples, the cube root of a variance has a relative spread of sqrt(2 / 25) /
-            # 3.
+            # The cube root of a variance of 25 samples has a relative error of sqrt(2 / 25) / 3.
             baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
             if len(loudness) < _FEWEST_WINDOWS:
                 return cls(baseline)

@@ -15,8 +15,8 @@ from imu_allan.timeline.clock import Bools, Floats, Ints
 import numpy as np
 
 PART_S = 0.02
-"""Duration of the parts of a window. Loudness is measured within them, fast noise, and between
-them, slow noise."""
+"""Duration of the parts of a window: loudness within them is of fast noise, between them of
+slow."""
 
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """In rad/s and m/s^2 within two seconds: a smaller change is judged by the noise alone."""

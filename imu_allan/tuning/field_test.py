@@ -3,12 +3,12 @@
 """
 Filters with the numbers of one recording, run over another: another day, or motors on.
 
-They see means over one second of what is at rest there, and restart after every interruption. A
-robot that has moved in between has another attitude to gravity and the earth's rotation, which is
-not drift. For the same reason, the factors come from the spectrum within the stops. They are the
-likeliest factors on white noise and drift of the first recording's model, and the pair that these
-would have been tuned to. The interval of the drift's factor contains how poorly a short first
-recording knows the shape of its drift.
+They see one-second means of the data at rest, and restart after every interruption. A robot that
+has moved in between has another attitude to gravity and the earth's rotation, which is not drift.
+For the same reason, the factors come from the spectrum within the stops. They are the likeliest
+factors on white noise and drift of the first recording's model, and the pair that these would have
+been tuned to. The interval of the drift's factor contains how poorly a short first recording knows
+the shape of its drift.
 """
 
 from collections.abc import Mapping, Sequence

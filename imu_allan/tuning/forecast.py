@@ -5,7 +5,7 @@ Forecast of unaided drift: heading, velocity and position after a time without c
 
 The bias was averaged over some time before and subtracted. The drift model then gives the exact
 variance of what remains: of the mean over the outage about the mean before it, and for a position
-of the double integral. The band contains what the recording does not know: how well a few
+of the double integral. The intervals cover what the recording does not know: how well a few
 independent segments of that length give a variance, and how much the drift changes between parts.
 """
 
@@ -147,6 +147,5 @@ def _double_integral(time: float, h: Array) -> Array:
     """Return the variance of the double integral over h of a process of unit variance."""
     x = h / time
     exact = 2 * time**4 * (x**3 / 3 - x**2 / 2 - np.expm1(-x) - x * np.exp(-x))
-    # At 0.05 the series errs by 1e-8; the formula, by cancellation, errs by 1e-9 at a quarter of
-    # it.
+    # At 0.05 the series errs by 1e-8; at a quarter of it, the formula errs by 1e-9 (cancellation).
     return np.where(x < 0.05, h**4 / 4 * (1 - 4 * x / 15 + x**2 / 18 - x**3 / 105), exact)

@@ -112,10 +112,9 @@ def steady_covariance(space: StateSpace) -> Array:
     """
     Return the covariance of the states before a mean is seen, after very many have been seen.
 
-    It is the solution P of the Riccati equation
-    ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and ``G = (A P H' + C)/S``, for A, H, Q, R,
-    C of the state space. It is found by doubling, which makes 2^k steps in k iterations (E. K.-W.
-    Chu et al., Int. J. Control 77, 2004).
+    P solves the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
+    ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space. It is found by doubling, which
+    makes 2^k steps in k iterations (E. K.-W. Chu et al., Int. J. Control 77, 2004).
     """
     # Not scipy's solve_discrete_are: with a random walk of K = 0 it may return, without an error,
     # what is not a solution, and it takes twenty times as long.

@@ -43,9 +43,9 @@ def unsteadiness(axis: AxisResult) -> float:
     sigma = np.array([level for level, _ in drift])
     # Relative to the drift of the median segment. If a segment shows less, the noise covers its
     # drift, and the logarithm of the remainder has no lower end. One of five with next to no drift
-    # passed for great unsteadiness. A segment without any, as many short ones are, says nothing of
-    # its size and is left out. With a fifth of the median in its place, short recordings would ask
-    # for many times the tuned K.
+    # was mistaken for great unsteadiness. A segment without any, as many short ones are, says
+    # nothing of its size and is left out. With a fifth of the median in its place, short
+    # recordings would ask for many times the tuned K.
     shown = np.maximum(sigma, 0.2 * np.median(sigma))
     seen = float(np.var(np.log(shown), ddof=1))
     chance = float(np.mean([_spread_by_chance(axis, duration) for _, duration in drift]))
@@ -105,7 +105,7 @@ def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
 
 
 def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
-    """Return the spread of the logarithm of a deviation in a short record, shape (n,)."""
+    """Return the spread of a deviation's logarithm in a finite, steady record, shape (n,)."""
     # The limit, for a horizon of thousands of records, keeps its band finite.
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
     return np.asarray(np.sqrt(1 / (2 * dof)))
@@ -122,7 +122,7 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     model = drift_model_of(axis)
     drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
                   / drift_avar(model, axis.all_tones, coast_s))
-    # The drift's share of the variance of a mean. A smaller one was hidden, and the other
+    # The drift's share of the variance of a mean. Less than half was hidden, and the other
     # recording shows more.
     spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, 0.5)
     by = chi_square.NORMAL95 * spread
