@@ -181,7 +181,7 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
 
 def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
                ) -> Result:
-    """Analyze a recording and, if it has a warm-up, analyze it again without that."""
+    """Analyze a recording and, if it has a warm-up, analyze it again without the warm-up."""
     cold = _alone(path, replace(choice, start_s=0.0), progress, recording)
     from imu_allan.characterization.findings import (
         start_of,
@@ -304,7 +304,7 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
 def second_means(path: AnyPath, choice: Choice, axes: Collection[str], progress: Progress = None
                  ) -> list[Means]:
     """
-    Return the means over one second at rest of a whole recording, in constant memory.
+    Return the means over one second, at rest, of a whole recording, in constant memory.
 
     The list has one item, or one for each half of an IMU that has two.
     """
@@ -360,7 +360,7 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
         if part_s < 0:
             raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
                                 f'{duration(start_s)} leaves nothing of it')
-        # To ask for 20 min of 19 min 59 s is to ask for all of it.
+        # A request for 20 min of 19 min 59 s means all of it.
         if duration_s is not None and part_s < 0.99 * duration_s:
             shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
 
@@ -387,7 +387,7 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
-    """Return the blocks of a stream, and what converts them from g and reports that it did."""
+    """Return the blocks of a stream, and the object that converts them from g if needed."""
     blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
     unit = AccelerationUnit()
     if recording.options.accel_unit is None and recording.options.accel is None:

@@ -79,7 +79,7 @@ CODES: Mapping[str, Code] = {
     'warm_up': _act(
         amplitude=InUnit, unit=Text, time_constant_s=Seconds, time_constant_factor=Number | None,
         exponentials=Count, steady_after_s=Seconds, start=Text | None, start_s=Seconds | None),
-    # messages may be from something else than assumed
+    # the data may not be what it is taken for
     'several_publishers': _act(),
     'alternating': _act(),
     'several_frames': _act(

@@ -3,10 +3,10 @@
 """
 Python processes that import nothing from the current folder.
 
-Users analyze recordings of others from inside the folder of the files. An interpreter started with
-``-c`` imports from there first, so a ``pickle.py`` among the files would run. Processes are
-therefore started isolated (``-I``, which ignores the current folder and the environment). They
-then receive the import path of this process without the current folder.
+Users may run the command inside a recording that somebody else made. An interpreter started with
+``-c`` imports from the current folder first, so a ``pickle.py`` among the files would run.
+Processes are therefore started isolated (``-I``, which ignores the current folder and the
+environment). They then receive the import path of this process without the current folder.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ class PowerLaw:
     Attributes
     ----------
     exponent : float
-        That of flicker would be 1.
+        Exponent of the frequency; 1 would be flicker.
     exponent_ci95 : (float, float)
     psd_1hz : float
         Density at 1 Hz, in the squared unit of a sample per Hz.
@@ -457,7 +457,7 @@ class AxisResult:
 
     @property
     def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed', 'copied'] | None:
-        """Return why the axis fails to measure, at least at times; 'zeroed' is by a deadband."""
+        """Return why the axis fails to measure, at least at times; a deadband is 'zeroed'."""
         if self.constant:
             return 'constant'
         if self.stood_still is not None:

@@ -61,7 +61,7 @@ def state_of(record: Any) -> State:
 def _plain(value: Any, path: str, arrays: State) -> Any:
     """Return the part of a value that JSON stores; put its arrays into `arrays`."""
     if isinstance(value, np.ndarray):
-        # Another thread saves it later, but as it is now.
+        # Copied, because another thread saves it later.
         arrays[path] = value.copy()
         return None
     within = f'{path}/' if path else ''

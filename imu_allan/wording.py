@@ -27,7 +27,7 @@ _PLAIN = (-4, 6)
 
 def number(value: float, digits: int = 4) -> str:
     """
-    Return a number that has no interval, with the given number of significant digits.
+    Return a number that has no interval, to `digits` significant digits.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def bounded(bound: float, symbol: str = '') -> str:
 
 def rounded(value: float, digits: int = 3) -> str:
     """
-    Return a number with the given number of significant digits, trailing zeros included.
+    Return a number to `digits` significant digits, trailing zeros included.
 
     Parameters
     ----------

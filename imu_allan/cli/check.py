@@ -43,7 +43,7 @@ def register(verbs: Any) -> None:
     undecided = parser.add_mutually_exclusive_group()
     undecided.add_argument('--allow-undecided', action='store_true',
                            help='exit status 0, not 4, where something is undecided')
-    # The default now, which was an option before.
+    # This is the default now, and was an option before.
     undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--min-duration', metavar='TIME', type=arguments.duration, default=0.0,
                         help='from a shorter record nothing passes (30min, 3h)')

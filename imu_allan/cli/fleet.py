@@ -25,7 +25,7 @@ class Gathering:
 
     def __init__(self, output: Path | None, *, apart: bool = False) -> None:
         self._output = output
-        # Results of many topics are not needed, and those of 65,000 would take 2.5 GB.
+        # Results of topics alone are not kept: those of 65,000 would take 2.5 GB.
         self._wanted = apart or output is not None
         self._results: dict[str, Result] = {}
         self._failures: list[tuple[str, str, str]] = []

@@ -164,7 +164,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
                 try:
                     stage.push(block)
                 except NoAxes:
-                    # Later blocks may have values; if none has, `flush` raises.
+                    # Later blocks may have values; if none has, that is known at the end.
                     continue
                 except ImuAllanError as error:
                     failure = str(error)

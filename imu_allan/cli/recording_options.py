@@ -69,7 +69,7 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
 
 
 def choice_of(args: argparse.Namespace) -> 'Choice':
-    """Return how the arguments want a recording to be read; wrong usage ends the program."""
+    """Return how to read a recording, from the arguments; wrong usage ends the program."""
     from imu_allan.analysis import Choice
     from imu_allan.timeline import TimelineOptions
 

@@ -27,8 +27,8 @@ PAUSE_S = 1.0
 """Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
 to start. Chosen by judgment."""
 SILENCE_S = 5.0
-"""Silence longer than this is reported: longer than a Wi-Fi dropout, yet early news of a dead
-sensor. Chosen by judgment."""
+"""Silence longer than this is reported: longer than a Wi-Fi dropout, yet short enough to notice a
+dead sensor early. Chosen by judgment."""
 REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
 PROGRESS_S = 60.0
@@ -141,7 +141,7 @@ class Announcements:
         self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
     def _say_once(self, code: str, text: str) -> None:
-        # While the queue overruns, that may be the cause of any other fault of the samples.
+        # While the queue overruns, any other fault of the samples may be caused by that.
         if not self._overrun and code not in self._said_codes:
             self._said_codes.add(code)
             self._log.warning(text, f'{code} {self._topic}', REPEAT_S)

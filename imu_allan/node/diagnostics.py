@@ -55,7 +55,7 @@ class Recent:
         self._seen: dict[str, list[tuple[float, int]]] = {}
 
     def see(self, now: float, totals: Mapping[str, int], *, known: bool = False) -> None:
-        """Record totals; `known` ones, of a resumed run, are not recent. A drop restarts them."""
+        """Record totals; first totals that are `known` are not recent, and a drop restarts."""
         for name, total in totals.items():
             seen = self._seen.setdefault(name, [(now, total if known else 0)])
             if total < seen[-1][1]:

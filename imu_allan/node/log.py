@@ -28,7 +28,7 @@ class Log:
         self._said: dict[str, tuple[float, float]] = {}
 
     def info(self, text: str, kind: str = '') -> None:
-        """Log a normal event; limit only those of a `kind`, which users can trigger."""
+        """Log a normal event; it is rate-limited only with a `kind`, if users can trigger it."""
         if not kind or self._is_due(kind, OFTEN_S):
             self._logger.info(printable(text))
 

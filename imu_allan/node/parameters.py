@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Declare parameters of a node with descriptions and ranges; refuse bad values with a reason."""
+"""Declaration of a node's parameters, with descriptions, ranges, and reasons for refusal."""
 
 from collections.abc import Callable, Iterable, Sequence
 import difflib
@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 
 def declare(node: Node, settings: Sequence[Setting],
             applied: Callable[[str, Any], None] | None = None) -> dict[str, Any]:
-    """Declare `settings` and return their values; later changes are checked, then `applied`."""
+    """Declare `settings` and return their values; check later changes and call `applied`."""
     known = {setting.name: setting for setting in settings}
 
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:

@@ -29,7 +29,7 @@ class _Publisher:
 
     key: int
     number: int  # of its last message
-    began_ns: int  # as the others below: a receive time
+    began_ns: int  # a receive time, as are the others below
     last_ns: int
     fell_ns: int | None = None
 
@@ -40,7 +40,7 @@ class Publishers:
     def __init__(self, offers: Callable[[], set[str]] = set) -> None:
         self._offers = offers
         self._known: list[_Publisher] = []
-        # The number of publishers so far, used as keys.
+        # Number of publishers so far, which gives the key of the next one.
         self._begun = 0
         self._gids: set[str] = set()
         # Without numbers: GIDs present when the publisher began, and at its last message.

@@ -57,7 +57,7 @@ class Reception:
         return len(batch.messages)
 
     def publishers(self) -> int:
-        """Count those that send or, if none does, are matched: a killed one stays matched."""
+        """Count publishers that send or, if none, matched ones; killed ones stay matched."""
         return self._publishers.delivering(time.time_ns()) or self.subscription.publishers
 
     def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:

@@ -57,7 +57,7 @@ class Snapshot:
         return results, fits
 
     def as_one(self, results: Sequence[Result]) -> Result:
-        """Join the results of the lanes, and add the words of the findings."""
+        """Join the results of the lanes, in the form that all outputs show."""
         if len(results) == 1:
             return with_words(results[0])
         return with_words(united([
@@ -81,12 +81,12 @@ class Lane:
     fed: int = 0
     stamp_ns: int = 0
     error: str = ''  # why the latest messages cannot be used
-    # First and last messages that the timeline left out for their rate since it took the last one.
+    # First and last messages excluded by the timeline for their rate, since it last took one.
     left_out: list[ImuBlock] = field(default_factory=list)
 
     @property
     def leaves_out_all(self) -> bool:
-        """Return whether the timeline has left out everything, for its rate, for long enough."""
+        """Return whether the timeline has excluded all messages for their rate for long enough."""
         return self.known.lasted_s(self.left_out) > LONGEST_LOOK_S
 
     @property
@@ -130,7 +130,7 @@ class Lane:
         elif blocks:
             self.left_out = [*self.left_out[:1], blocks[-1]]
             if self.leaves_out_all:
-                # The rate may have changed before it was known, or by hardly more than is allowed.
+                # The rate may have changed before it was known, or by barely more than allowed.
                 self.known.take_over(self.characterization.summary())
 
     def _pass_on(self, block: ImuBlock, to: Characterization) -> None:

@@ -176,7 +176,7 @@ class Runs:
             self._give_to_another_run(topic, why, held, by_level, is_new)
             return
         if topic.elsewhere and not is_new and lane.known.is_louder_or_calmer(self._known(topic)):
-            # Few show no difference, but nobody has come in place of the other IMU.
+            # Too few to show a difference, but no publisher has replaced that of the other IMU.
             self._feed(topic, held)
             return
         if topic.elsewhere:

@@ -89,7 +89,7 @@ class Known(Record):
                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
 
     def take_over(self, summary: TimelineSummary) -> None:
-        """Take rate and clock from the timeline, which leaves messages out by them."""
+        """Take over rate and clock from the timeline, which excludes messages by them."""
         self.clock, self.rate_hz = summary.clock, summary.timeline.sample_rate_hz
         self.is_sure = self.rate_hz is not None
 
@@ -137,7 +137,7 @@ class Known(Record):
         return None
 
     def is_louder_or_calmer(self, other: 'Known') -> bool:
-        """Return whether all that is known of both shows different levels of noise."""
+        """Return whether the noise levels known so far of both IMUs differ."""
         return self._level_ratio(other.levels, 5.0) is not None
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
@@ -170,7 +170,7 @@ class Known(Record):
 
     def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
         measured = self.measured_hz(blocks) if self.rate_hz else 0.0
-        # By the intervals, as the timeline has it.
+        # Compares intervals, as the timeline does.
         return abs(self.rate_hz / measured - 1) if measured and self.rate_hz else 0.0
 
     def _level_ratio(self, levels: Floats, sure: float) -> float | None:

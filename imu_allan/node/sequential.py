@@ -93,7 +93,7 @@ class SequentialLooks(Record):
         while len(looks) > 1 and GROWTH * looks[1][0] <= now_s:
             looks.pop(0)
         known = GROWTH * looks[0][0] <= now_s
-        # It may vary by a quarter at random.
+        # Allow for random variation by a quarter.
         steady = now_s + wait_s <= 1.25 * min(end_s for _, end_s in looks)
         return wait_s if self._growing and known and steady else None
 

@@ -144,7 +144,7 @@ class SimulatorNode(Node):
                 except RCLError:
                     if not self.context.ok():
                         raise
-                    # The queue of a KEEP_ALL writer is full, after `publish` has waited for 0.1 s.
+                    # The queue of the KEEP_ALL writer is full, though `publish` waits up to 0.1 s.
                     continue
 
     def _drop(self, *_: object) -> Trigger.Response:

@@ -148,7 +148,7 @@ def _line_departures(name: str, now: AxisResult, before: AxisResult) -> Iterator
         # The speed of a fan or a wheel is no steadier than 3 %.
         same = [line.amplitude for line in before.tones
                 if abs(line.frequency_hz / tone.frequency_hz - 1) < 0.03]
-        # Lines have no intervals, but by chance their amplitude does not double between fits.
+        # Lines have no intervals, but their amplitude does not double from one fit to the next.
         if not same or tone.amplitude > 2.0 * max(same):
             known = f'{number(max(same))} in the reference' if same else 'none in the reference'
             yield (f'{name}: a line at {number(tone.frequency_hz)} Hz of '

@@ -26,7 +26,7 @@ from imu_allan.writers.output_path import turn_in
 
 
 class NothingToSave(ImuAllanError):
-    """Raised where a result has no axes."""
+    """Raised if a result has no axes."""
 
 
 @dataclass
@@ -234,7 +234,7 @@ class Storage:
 
         def note(future: 'Future[list[Path]]') -> None:
             if isinstance(future.exception(), NothingToSave):
-                # The caller gets this as the answer; the storage works.
+                # The caller gets this answer; nothing is wrong with the storage.
                 return
             self._facts.save_error = self._worker.failure('save', future)
             if self._facts.save_error:

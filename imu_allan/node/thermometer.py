@@ -20,7 +20,7 @@ _MOST_WAITING = 100_000
 _MATCHING_S = 5.0
 """A missing publisher is reported after this time; discovery takes up to three seconds."""
 _SILENCE_S = 30.0
-"""Longest usual silence, or three times the longest pause so far for slower thermometers."""
+"""Silence is reported after this time, or after three times the longest pause so far."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
@@ -41,14 +41,14 @@ class Thermometer:
             self._subscribe(named)
 
     def _subscribe(self, topic: str) -> None:
-        # The queue of 1000 holds seconds of the fastest thermometer.
+        # The queue of 1000 holds some seconds of the fastest thermometers.
         self._subscription = DrainedSubscription(self._node, Temperature, topic, 1000,
                                                  'temperature_topic')
         self._last_publisher = time.monotonic()
         self._facts.temperature_topic = self._subscription.topic
 
     def look_beside(self) -> None:
-        """Subscribe to the only one beside the IMU once two looks agree: topics appear slowly."""
+        """Subscribe to the only one beside the IMU once two looks agree: discovery takes time."""
         if not self._finds:
             return
         before, self._beside = self._beside, sorted(
