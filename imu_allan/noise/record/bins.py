@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The spectrum of a record, frequency by frequency, and what each term would give there."""
+"""The spectrum of a record by frequency, and the expected power of each term."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -17,22 +17,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bins:
-    """Every frequency of a record, for all axes."""
+    """All frequencies of a record, for all axes."""
 
     frequency: Array    # (bins,): in Hz
-    dof: Array    # (bins,): how many squared coefficients were averaged
+    dof: Array    # (bins,): number of squared coefficients averaged
     power: Array    # (axes, bins): their mean, in squared sample units
-    design: Array    # (bins, 4): expected power for a coefficient 1 of each term
-    # (axes, bins): the coefficient itself, with its sign; zero but in the whole-record part
+    design: Array    # (bins, 4): expected power of each term with coefficient 1
+    # (axes, bins): signed coefficient in the whole-record part, zero elsewhere
     coefficient: Array
-    # (bins,): squared coefficient of a unit ramp, negative where its sign is lost
+    # (bins,): squared coefficient of a unit ramp, negated where only power is known
     ramp: Array
     # (bins,): whether a bin is a single coefficient of a whole-record part
     whole: NDArray[np.bool_]
     step: Array    # (bins,): samples averaged into one point
     length: Array    # (bins,): points of the block
-    interpolated: Array    # (bins,): share of the samples that the sensor did not give
-    # (bins,): which section a bin is from, and its DCT index there
+    interpolated: Array    # (bins,): share of the samples that are interpolated
+    # (bins,): section of a bin, and its DCT index there
     section: NDArray[np.int64]
     index: NDArray[np.int64]
 
@@ -43,25 +43,25 @@ class Bins:
 
     @property
     def cross(self) -> Array:
-        """Coefficients times those of a unit ramp, shape (axes, bins)."""
+        """Products of the coefficients and those of a unit ramp, shape (axes, bins)."""
         return self.coefficient * self.of_ramp
 
     @cached_property
     def band(self) -> NDArray[np.int64]:
-        """Return the number of the narrow band of each bin: the same for every axis."""
-        # The 48 slowest stay single: there the slow terms are distinguished.
+        """Return the number of the narrow band of each bin, which is the same for all axes."""
+        # Keep the 48 slowest coefficients single, because they distinguish the slow terms.
         single = self.whole & (self.index <= 48)
-        # Over an eighth of an octave the spectrum of the terms changes by a few percent.
+        # Within an eighth of an octave, the spectra of the terms change by a few percent.
         band = np.floor(8 * np.log2(self.frequency)).astype(np.int64)
-        # The key keeps apart what must not be averaged: single coefficients, and the whole-record
-        # part, whose ramp has a sign, from the blocks, and those of one step from the others.
+        # The key separates what must not be averaged: single coefficients, the signed
+        # coefficients of the whole-record part, and blocks with different steps.
         apart = (64 * band + np.log2(self.step).astype(np.int64)) * 2 + self.whole
         key = np.where(single, (self.section + 2) * 10_000_000 + self.index, apart)
         return np.unique(key, return_inverse=True)[1].astype(np.int64)
 
 
 def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
-    """Flicker (with its DCT factor), random walk of unit step, and the squared sine, by index."""
+    """Return flicker (with its DCT factor), unit random walk, and the squared sine, by index."""
     j = np.arange(first, last)
     nu = j / (2.0 * length)
     return (spectrum.flicker(nu, 1.0) * spectrum.flicker_dct_factor(j),
@@ -69,7 +69,7 @@ def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
 
 
 _block_shapes = lru_cache(maxsize=64)(_shapes)
-"""The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
+"""The same with a cache for blocks, which have few lengths, unlike whole records."""
 
 
 def bins_of(sections: Sequence[SpectrumSection], dt: float,
@@ -77,7 +77,7 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
     """
     Join the sections of a spectrum.
 
-    `sections`: at least one. `interpolation`: what interpolated samples do to white noise.
+    `sections`: at least one. `interpolation`: effect of interpolated samples on white noise.
     """
     parts = []
     for number, section in enumerate(sections):
@@ -93,7 +93,7 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
         interpolated = interpolation.white_power(section.length, section.step)
         if interpolated is not None:
             white *= interpolated[part]
-        # The second part of the first column is what both ends of a block leak.
+        # The second part of the quantization column is leakage from both ends of a block.
         quantized = 4 * (s2 + (1 - s2) / section.length) / step**2
         design = np.stack((quantized, white, flicker, step * walk), axis=1)
         ramp = spectrum.ramp_dct(section.length, step)[section.first - 1:section.last - 1]
@@ -101,7 +101,7 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
             signed, squared = np.zeros((len(section.power), len(index))), -ramp**2
         else:
             signed, squared = section.coefficients[:, part], ramp**2
-        # Interpolated samples add nothing new; means of many hardly hold any.
+        # Interpolated samples contain no information; means over many samples hardly have any.
         known = 1 - max(section.gaps.filled, interpolation.share if section.step == 1 else 0.0)
         parts.append(Bins(
             index / (2 * section.length * step),

@@ -3,9 +3,9 @@
 """
 Means over equal cells of the sample grid.
 
-A cell is named by a key: the run it belongs to in the upper bits, its place on the grid of that
-run in the lower ones. Two cells are neighbours where their keys differ by one; runs, whose
-relation in time is unknown, never touch.
+A cell has a key, with the run in its upper bits and the place on the grid of that run in its lower
+bits. Two cells are adjacent if their keys differ by one. Cells of different runs, whose relation
+in time is unknown, are never adjacent.
 """
 
 from dataclasses import dataclass, field
@@ -18,21 +18,21 @@ Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 RUN_SHIFT = 44
-"""Bits of a place: at 1 kHz they last for 500 years."""
+"""Bits of a place, enough for 500 years at 1 kHz."""
 MOST_RUNS = 1 << (62 - RUN_SHIFT)
-"""Runs that fit into the rest of a signed 64-bit key; before that they are numbered anew."""
+"""Runs that fit into the rest of a signed 64-bit key; when they run out, runs are renumbered."""
 _PLACE = (1 << RUN_SHIFT) - 1
-"""Masks the place out of a key."""
+"""Mask for the place in a key."""
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Some cells in order of time."""
+    """Cells in order of time."""
 
     keys: Keys    # (n,): strictly increasing
-    # (axes, n): sum of the samples that fell into each cell
+    # (axes, n): sum of the samples in each cell
     sums: Array = field(metadata=AXES_FIRST)
-    counts: NDArray[np.int64]    # (n,): how many samples these were
+    counts: NDArray[np.int64]    # (n,): number of samples in each cell
 
     def __len__(self) -> int:
         """Return the number of cells."""
@@ -44,11 +44,11 @@ class Cells:
         return np.asarray(self.sums / self.counts)
 
     def take(self, part: slice | NDArray[np.bool_]) -> 'Cells':
-        """Return some of the cells."""
+        """Return a selection of the cells."""
         return Cells(self.keys[part], self.sums[:, part], self.counts[part])
 
     def check(self, axes: int) -> None:
-        """Raise ValueError where what was saved is no series of so many axes."""
+        """Raise ValueError if restored fields are not a consistent series of `axes` axes."""
         if (self.keys.ndim != 1 or self.sums.shape != (axes, len(self.keys))
                 or self.counts.shape != self.keys.shape
                 or np.any(np.diff(self.keys) <= 0) or np.any(self.counts < 1)):
@@ -64,8 +64,8 @@ def cells_of(rows: Array, run: int, first: int, size: int) -> Cells:
     """
     Sum samples into cells.
 
-    `rows`, shape (axes, n): consecutive samples, n >= 1. `first`: place of the first sample on the
-    grid of the run. `size`: samples in a cell.
+    `rows`, shape (axes, n): consecutive samples, n >= 1. `run`: number of their run. `first`:
+    place of the first sample on the grid of the run. `size`: samples in a cell.
     """
     n = rows.shape[1]
     head = min(-first % size, n)
@@ -74,14 +74,14 @@ def cells_of(rows: Array, run: int, first: int, size: int) -> Cells:
     keys = (np.int64(run) << RUN_SHIFT) + (first + starts) // size
     before, after = (part.sum(axis=1, keepdims=True)[:, :part.shape[1]]
                      for part in (rows[:, :head], rows[:, tail:]))
-    # A product takes a tenth of the time of a sum over an axis.
+    # A matrix product is ten times as fast as a sum over an axis.
     whole = rows[:, head:tail].reshape(len(rows), -1, size) @ np.ones(size)
     sums = np.concatenate((before, whole, after), axis=1)
     return Cells(keys, sums, np.diff(np.append(starts, n)))
 
 
 def joined(before: Cells, after: Cells) -> Cells:
-    """Return both series in one; a cell that ends the first and begins the second is summed."""
+    """Concatenate two series; add up a cell that both have, at the end and at the beginning."""
     if not len(before) or not len(after):
         return after if len(after) else before
     if before.keys[-1] != after.keys[0]:
@@ -96,7 +96,7 @@ def joined(before: Cells, after: Cells) -> Cells:
 
 
 def coarser(cells: Cells, octaves: int) -> Cells:
-    """Return the series summed into cells 2**`octaves` times as large."""
+    """Merge cells into cells 2**`octaves` times as large."""
     if not len(cells):
         return cells
     keys = (cells.keys & ~_PLACE) + ((cells.keys & _PLACE) >> octaves)
@@ -106,12 +106,12 @@ def coarser(cells: Cells, octaves: int) -> Cells:
 
 
 def moved(cells: Cells, runs: int) -> Cells:
-    """Return the same cells, counted as belonging to runs whose numbers are `runs` higher."""
+    """Return the same cells with their run numbers increased by `runs`."""
     return Cells(cells.keys + (np.int64(runs) << RUN_SHIFT), cells.sums, cells.counts)
 
 
 def renumbered(cells: Cells) -> tuple[Cells, int]:
-    """Return the cells, their runs numbered from zero without holes, and how many these are."""
+    """Renumber the runs consecutively from zero; return the cells and the number of runs."""
     numbers, place = np.unique(cells.keys >> RUN_SHIFT, return_inverse=True)
     keys = (place.astype(np.int64) << RUN_SHIFT) + (cells.keys & _PLACE)
     return Cells(keys, cells.sums, cells.counts), len(numbers)
@@ -119,11 +119,10 @@ def renumbered(cells: Cells) -> tuple[Cells, int]:
 
 def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
     """
-    Return where cells lie.
+    Return the positions of cells.
 
     `cells`: in order of time. `size`: samples in a full cell. Returns shape (n,): the run of each
-    cell, and its middle in samples: on the grid of the run, and with the runs one directly behind
-    the other.
+    cell, its middle in samples on the grid of the run, and the same with runs joined end to end.
     """
     in_a_row = np.asarray(end_to_end(cells.keys), dtype=np.float64)
     places = np.asarray(cells.keys & _PLACE, dtype=np.float64)
@@ -132,7 +131,7 @@ def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
 
 
 def end_to_end(keys: Keys) -> Keys:
-    """Places of cells, counted from the first, with the runs one directly behind the other."""
+    """Return the places of cells, counted from the first, with runs joined end to end."""
     if not len(keys):
         return keys
     place = keys & _PLACE

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What values the samples of a record have, in constant memory: what shows whether an axis measures.
+Statistics of sample values in constant memory, to detect axes that do not measure.
 
-Counted are the samples at the lowest and at the highest value, those that are zero, and where
-these are many the magnitudes of the others, in bins of constant ratio. Kept are the least step of
-the output, and which axes give the same samples.
+They count the samples at the lowest and at the highest value, and those that are zero. If there
+are many zeros, the magnitudes of the others are counted in logarithmic bins. The smallest step of
+the output and pairs of axes with equal samples are kept as well.
 """
 
 from dataclasses import dataclass, field
@@ -17,45 +17,46 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-SAME, OPPOSITE = 1, -1     # the sign between two axes
+SAME, OPPOSITE = 1, -1     # sign of one axis relative to the other
 _KINDS = {SAME: 1, OPPOSITE: 2}
-"""Bits of both in the flags of a pair."""
+"""Bits of both kinds in the flags of a pair."""
 _ROUNDING = 1e-12
-"""Of a value, or of 1: the same value twice, or about two references, may differ by so much."""
+"""Tolerance for equal values, also about different references: relative, or absolute below 1."""
 BINS_PER_OCTAVE = 8
-"""Steps of 9 %: they distinguish 2 from 3 units of a step, and both from 4."""
+"""Bins are 9 % wide, so that 2, 3 and 4 steps of the output fall into different bins."""
 _LOWEST_OCTAVE, _OCTAVES = -40, 64
-"""From 1e-12 to 1e7, in any unit that a sample has."""
+"""Magnitudes from 1e-12 to 1e7, in any unit of a sample."""
 _BINS = BINS_PER_OCTAVE * _OCTAVES
 FEWEST = 20
-"""Samples beyond a hole about zero, and fewer in it: so many are no chance, nor strays."""
+"""A gap around zero ends where more samples than this have been counted: chance or stray readings
+do not account for so many."""
 _REACH = BINS_PER_OCTAVE + 2
-"""Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
+"""Bins that are counted from the end of the gap on: an octave, and a margin for rounding."""
 
 
 @dataclass(eq=False)
 class Census(SideBySide):
-    """What was seen of the values of several axes, about a reference of each."""
+    """Statistics of the sample values of several axes, relative to a reference for each."""
 
-    samples: int = 0    # how many were counted
+    samples: int = 0    # number of samples counted
     # (axes,)
     lowest: Array = field(init=False, metadata=AXES_FIRST)
     highest: Array = field(init=False, metadata=AXES_FIRST)
-    # (2, axes): how many samples stand at the lowest and at the highest
+    # (2, axes): number of samples at the lowest and at the highest value
     at_ends: Counts = field(init=False, metadata=AXES_SECOND)
-    # (axes,): the least change from a sample to the next, but for few that are smaller;
-    # infinite where nothing changes
+    # (axes,): smallest change between consecutive samples, except for a few outliers; infinite
+    # if nothing changes
     step: Array = field(init=False, metadata=AXES_FIRST)
-    # (axes,): how many samples are zero
+    # (axes,): number of samples that are zero
     zeros: Counts = field(init=False, metadata=AXES_FIRST)
-    # (axes, bins): how many are of each magnitude, see `lower_edge`, up to an octave beyond
-    # the end of the hole about zero
+    # (axes, bins): number of samples by magnitude, see `lower_edge`, up to an octave beyond
+    # the end of the gap around zero
     sizes: Counts = field(init=False, metadata=AXES_FIRST)
-    # (axes, axes): flags of pairs whose samples were all equal so far
+    # (axes, axes): flags of pairs whose samples have all been equal so far
     equal_pairs: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize empty counts."""
         axes = self.axes
         self.lowest, self.highest = np.full(axes, np.inf), np.full(axes, -np.inf)
         self.at_ends = np.zeros((2, axes), np.int64)
@@ -67,25 +68,25 @@ class Census(SideBySide):
         """
         Count the next samples.
 
-        `rows`, shape (axes, n): about `reference`, one at least. `reference`, shape (axes,): what
-        was subtracted.
+        `rows`, shape (axes, n): samples minus `reference`, at least one. `reference`, shape
+        (axes,): the values that were subtracted.
         """
         self._count_ends(rows)
         self._count_near_zero(rows, -reference)
-        # Of all sensors but broken ones no pair is left after a few samples.
+        # Except for broken sensors, no pair is left after a few samples.
         for one, other in np.argwhere(self.equal_pairs):
             for sign, bit in _KINDS.items():
                 if self.equal_pairs[one, other] & bit and not (
                         reference[one] == sign * reference[other]
                         and np.array_equal(rows[one], sign * rows[other])):
                     self.equal_pairs[one, other] &= ~bit
-        # The least step of a coarse output shows in so many; to look on takes a tenth of the time.
+        # That many samples show the step of a coarse output. More would cost a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
         self.samples += rows.shape[1]
 
     def _count_ends(self, rows: Array) -> None:
-        """Move the extremes on; samples are counted only where a block reaches one of them."""
+        """Update the extremes; count samples only in blocks that reach one of them."""
         low, high = rows.min(axis=1), rows.max(axis=1)
         for count, kept, found, reached, beyond in (
                 (self.at_ends[0], self.lowest, low, low <= self.lowest, low < self.lowest),
@@ -97,21 +98,21 @@ class Census(SideBySide):
 
     def _count_near_zero(self, rows: Array, zero: Array) -> None:
         """
-        Count the samples that are zero, and where these are many the magnitudes of the others.
+        Count the samples that are zero, and if there are many, the magnitudes of the others.
 
-        The hole can only become narrower: what lies far beyond it is not counted any more, and
-        nothing once the output is seen to step, as most do: the step is no hole.
+        The gap around zero can only become narrower, so values far beyond it are not counted.
+        Nothing is counted once the gap turns out to be a step of the output, as in most cases.
         """
         for row, nothing, sizes, axis in zip(rows, zero, self.sizes, range(self.axes),
                                              strict=True):
             here = np.count_nonzero(row == nothing)
             self.zeros[axis] += here
-            # Magnitudes are looked at only where zeros are many, as it takes its time.
+            # Count magnitudes only if there are many zeros, because it is slow.
             if here < 0.01 * len(row):
                 continue
             ends = end_of_hole(sizes)
-            # So many next to zero, and none within the octave beyond: an output of steps, which
-            # has no hole.
+            # Many samples at one magnitude and none in the octave beyond: the output has steps,
+            # and no gap.
             if ends is not None and sizes[ends:ends + 2].sum() > 10_000 and not sizes[
                     ends + 2:ends + BINS_PER_OCTAVE - 1].any():
                 continue
@@ -122,12 +123,12 @@ class Census(SideBySide):
             sizes += np.bincount(np.clip(places, 0, _BINS - 1).astype(np.intp), minlength=_BINS)
 
     def copies(self) -> list[tuple[int, int, int]]:
-        """Return the pairs of axes that give the same samples, by number, with their sign."""
+        """Return the pairs of axes with equal samples, as two indices and their relative sign."""
         return [(int(one), int(other), sign) for one, other in np.argwhere(self.equal_pairs)
                 for sign, bit in _KINDS.items() if self.equal_pairs[one, other] & bit]
 
     def merge(self, other: 'Census', shift: Array) -> None:
-        """Add the samples of another record, moved by `shift` as its reference is another."""
+        """Add the samples of another record, shifted by `shift` to the reference of this one."""
         for end, mine, theirs, sign in ((0, self.lowest, other.lowest + shift, -1.0),
                                         (1, self.highest, other.highest + shift, 1.0)):
             ahead = sign * (theirs - mine)
@@ -142,7 +143,7 @@ class Census(SideBySide):
         self.samples += other.samples
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields are inconsistent."""
         new = Census(self.axes)
         if (any(part.shape != vars(new)[name].shape for name, part in vars(self).items()
                 if isinstance(part, np.ndarray))
@@ -152,25 +153,25 @@ class Census(SideBySide):
 
 
 def _step_of(rows: Array) -> Array:
-    """Return the least change of some samples, shape (axes,)."""
+    """Return the smallest change between consecutive samples, shape (axes,)."""
     steps = np.full(len(rows), np.inf)
     changes = np.abs(np.diff(rows, axis=1))
     there = changes >= _ROUNDING * np.maximum(1, np.abs(rows[:, 1:]))
     for axis, count in enumerate(there.sum(axis=1).tolist()):
         if count:
-            # A few odd readings lie off the steps. Smooth noise seems to step by a tenth of its
-            # size then, far less than matters.
+            # Ignore a few readings between steps, by a 5 % quantile. For smooth noise it is a
+            # tenth of the noise, far too small to matter.
             place = int(0.05 * count)
             steps[axis] = np.partition(changes[axis, there[axis]], place)[place]
     return steps
 
 
 def end_of_hole(sizes: Counts) -> int | None:
-    """Return the first bin up to which there are more than `FEWEST` samples, else None."""
+    """Return the first bin up to which more than `FEWEST` samples were counted, or None."""
     beyond = np.cumsum(sizes) > FEWEST
     return int(np.argmax(beyond)) if beyond[-1] else None
 
 
 def lower_edge(place: int) -> float:
-    """Return the least magnitude in a bin."""
+    """Return the smallest magnitude in a bin."""
     return float(2.0**(_LOWEST_OCTAVE + place / BINS_PER_OCTAVE))

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The streaming estimator, in one class as every part takes in the same chunks of samples."""
+"""Streaming estimator, which passes chunks of samples to all of its parts."""
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 CHUNK = SHORTEST_SEGMENT
-"""Whole blocks of the spectrum, which numpy takes at once: 0.8 MB for six axes."""
+"""Samples that are processed at once, whole blocks of the spectrum: 0.8 MB for six axes."""
 
 
 @dataclass(eq=False, repr=False)
@@ -31,30 +31,30 @@ class Estimator(SideBySide):
     """
     Streaming estimator of several axes in constant memory.
 
-    Samples go in, in blocks of any size; the state holds the octave pyramid of the Allan variance,
-    the spectrum, and the signal's mean and extremes over time. How the samples were cut into
-    blocks makes no difference, to the last bit: internally they are always processed in the same
-    chunks. The curve is equation (4) of docs/statistics.md, the spectrum P of (6).
+    It accepts samples in blocks of any size. The state contains the octave pyramid of the Allan
+    variance, the spectrum, and the mean and extremes of the signal over time. The result does not
+    depend on the sizes of the blocks, to the last bit, because samples are always processed in the
+    same chunks. The curve is equation (4) of docs/statistics.md, the spectrum P of (6).
 
     Parameters
     ----------
     axes : int, optional
-        How many axes are estimated side by side.
+        Number of axes, which are processed together.
 
     Attributes
     ----------
     samples, interpolated : int
-        Samples taken in, and how many of them are interpolated.
+        Number of samples added, and how many of them are interpolated.
     reference : ndarray, shape (axes,), or None
         The first sample, which is subtracted from all.
     pyramid, periodogram, signal, census, interpolation_sums
-        What is kept of them.
+        Statistics of the samples.
     chunk : ndarray, shape (axes, CHUNK)
-        Samples held back, `held` of them.
+        Buffer of `held` samples that are not processed yet.
     interpolated_rows : list of int
-        Interpolated rows of the chunk, rising.
+        Interpolated rows of the chunk, in rising order.
     run, first : int
-        The run that is being taken in, and the place of the first sample of the chunk in it.
+        Current run, and the place of the first sample of the chunk in it.
 
     Examples
     --------
@@ -84,24 +84,24 @@ class Estimator(SideBySide):
     chunk: Array = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize empty parts."""
         self.pyramid, self.periodogram = Pyramid(self.axes), Periodogram(self.axes)
         self.signal, self.census = Signal(self.axes), Census(self.axes)
         self.chunk = np.zeros((self.axes, CHUNK))
 
     @property
     def interpolation(self) -> Interpolation:
-        """Give what interpolated samples do to white noise."""
+        """Effect of interpolated samples on white noise."""
         return self.interpolation_sums.interpolation(self.interpolated / max(self.samples, 1))
 
     @property
     def measured(self) -> int:
-        """How many of the samples the sensor gave."""
+        """Return the number of samples that are not interpolated."""
         return self.samples - self.interpolated
 
     @property
     def constant(self) -> NDArray[np.bool_]:
-        """Whether each axis has given one value so far, shape (axes,)."""
+        """Whether each axis has been constant so far, shape (axes,)."""
         held = self._without_interpolated()
         return np.asarray(
             np.maximum(self.census.highest, held.max(axis=1, initial=-np.inf))
@@ -109,27 +109,27 @@ class Estimator(SideBySide):
 
     @property
     def next_place(self) -> tuple[int, int]:
-        """Return the run that is being taken in, by number, and the place of its next sample."""
+        """Return the number of the current run, and the place of its next sample."""
         return self.run, self.first + self.held
 
     def update(self, samples: ArrayLike, interpolated: Sequence[int] | NDArray[np.int64] = ()
                ) -> None:
         """
-        Take in the next samples of the segment.
+        Add the next samples of the segment.
 
         Parameters
         ----------
         samples : array_like, shape (n, axes) or, for one axis, (n,)
-            Evenly spaced, finite.
+            Evenly spaced, finite samples.
         interpolated : sequence of int, optional
-            Which rows are interpolated, rising. They are no values of the sensor: its
-            range, its steps and its zeros are found without them.
+            Interpolated rows, in rising order. They are no values of the sensor, so they are
+            excluded from the statistics of its range, steps and zeros.
 
         Raises
         ------
         ValueError
-            If the shape is not that of the axes, a sample is not finite, or `interpolated`
-            are not there or do not rise.
+            If the shape does not match the axes, a sample is not finite, or `interpolated` are
+            not rising row numbers.
 
         """
         block = np.asarray(samples, dtype=np.float64)
@@ -164,7 +164,7 @@ class Estimator(SideBySide):
 
     def skip(self, missing: int) -> None:
         """
-        Leave out `missing` samples: a new segment begins behind them.
+        Skip `missing` samples and begin a new segment after them.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class Estimator(SideBySide):
         self.first += missing
 
     def start_run(self) -> None:
-        """Begin a new run, whose distance in time from the one before is unknown."""
+        """Begin a new run, with an unknown distance in time from the previous one."""
         self._absorb()
         self.pyramid.start_segment()
         self.run += 1
@@ -189,7 +189,7 @@ class Estimator(SideBySide):
             self.run = self.periodogram.renumber_runs()
 
     def finished(self) -> 'Estimator':
-        """Return a copy in which all samples have reached the sums, ready to be fitted."""
+        """Return a copy with all samples processed, ready to be fitted."""
         twin = self.copy()
         twin._absorb()
         twin.periodogram.finish()
@@ -197,12 +197,12 @@ class Estimator(SideBySide):
 
     def taken(self, axes: Sequence[int]) -> 'Estimator':
         """
-        Return an independent copy of some of the axes, which goes on alone.
+        Return an independent copy with some of the axes.
 
         Parameters
         ----------
         axes : sequence of int
-            Their numbers.
+            Indices of the axes.
 
         Examples
         --------
@@ -218,7 +218,7 @@ class Estimator(SideBySide):
 
     @property
     def mean(self) -> Array:
-        """Mean of every axis over all samples, shape (axes,); NaN before the first."""
+        """Mean of each axis over all samples, shape (axes,); NaN before the first."""
         if self.reference is None:
             return np.full(self.axes, np.nan)
         held = self.chunk[:, :self.held]
@@ -245,7 +245,7 @@ class Estimator(SideBySide):
         self.periodogram.finish()
         if self.reference is None:
             self.reference = theirs.reference
-        # Both keep their samples about a reference of their own.
+        # Each record has its samples relative to its own reference.
         shift = theirs.reference - self.reference
         self.signal.merge(theirs.signal, shift)
         theirs.periodogram.shift_cells(shift[:, None])
@@ -261,7 +261,7 @@ class Estimator(SideBySide):
         self.run += runs
 
     def _absorb(self) -> None:
-        """Bring the samples held back into the sums."""
+        """Process the samples in the chunk."""
         if not self.held:
             return
         assert self.reference is not None
@@ -276,13 +276,13 @@ class Estimator(SideBySide):
         self.held, self.interpolated_rows = 0, []
 
     def _without_interpolated(self) -> Array:
-        """Return the samples held back that the sensor gave."""
+        """Return the samples in the chunk that are not interpolated."""
         held = self.chunk[:, :self.held]
         if not self.interpolated_rows:
             return held
         own = np.ones(self.held, dtype=np.bool_)
         own[self.interpolated_rows] = False
-        # Taken, the rows stay contiguous, as what reads them wants; deleted, they do not.
+        # `take` keeps the rows contiguous, for speed; `delete` would not.
         return held.take(np.flatnonzero(own), axis=1)
 
     def to_state(self) -> State:
@@ -292,13 +292,13 @@ class Estimator(SideBySide):
         Returns
         -------
         dict of str to ndarray
-            Read back by `from_state`; no object arrays, so that it can be stored without pickle.
+            State for `from_state`, without object arrays, so that it can be stored without pickle.
 
         """
         return state_of(self.without_room())
 
     def without_room(self) -> 'Estimator':
-        """Return what is to be saved of it: of the chunk the samples that are there."""
+        """Return a shallow copy to be saved, whose chunk has only the samples in use."""
         twin = copy(self)
         twin.chunk = self.chunk[:, :self.held]
         return twin
@@ -306,18 +306,18 @@ class Estimator(SideBySide):
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> 'Estimator':
         """
-        Return the estimator that `to_state` described.
+        Restore an estimator from the result of `to_state`.
 
         Raises
         ------
         KeyError, TypeError, ValueError
-            If the state is not one of an estimator.
+            If the state is not that of an estimator.
 
         """
         return restored(cls, state)
 
     def check(self) -> None:
-        """Allocate the chunk; raise ValueError where what was saved does not fit."""
+        """Allocate the chunk; raise ValueError if restored fields are inconsistent."""
         parts = self.pyramid, self.periodogram, self.signal, self.census
         if (any(part.axes != self.axes for part in parts)
                 or self.chunk.shape != (self.axes, self.held) or self.held >= CHUNK

@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What gaps do to the spectrum of noise, for the pattern of gaps at hand.
+Effect of gaps on the spectrum of noise, for a given pattern of gaps.
 
-Means over cells that are half full vary more, and what fills a gap repeats the noise about it.
-Both are linear in the samples, so the expected power of every DCT coefficient follows from the
-pattern alone: exactly for white noise, and for flicker and random walk as if the cells that are
-there were full.
+Means over half-full cells have a larger variance, and values that fill a gap repeat the noise
+around it. Both are linear in the samples, so the expected power of each DCT coefficient follows
+from the pattern alone. It is exact for white noise. For flicker and random walk, existing cells
+are treated as full.
 """
 
 from collections.abc import Iterator
@@ -23,20 +23,20 @@ Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 _FEWEST, _MOST = 4, 256
-"""Cells on each side of a gap over which the level there is averaged: beyond, it has changed."""
+"""Least and most cells averaged on each side of a gap; farther away, the level has changed."""
 _EXACT = 64
-"""Coefficients that are worked out one by one; above, a few to an octave, over all phases."""
+"""Coefficients computed one by one; above, some per octave, averaged over phase."""
 _PER_OCTAVE = 12
 """Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """What gaps do to noise."""
+    """Effect of gaps on noise."""
 
-    # Share of the points that are interpolated: the others are independent
+    # Share of the points that are interpolated; the others are independent
     filled: float = 0.0
-    # (length,): expected power by index over that of full cells, None where it is the same
+    # (length,): expected power by index, relative to full cells; None if it is the same
     white: Array | None = None
     flicker: Array | None = None
     walk: Array | None = None
@@ -47,7 +47,7 @@ NO_GAPS = Gaps()
 
 @dataclass(frozen=True)
 class _GapLine:
-    """Places `first` up to `last` on the line between the means of cells `left` and `right`."""
+    """Line over the places from `first` up to `last`, between the means of `left` and `right`."""
 
     first: int
     last: int
@@ -68,12 +68,11 @@ def _gap_lines(places: Keys) -> Iterator[_GapLine]:
 
 def filled(cells: Cells) -> Array:
     """
-    Lay means out on the whole grid from the first to the last cell.
+    Return means on the whole grid from the first to the last cell, with gaps interpolated.
 
-    `cells`: all of one run. Returns shape (axes, span): missing cells stand on the straight line
-    between the means of what surrounds them, taken over twice as many cells as are missing: a line
-    between the two nearest cells alone would spread their noise over the gap and look like
-    flicker.
+    `cells`: all of one run. Returns shape (axes, span): missing cells lie on a straight line
+    between the means of the cells on both sides, over twice as many cells as are missing. A line
+    between the two nearest cells would spread their noise over the gap and look like flicker.
     """
     means = cells.means
     places = cells.keys - cells.keys[0]
@@ -90,7 +89,7 @@ def filled(cells: Cells) -> Array:
 
 def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     """
-    Work out what the gaps of cells do to noise once they are `filled`.
+    Compute the effect of gaps on noise once they are `filled`.
 
     `cells`: all of one run. `size`: samples in a full cell.
     """
@@ -100,7 +99,7 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     if span == len(cells):
         if np.all(cells.counts == size):
             return NO_GAPS
-        # 2 cos^2 a = 1 + cos 2a: the second half is the transform of the variances themselves.
+        # As 2 cos^2 a = 1 + cos 2a, the second part is a transform of the variances.
         twice = 2 * np.arange(span)
         transform = np.append(dct(variance, type=2) / 2, 0.0)
         folded = np.where(twice <= span, transform[np.minimum(twice, span)],
@@ -123,9 +122,9 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     there = np.zeros((len(index), span))
     there[:, places] = weights.real
     slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
-    # A single index above meets the pattern of gaps in phase or not; about it they even out.
+    # A single index may be in phase with the pattern of gaps; its neighbours average this out.
     if span > _EXACT:
-        # Five neighbours are averaged for the slow terms.
+        # Average over five neighbours for the slow terms.
         slow[:, ~single] = uniform_filter1d(slow[:, ~single], 5, mode='nearest')
     slow[:, 0] = slow[:, 1]
     return Gaps(1 - len(cells) / span, np.interp(every, index, power),
@@ -134,12 +133,12 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
 
 def _slow_power(weights: Array) -> Array:
     """
-    Work out the power of weighted sums of flicker noise, and of a random walk.
+    Compute the power of weighted sums of flicker, and of a random walk.
 
-    `weights`, shape (n, span): of consecutive means, each row adding up to zero. Returns shape (2,
-    n): up to a constant.
+    `weights`, shape (n, span): weights of consecutive means, with rows that sum to zero. Returns
+    shape (2, n): up to a constant.
     """
-    # Four frequencies to a coefficient, at which the spectrum of its weights is summed up.
+    # Integrate over four frequencies per coefficient.
     length = next_fast_len(4 * weights.shape[1], real=True)
     gain = np.abs(rfft(weights, length))[:, 1:]**2
     nu = np.arange(1, gain.shape[1] + 1) / length
@@ -147,7 +146,7 @@ def _slow_power(weights: Array) -> Array:
 
 
 def without_islands(cells: Cells) -> Cells:
-    """Leave out a few cells in a row that lie beyond a gap longer than they are."""
+    """Remove short groups of cells next to a gap that is longer than they are."""
     while len(cells):
         cuts = np.flatnonzero(np.diff(cells.keys) > 1) + 1
         if not len(cuts):
@@ -156,7 +155,7 @@ def without_islands(cells: Cells) -> Cells:
         lengths = np.diff(edges)
         gap = np.diff(cells.keys)[cuts - 1] - 1
         beside = np.maximum(np.append(0, gap), np.append(gap, 0))
-        # Fewer cells in a row beyond a longer gap do not distinguish a level from chance.
+        # Fewer than eight cells do not determine the level beyond a longer gap.
         small = (lengths < 8) & (lengths < beside)
         if not small.any() or small.all():
             break

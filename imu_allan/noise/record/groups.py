@@ -1,12 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A spectrum as the likelihood takes it: bins of one axis, gathered into narrow bands.
+Bins of one axis, averaged over narrow bands for the likelihood.
 
-A group is a band over which the spectra of the terms hardly change, so that the mean power
-and the degrees of freedom are all that has to be kept of its bins; the slowest coefficients of a
-record stay single. What may move the mean beside noise, a ramp and other regressors, comes along
-as products with the coefficients, and only of the whole record: the blocks know no sign.
+A group is a band in which the spectra of the terms hardly change, so that mean power and degrees
+of freedom represent its bins. The slowest coefficients of a record stay single. The ramp and other
+regressors of the mean are included as products with the coefficients. These exist only for the
+whole record, since blocks keep only power.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 QUANTIZATION, WHITE, FLICKER, RANDOM_WALK = range(4)
 """Columns of a design: the four terms that have a spectrum."""
 LEAST_OF_BLOCKS = 1e-3
-"""Share of the power of blocks that a ramp leaves: by chance they hold less than it gives."""
+"""Least share of the power of blocks that remains after a ramp is subtracted, which may exceed it
+by chance."""
 
 
 @dataclass(frozen=True)
@@ -37,30 +38,30 @@ class Groups:
     step: Array
     length: Array
     interpolated: Array
-    # (groups, regressors): mean of coefficient times regressor; zero where the sign is lost
+    # (groups, regressors): mean of coefficient times regressor; zero in blocks
     along: Array | None = None
     # (groups, regressors, regressors): mean products of the regressors
     among: Array | None = None
-    # (groups,): which of several records a group is of, each having regressors of its own;
-    # None for one
+    # (groups,): index of the record of each group, if there are several, each with its own
+    # regressors; None for one record
     record: NDArray[np.int64] | None = None
 
     @property
     def records(self) -> int:
-        """How many records the groups are of."""
+        """Return the number of records."""
         return 1 if self.record is None else int(self.record.max()) + 1
 
     def below(self, frequency_hz: float) -> 'Groups':
-        """Return the groups up to a frequency."""
+        """Return the groups up to a frequency, inclusive."""
         return self.taken(self.frequency <= frequency_hz)
 
     def taken(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
-        """Return some of the groups, by mask or in an order."""
+        """Return a selection of the groups, by mask or by index."""
         return replace(self, **{name: part[which] for name, part in vars(self).items()
                                 if part is not None})
 
     def widened(self, regressors: int) -> 'Groups':
-        """Return the same groups with more regressors, which are nothing."""
+        """Return the same groups, padded with zero regressors to a given number."""
         assert self.along is not None
         assert self.among is not None
         more = regressors - self.along.shape[1]
@@ -68,21 +69,21 @@ class Groups:
                        among=np.pad(self.among, ((0, 0), (0, more), (0, more))))
 
     def with_design(self, design: Array) -> 'Groups':
-        """Return the same power under another set of columns."""
+        """Return the same power with another design."""
         return replace(self, design=design)
 
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     """
-    Take the mean that a ramp gives the coefficients out of their power.
+    Remove the contribution of a ramp from the power of coefficients.
 
     `power`, `cross`, `ramp`, shape (n,): as in `Bins`. `slope`: of the ramp, per second. Returns
     shape (n,).
     """
     if slope == 0:
         return power
-    # What is left of coefficients whose sign is known is exact. Of blocks only the mean power of
-    # the ramp is known, and by chance they can hold less.
+    # For signed coefficients the result is exact. For blocks only the mean power of the ramp is
+    # known, and their power may be smaller by chance.
     floor = np.where(ramp > 0, 1e-12, LEAST_OF_BLOCKS)
     return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
 
@@ -90,12 +91,12 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
 def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
             regressors: Array | None = None) -> Groups:
     """
-    Gather the bins of one axis into bands of an eighth of an octave.
+    Average the bins of one axis over bands of an eighth of an octave.
 
-    `bins`: the spectrum of all axes. `keep`, shape (bins,): False leaves a bin out. `regressors`,
-    shape (bins, n): coefficients of what may move the mean beside the ramp, which comes first in
-    any case; zero outside the whole-record part. Returns: the lowest 48 coefficients of every
-    whole-record part stay single.
+    `bins`: the spectrum of all axes. `keep`, shape (bins,): False excludes a bin. `regressors`,
+    shape (bins, n): coefficients of trends of the mean, zero outside the whole-record part. The
+    ramp is always the first regressor and not part of them. Returns: groups in which the lowest
+    48 coefficients of every whole-record part stay single.
     """
     bands = _Bands(bins, keep)
     still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
@@ -108,15 +109,15 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
 def regressed(still: Groups, bins: Bins, axis: int, keep: NDArray[np.bool_] | None,
               regressors: Array) -> Groups:
     """
-    Exchange the regressors of the groups that `grouped` makes of the same bins.
+    Replace the regressors of groups that `grouped` made from the same bins.
 
-    `still`: with any regressors. `bins`, `axis`, `keep`, `regressors`: as for `grouped`.
+    `still`: the groups. `bins`, `axis`, `keep`, `regressors`: as for `grouped`.
     """
     return _regressed(still, _Bands(bins, keep), bins, axis, regressors)
 
 
 class _Bands:
-    """Means over the bands of some bins, in order of frequency."""
+    """Weighted means of bins over bands, in order of frequency."""
 
     def __init__(self, bins: Bins, keep: NDArray[np.bool_] | None) -> None:
         self._weight = bins.dof if keep is None else bins.dof * keep
@@ -130,14 +131,14 @@ class _Bands:
             self._some[order], self.dof[order], self.frequency[order])
 
     def mean(self, values: Array, at: NDArray[np.int64] | slice = slice(None)) -> Array:
-        """Weigh by degrees of freedom, shape (bands,), values that are zero but at some bins."""
+        """Average over bands, weighted by degrees of freedom; values are zero except `at` bins."""
         total = np.bincount(self._band[at], self._weight[at] * values, self._count)
         return np.asarray(total[self._some] / self.dof)
 
 
 def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: Array | None
                ) -> Groups:
-    """Lay the ramp and other regressors to groups."""
+    """Return groups with the products of the ramp and other regressors."""
     whole = np.flatnonzero(bins.whole)
     columns = [bins.of_ramp[whole],
                *([] if regressors is None else regressors[whole].T)]
@@ -150,18 +151,18 @@ def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: 
 
 
 def stacked(parts: Sequence[Groups]) -> Groups:
-    """Put groups of one record, with as many regressors, one behind the other."""
+    """Concatenate groups of one record with the same number of regressors."""
     return Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
                     for field in fields(Groups) if field.name != 'record'))
 
 
 def joined_groups(parts: Sequence[Groups]) -> Groups:
     """
-    Put the spectra of several records side by side.
+    Join the spectra of several records.
 
-    `parts`: of each record, with regressors. In order of frequency; the coefficients are one,
-    those of the regressors each record's own. A record with fewer regressors than another has some
-    that are nothing.
+    `parts`: groups of each record, with regressors. Returns: groups in order of frequency, with
+    common noise coefficients but regressors for each record. Records with fewer regressors are
+    padded with zeros.
     """
     most = max(part.along.shape[1] for part in parts if part.along is not None)
     parts = [part.widened(most) for part in parts]

@@ -1,12 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What interpolated samples do to the spectrum of white noise.
+Effect of interpolated samples on the spectrum of white noise.
 
-Such a sample is the mean of those around it, so it shares their noise. How much any two places
-share follows from the pattern of the gaps alone; averaged over the record by their distance, it
-gives the expected power of every coefficient, whatever the pattern: losses at random, in bursts or
-in turn.
+An interpolated sample is the mean of its neighbours, so it shares their noise. The covariance of
+any two places follows from the pattern of the gaps alone. Averaged over the record by distance, it
+gives the expected power of each coefficient for any pattern: random, bursty or periodic losses.
 """
 
 from collections.abc import Sequence
@@ -21,25 +20,25 @@ from scipy.fft import dct, dst
 Array = NDArray[np.float64]
 
 LAGS = 256
-"""Places apart: with two of three lost, interpolated samples share no noise beyond some 100."""
+"""Number of lags: even with two of three samples lost, there is no covariance beyond about 100."""
 
 
 @dataclass(frozen=True, eq=False)
 class Interpolation:
-    """The interpolated samples of a record, as the fit of its spectrum takes them."""
+    """Statistics of the interpolated samples of a record, for the fit of its spectrum."""
 
-    share: float = 0.0    # of the samples
-    # (lags,): of white noise of unit variance by distance in samples; None where
-    # none is interpolated
+    share: float = 0.0    # share of the samples that are interpolated
+    # (lags,): covariance of white noise of unit variance by distance in samples; None
+    # without interpolation
     covariance: Array | None = None
 
     def white_power(self, length: int, step: int) -> Array | None:
         """
-        Give the power of white noise in the DCT-II of means, over that of full ones.
+        Return the power of white noise in the DCT-II of means, relative to a complete record.
 
         `length`: points of a block. `step`: samples in a point. Returns shape (length,): by index;
-        None where it is one. The covariances of the points are those of the samples under a
-        triangle, and ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n) - sin(pi k l/n) / (n
+        None if it is 1. The covariances of the points are those of the samples, weighted by a
+        triangle. Then ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n) - sin(pi k l/n) / (n
         sin(pi k/n)))``.
         """
         if self.covariance is None:
@@ -53,7 +52,7 @@ class Interpolation:
         even = dct(x * (1 - np.arange(length + 1) / length), type=1)[:length]
         odd = dst(x[1:-1], type=1)
         even[1:] -= odd / (length * np.sin(np.pi * np.arange(1, length) / length))
-        # Where covariances cut off at the last lag leave less, the fit would divide by nothing.
+        # Truncation at the last lag may leave values near zero, by which the fit would divide.
         return np.maximum(even, 1e-3)
 
 
@@ -68,13 +67,13 @@ def _places_apart() -> Array:
 class InterpolationSums(Record):
     """Sums over the pairs of places of a record."""
 
-    # (LAGS,): covariance of white noise in two places by their distance, over that of
-    # samples of which none is missing
+    # (LAGS,): sum of the covariance of white noise in two places by distance, in excess of
+    # that of a complete record
     shared: Array = field(default_factory=_places_apart)
-    pairs: Array = field(default_factory=_places_apart)    # (LAGS,): how many pairs these are
+    pairs: Array = field(default_factory=_places_apart)    # (LAGS,): number of pairs
 
     def add(self, interpolated: Sequence[int], samples: int) -> None:
-        """Add `samples` places in a row, of which some, rising, are `interpolated`."""
+        """Add `samples` consecutive places; `interpolated` are some of them, in rising order."""
         self.pairs += np.maximum(samples - np.arange(LAGS), 0)
         if len(interpolated):
             self.shared += shared_noise(np.asarray(interpolated), samples)
@@ -85,14 +84,14 @@ class InterpolationSums(Record):
         self.pairs += other.pairs
 
     def check(self) -> None:
-        """Raise ValueError where the sums cannot be those of a record."""
-        # Written so that NaN fails.
+        """Raise ValueError if the sums cannot be those of a record."""
+        # The comparisons are written so that NaN fails.
         if len(self.shared) != LAGS or len(self.pairs) != LAGS or not np.all(
                 (np.abs(self.shared) <= self.pairs) & (self.pairs < np.inf)):
             raise ValueError('sums over pairs of samples are out of range')
 
     def interpolation(self, share: float) -> Interpolation:
-        """Give the mean over all pairs, of samples of which a `share` is interpolated."""
+        """Return the mean over all pairs, for a record with this share of interpolated samples."""
         if not share:
             return NO_INTERPOLATION
         if not self.shared.any():
@@ -104,11 +103,12 @@ class InterpolationSums(Record):
 
 def shared_noise(interpolated: NDArray[np.int64], samples: int) -> Array:
     """
-    Sum up the noise that interpolated samples share with others.
+    Sum the covariances that interpolation adds to white noise.
 
-    `interpolated`, shape (b,): their places, rising. `samples`: places in a row. Returns shape
-    (LAGS,): sum over the pairs of places of a distance of the covariance of white noise of unit
-    variance, less that of as many samples. Nothing where no sample is left.
+    `interpolated`, shape (b,): places of interpolated samples, rising. `samples`: number of
+    consecutive places. Returns shape (LAGS,): sum over the pairs at each distance of the
+    covariance of white noise of unit variance, minus that of a complete record. Zero if no sample
+    was received.
     """
     own = np.ones(samples, dtype=bool)
     own[interpolated] = False

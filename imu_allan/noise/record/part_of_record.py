@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The spectrum and the means of part of a record, read off a finished periodogram."""
+"""Spectrum and means of part of a record, from a finished periodogram."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,13 +32,13 @@ Array = NDArray[np.float64]
 
 def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
     """
-    Cells of the whole-record series that fall into some segments.
+    Return the cells of the whole-record series that belong to a range of segments.
 
-    `first`, `last`: the segments, `first` up to and without `last`.
+    `first`, `last`: segments from `first` up to, but not including, `last`.
     """
     series, segments = periodogram.series, periodogram.segments
     end = np.cumsum(series.counts)
-    # The samples that an endless record of tiny runs has dropped came first.
+    # A very long record of short runs may have dropped its oldest cells.
     middle = end - series.counts / 2 + (segments.samples - (end[-1] if len(end) else 0))
     number = middle // segments.width
     return series.take((first <= number) & (number < last))
@@ -46,22 +46,22 @@ def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
 
 @dataclass(frozen=True)
 class Part:
-    """Some neighbouring segments of a record, for all axes."""
+    """Consecutive segments of a record, for all axes."""
 
     periodogram: Periodogram    # finished
     dt: float    # sample interval in seconds
-    # The segments, `first` up to and without `last`
+    # Segments from `first` up to, but not including, `last`
     first: int
     last: int
     interpolation: Interpolation = NO_INTERPOLATION    # of the whole record
 
     def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
         """
-        Spectrum of one axis.
+        Return the spectrum of one axis.
 
-        `lines_hz`: frequencies of lines, whose bands and those beside them are left out. Returns:
-        from the slowest to the fastest, as `grouped` gives them for the whole record; without any
-        where the part is too short.
+        `lines_hz`: frequencies of lines, whose bands and the adjacent ones are left out. Returns:
+        groups from the slowest to the fastest, as from `grouped` for the whole record; none if the
+        part is too short.
         """
         found = [] if self._slow is None else [grouped(self._slow, axis)]
         if self.periodogram.cell > 1:
@@ -74,7 +74,7 @@ class Part:
 
     @cached_property
     def _slow(self) -> Bins | None:
-        """Spectrum of the series, up to the border."""
+        """Spectrum of the series up to `_border`; None if the part is too short."""
         cell = self.periodogram.cell
         sections = [section for points, gaps, start in unbroken(
             part_cells(self.periodogram, self.first, self.last), cell)
@@ -83,7 +83,7 @@ class Part:
 
     @cached_property
     def _border(self) -> float:
-        """Cycles per sample up to which the series speaks, and above which the bands do."""
+        """Frequency in cycles per sample where the bands take over from the series."""
         segments = self.periodogram.segments
         if self.periodogram.cell == 1:
             return 0.5
@@ -91,12 +91,12 @@ class Part:
         slow = layout(*TRANSFORMS[0])
         seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
         samples = min(self.last * segments.width, segments.samples) - self.first * segments.width
-        # The slower transform stands for all samples where it has seen half of them.
+        # The slower transform is representative if it contains at least half of the samples.
         whole = seen * SHORTEST_SEGMENT > 0.5 * samples
         return float(min(highest, 2.0**-OCTAVES if whole else 1 / 256))
 
     def _banded(self, axis: int) -> Groups:
-        """Spectrum of the bands above the border."""
+        """Return the spectrum of the bands above `_border`."""
         segments = self.periodogram.segments
         dof = segments.dof[self.first:self.last].sum(axis=0)
         power = segments.power[axis, self.first:self.last].sum(axis=0)
@@ -118,7 +118,7 @@ class Part:
 @lru_cache(maxsize=16)
 def _shapes(length: int, step: int, dt: float, interpolation: Interpolation
             ) -> tuple[Array, Array, Array]:
-    """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
+    """Return frequency, design and ramp of the bands of a block, common to all axes and parts."""
     place = layout(length, step)
     nothing = SpectrumSection(step, length, 1, place.first, place.last, np.zeros((1, length)))
     bins = bins_of([nothing], dt, interpolation)

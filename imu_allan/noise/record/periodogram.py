@@ -1,17 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The spectrum in constant memory, in one module because each stage begins where another ends.
+The spectrum of a record in constant memory.
 
-The record is seen at three or four rates: every sample, means of 64, of 4096, ... Each stage adds
-up the squared DCT-II coefficients of consecutive blocks of 4096 points; what is slower than a
-block is left to the next stage. The slowest part of the spectrum, where every single coefficient
-counts, comes from one DCT over the whole record, kept as at most 8192 means over cells that double
-in size as the record grows. A record of up to 8192 samples is thus transformed whole.
+The record is processed at three or four rates: single samples, means of 64, of 4096 and so on.
+Each stage sums the squared DCT-II coefficients of consecutive blocks of 4096 points. The lowest
+frequencies of a block are left to the next stage. For the slowest part of the spectrum, where each
+coefficient matters, one DCT is taken over the whole record. For it the record is kept as at most
+8192 means over cells that double in size as it grows. So a record of up to 8192 samples is
+transformed as a whole.
 
-Cutting a record into blocks costs nothing that matters: the coefficients above the first few of a
-block are independent of those of its neighbours for white noise and random walk, and nearly so for
-flicker.
+Splitting a record into blocks loses very little. For white noise and random walk, all but the
+first few coefficients of adjacent blocks are independent; for flicker, they are nearly so.
 """
 
 from collections.abc import Sequence
@@ -40,20 +40,20 @@ from scipy.fft import dct
 Array = NDArray[np.float64]
 
 STAGE_OCTAVES = 6
-"""A stage sees means of 2**6 points of the stage before."""
+"""The points of a stage are means of 2**6 points of the previous stage."""
 SERIES = 8192
-"""The most cells of the whole-record series."""
+"""Most cells in the whole-record series."""
 SHORTEST = 16
-"""Points of the shortest block: the rest of a segment is cut into blocks of powers of two."""
+"""Points of the shortest block: the end of a segment is split into blocks of powers of two."""
 
 _MAX_STAGES = 4
-"""Means of 2**18 samples in the slowest: at 1 kHz its blocks last for twelve days."""
+"""The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long."""
 _LOWEST = 32 / (2 * BLOCK)
-"""A block leaves its first 32 coefficients to the next stage, which resolves them better."""
+"""The first 32 coefficients of a block are left to the next stage, which has more resolution."""
 HIGHEST_OF_MEANS = 0.25
-"""Of their own rate: means fold what is faster, the more the nearer to half of it."""
+"""Highest frequency used of means, relative to their rate: aliasing grows towards half of it."""
 _LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
-"""Of the blocks, from the longest to the shortest."""
+"""Block lengths, from the longest to the shortest."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +62,27 @@ class SpectrumSection:
 
     step: int    # samples averaged into one point
     length: int    # points of a block
-    blocks: int    # how many blocks were averaged
-    # The DCT indices, `first` up to and without `last`, that this section is good for
+    blocks: int    # number of blocks averaged
+    # Valid DCT indices, from `first` up to, but not including, `last`
     first: int
     last: int
     # (axes, length): mean squared orthonormal DCT-II coefficients by index, in squared
     # sample units
     power: Array
-    # (axes, length): the coefficients themselves where the section is one block
+    # (axes, length): the coefficients themselves if the section is a single block
     coefficients: Array | None = None
-    gaps: Gaps = NO_GAPS    # what missing samples do to noise
-    # Of one block: samples from the beginning of the record to its first point; runs are joined
-    # end to end
+    gaps: Gaps = NO_GAPS    # effect of missing samples on noise
+    # For a single block: samples from the beginning of the record to its first point, with runs
+    # joined end to end
     start: int = 0
 
     def spacing_hz(self, dt: float) -> float:
-        """Return how far apart the frequencies of its coefficients are."""
+        """Return the frequency spacing of the coefficients in Hz."""
         return 1 / (2 * self.length * self.step * dt)
 
 
 def longest_blocks(sections: Sequence[SpectrumSection]) -> dict[int, int]:
-    """Return the points of the longest blocks, by the samples averaged into one point."""
+    """Return the length of the longest blocks for each number of samples per point."""
     return {section.step: max(one.length for one in sections if one.step == section.step)
             for section in sections}
 
@@ -92,8 +92,8 @@ def whole_section(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = N
     """
     Transform a part of a record as one block.
 
-    `points`, shape (axes, n): means over `step` samples. `top`: cycles per point up to which the
-    section is good. `gaps`, `start`: as in `SpectrumSection`.
+    `points`, shape (axes, n): means over `step` samples. `top`: highest valid frequency, in cycles
+    per point. `gaps`, `start`: as in `SpectrumSection`.
     """
     length, coefficients = points.shape[1], dct(points, norm='ortho')
     last = min(length, int(np.ceil(2 * length * top)))
@@ -107,25 +107,25 @@ class BlockSum(Record):
     # (axes, length): sum of squared DCT-II coefficients
     power: Array = field(metadata=AXES_FIRST)
     blocks: int = 0
-    # Sum over the blocks of the variance that half-full points add to white noise of 1
+    # Sum over the blocks of the variance that half-full points add to unit white noise
     excess: float = 0.0
 
     @property
     def gaps(self) -> Gaps:
-        """Return what half-full points do to the white noise."""
+        """Return the effect of half-full points on white noise."""
         return Gaps(0.0, np.full(self.power.shape[1], 1 + self.excess / self.blocks)
                     ) if self.excess else NO_GAPS
 
 
 @dataclass(eq=False)
 class Stage(SideBySide):
-    """Blocks of samples, or of means: one stage of the spectrum."""
+    """One stage of the spectrum: blocks of samples, or of means."""
 
     sums: dict[int, BlockSum] = field(default_factory=dict)    # by block length
-    waiting: Cells = field(init=False)    # means that make no whole block yet
+    waiting: Cells = field(init=False)    # means that do not fill a block yet
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize an empty stage."""
         self.waiting = no_cells(self.axes)
 
     def _of(self, length: int) -> BlockSum:
@@ -133,11 +133,11 @@ class Stage(SideBySide):
 
     def add(self, rows: Array, variance: Array | None = None) -> list[tuple[int, int, Array]]:
         """
-        Cut consecutive points into the longest blocks and add them.
+        Split consecutive points into the longest possible blocks and add them.
 
-        `rows`, shape (axes, n): the points of every axis. `variance`, shape (n,): variance of
-        white noise in each point over that of a full one. Returns: length, number and summed
-        power, shape (axes, length), of what was added.
+        `rows`, shape (axes, n): the points of all axes. `variance`, shape (n,): variance of white
+        noise in each point, relative to a full one. Returns: length, number and summed power,
+        shape (axes, length), of the blocks added.
         """
         added = []
         start = 0
@@ -159,13 +159,13 @@ class Stage(SideBySide):
         return added
 
     def take(self, cells: Cells, size: int) -> None:
-        """Add cells of `size` samples; the last one waits, since it may still grow."""
+        """Add cells of `size` samples; the last one is held back, since it may still grow."""
         self.waiting = joined(self.waiting, cells)
         if len(self.waiting) > BLOCK + SHORTEST:
             self._transform(size, all_of_it=False)
 
     def finish(self, size: int) -> None:
-        """Transform what waits."""
+        """Transform the means that are still waiting."""
         if len(self.waiting):
             self._transform(size, all_of_it=True)
 
@@ -176,13 +176,13 @@ class Stage(SideBySide):
         self.waiting = growing
         if not len(held):
             return
-        # Nothing is filled here: what is slow enough to need it is in the series.
+        # Gaps are not filled: frequencies low enough to need it are in the series.
         cut = np.flatnonzero(np.diff(held.keys) > 1) + 1
         for begin, end in pairwise([0, *cut.tolist(), len(held)]):
             segment = held.take(slice(begin, end))
             whole = len(segment)
             if end == len(held) and not all_of_it:
-                # The segment goes on: only whole blocks are taken now.
+                # The segment continues, so take only whole blocks for now.
                 whole -= whole % BLOCK
                 self.waiting = joined(segment.take(slice(whole, None)), growing)
             self.add(segment.means[:, :whole], (size / segment.counts)[:whole])
@@ -196,7 +196,7 @@ class Stage(SideBySide):
             own.excess += theirs.excess
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields are inconsistent."""
         self.waiting.check(self.axes)
         for length, own in self.sums.items():
             if (length not in _LENGTHS or own.power.shape != (self.axes, length)
@@ -206,7 +206,7 @@ class Stage(SideBySide):
 
 @dataclass(eq=False)
 class Periodogram(SideBySide):
-    """The spectrum of several axes, block by block."""
+    """Spectrum of several axes, computed block by block."""
 
     cell: int = 1    # samples in a cell of the series
     samples: int = 0
@@ -215,7 +215,7 @@ class Periodogram(SideBySide):
     segments: Segments = field(init=False)
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize an empty spectrum."""
         self.stages, self.series = [Stage(self.axes)], no_cells(self.axes)
         self.segments = Segments(self.axes)
 
@@ -223,8 +223,8 @@ class Periodogram(SideBySide):
         """
         Add samples of one segment.
 
-        `rows`, shape (axes, n): a multiple of `BLOCK` samples, or the rest of the segment.
-        `first`: place of the first sample on the grid of the run.
+        `rows`, shape (axes, n): a multiple of `BLOCK` samples, or the end of the segment. `run`:
+        number of the run. `first`: place of the first sample on the grid of the run.
         """
         self.samples += rows.shape[1]
         self.segments.absorb(rows, self.stages[0].add(rows))
@@ -243,15 +243,15 @@ class Periodogram(SideBySide):
             cells = coarser(cells, STAGE_OCTAVES)
 
     def _bound_series(self) -> None:
-        """Make the cells larger until they are few enough."""
-        # With larger cells each run would be one: of thousands of runs the oldest go.
+        """Enlarge the cells until there are at most `SERIES`."""
+        # Cells do not extend over runs, so with thousands of runs, drop the oldest cells instead.
         while len(self.series) > SERIES and self.cell <= 1 << 36:
             self.series = coarser(self.series, 1)
             self.cell *= 2
         self.series = self.series.take(slice(-SERIES, None))
 
     def renumber_runs(self) -> int:
-        """Give the runs numbers without holes; return how many numbers that takes at most."""
+        """Renumber the runs consecutively; return the largest number of runs in any part."""
         self.series, most = renumbered(self.series)
         for stage in self.stages:
             stage.waiting, count = renumbered(stage.waiting)
@@ -259,7 +259,7 @@ class Periodogram(SideBySide):
         return most
 
     def finish(self) -> None:
-        """Transform what waits in every stage: the record has ended."""
+        """Transform the waiting means of all stages, at the end of the record."""
         for number, stage in enumerate(self.stages):
             stage.finish(2**(STAGE_OCTAVES * number))
 
@@ -287,12 +287,12 @@ class Periodogram(SideBySide):
         return found
 
     def shift_cells(self, values: Array) -> None:
-        """Add values to all samples of the cells of the series, for their shape (axes, cells)."""
+        """Add values to all samples of the cells of the series; `values`, shape (axes, cells)."""
         series = self.series
         self.series = replace(series, sums=series.sums + values * series.counts)
 
     def merge(self, other: 'Periodogram', runs: int) -> None:
-        """Add another finished record, whose runs are counted on from `runs`."""
+        """Add another finished record, with its runs numbered from `runs` on."""
         self.segments.merge(other.segments)
         self.stages += [Stage(self.axes) for _ in other.stages[len(self.stages):]]
         for mine, theirs in zip(self.stages, other.stages, strict=False):
@@ -307,7 +307,7 @@ class Periodogram(SideBySide):
         self.samples += other.samples
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields are inconsistent."""
         self.series.check(self.axes)
         if (self.cell < 1 or self.cell & (self.cell - 1)
                 or not 1 <= len(self.stages) <= _MAX_STAGES
@@ -317,12 +317,12 @@ class Periodogram(SideBySide):
 
 def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
     """
-    Cut cells into parts whose gaps are few enough to be filled.
+    Split cells into parts whose gaps are few enough to be filled.
 
-    `cells`: in order of time. `size`: samples in a full cell; those less than half full are left
-    out, and so are a few that lie alone beyond a gap. Returns: points, shape (axes, n), of each
-    part of at least `SHORTEST` of them, what filling its gaps did to noise, and the samples before
-    the first; runs are joined end to end.
+    `cells`: in order of time. `size`: samples in a full cell; cells less than half full are left
+    out, and so are short groups beyond a gap. Returns, for parts of at least `SHORTEST` points:
+    the points, shape (axes, n), the effect of filled gaps on noise, and the number of samples
+    before the part. Runs are joined end to end.
     """
     whole = cells.take(cells.counts >= size / 2)
     place = end_to_end(whole.keys) * size
@@ -334,7 +334,7 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
         if len(part) < SHORTEST:
             continue
         span = int(part.keys[-1] - part.keys[0]) + 1
-        # Beyond, the lines over the gaps are most of the record; what they do to noise is known.
+        # The effect of filled gaps is known, but they must not be most of a part; else split it.
         if 1 - len(part) / span <= 0.5:
             start = int(place[np.searchsorted(whole.keys, part.keys[0])])
             found.append((filled(part), noise_through_gaps(part, size), start))

@@ -3,11 +3,11 @@
 """
 Sums of squared second differences of phase at octave cluster sizes, in constant memory.
 
-A second difference of phase over clusters of m samples is the difference of two neighbouring sums
-of m samples, and a sum over 2 m is that of two sums over m. Sums that slide over every sample give
-the cluster sizes 1, 2, 4 and 8 at full overlap. From there on sums of 8 2^L samples, each 2^L
-samples further on, give the cluster size 8 2^L with eight-fold overlap, which keeps 98 to 100 % of
-the equivalent degrees of freedom, and by every other pair of neighbours those of the next stage.
+A second difference of phase over clusters of m samples is the difference of two adjacent sums of m
+samples. A sum over 2 m samples is the sum of two sums over m. Sums that slide over every sample
+give the cluster sizes 1, 2, 4 and 8 at full overlap. From there on, each stage has sums of 8 2^L
+samples at intervals of 2^L samples. These give the cluster size 8 2^L with eight-fold overlap,
+which keeps 98 to 100 % of the equivalent degrees of freedom. Every other pair forms the next one.
 
 References
 ----------
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 
 OVERLAP_OCTAVE = 3
 """8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
-OVERLAP = 2**OVERLAP_OCTAVE    # places of a cluster within its length
+OVERLAP = 2**OVERLAP_OCTAVE    # positions of a cluster within its own length
 _TAIL = 2 * OVERLAP - 1
-"""Samples that the next differences reach back to."""
+"""Number of previous samples that the next differences need."""
 _ONE_THREAD = 8192
-"""Longest product that no BLAS shares out among threads: sums then do not depend on how many."""
+"""Longest product that no BLAS splits over threads, so that sums do not depend on their number."""
 _MAX_STAGES = 48
-"""2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may declare."""
+"""2**48 samples, 8,900 years at 1 kHz. Limits what a state file may declare."""
 
 
 @dataclass(eq=False)
@@ -42,24 +42,24 @@ class Pyramid(SideBySide):
     # (octaves, axes): sum of squared second differences of phase at cluster size
     # ``2**octave``, in squared sample units
     sums: Array = field(init=False, metadata=AXES_SECOND)
-    # (octaves,): how many differences each sum holds
+    # (octaves,): number of differences in each sum
     counts: NDArray[np.int64] = field(init=False)
     # (axes, n): the last samples
     newest: Array = field(init=False, metadata=AXES_FIRST)
-    # Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd
+    # Parity of the number of sums of `OVERLAP` samples, and of the sums of each later stage
     odd: list[int] = field(init=False)
-    # (axes, n): of the stages behind: the last sums
+    # (axes, n): last sums of the later stages
     tails: list[Array] = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize empty sums."""
         self.sums = np.zeros((OVERLAP_OCTAVE + 1, self.axes))
         self.counts = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
         self.newest, self.odd, self.tails = np.zeros((self.axes, 0)), [0], []
         self._work = np.empty((3, self.axes, 0))
 
     def start_segment(self) -> None:
-        """Forget the last samples: no difference is taken across this point."""
+        """Discard the last samples, so that no difference is taken across this point."""
         self.newest = np.zeros((self.axes, 0))
         self.tails, self.odd = [self.newest] * len(self.tails), [0] * len(self.odd)
 
@@ -70,8 +70,8 @@ class Pyramid(SideBySide):
         `rows`, shape (axes, n): in the unit of a sample.
         """
         known, n = self.newest.shape[1], rows.shape[1]
-        # Memory that is used again takes a third of the time off. What is read lies in one of the
-        # last two arrays, what is written in the other.
+        # Reusing memory saves a third of the time. The last two arrays alternate between input
+        # and output.
         if len(self._work[0]) != self.axes or self._work.shape[2] < known + n:
             self._work = np.empty((3, self.axes, known + n))
         room = self._work
@@ -80,7 +80,7 @@ class Pyramid(SideBySide):
         self.newest = window[:, -_TAIL:].copy()
         for octave in range(OVERLAP_OCTAVE):
             m = 2**octave
-            # Differences that end at a sample already seen have been counted.
+            # Only differences that end at a new sample have not been counted yet.
             self._add(octave, window, m, n)
             left = max(window.shape[1] - m, 0)
             window = np.add(window[:, m:], window[:, :left], out=room[1 + octave % 2][:, :left])
@@ -88,7 +88,7 @@ class Pyramid(SideBySide):
         for stage in range(_MAX_STAGES):
             known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
             first = end - self._add(OVERLAP_OCTAVE + stage, track, OVERLAP, new)
-            # Every other pair, counted from the beginning of the segment.
+            # Take every other pair, counted from the beginning of the segment.
             every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
             sums = track[:, every] + track[:, OVERLAP:][:, every]
             self.odd[stage] = (self.odd[stage] + new) % 2
@@ -101,7 +101,7 @@ class Pyramid(SideBySide):
             self.tails[stage] = track[:, -OVERLAP:].copy()
 
     def _add(self, octave: int, track: Array, apart: int, new: int) -> int:
-        """Add the differences of values `apart` that end at one of the `new` last; count them."""
+        """Add differences of values `apart` that end at one of the last `new`; return how many."""
         left = max(track.shape[1] - apart, 0)
         new = min(new, left)
         if new:
@@ -112,7 +112,7 @@ class Pyramid(SideBySide):
         return new
 
     def _grow(self, stages: int) -> None:
-        """Make room for more stages."""
+        """Extend the arrays to a number of stages."""
         more = max(stages - len(self.tails), 0)
         self.tails += [np.zeros((self.axes, 0))] * more
         self.odd += [0] * more
@@ -128,7 +128,7 @@ class Pyramid(SideBySide):
         self.start_segment()
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields are inconsistent."""
         stages = len(self.tails)
         if (stages >= _MAX_STAGES or self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, self.axes)
                 or self.counts.shape != self.sums.shape[:1] or len(self.odd) != stages + 1
@@ -139,7 +139,7 @@ class Pyramid(SideBySide):
 
 
 def _square_sums(rows: Array) -> Array:
-    """Sum of the squares of each row, shape (axes,): a quarter of the time of an einsum."""
+    """Return the sum of squares of each row, shape (axes,), four times as fast as einsum."""
     sums = np.zeros(len(rows))
     for begin in range(0, rows.shape[1], _ONE_THREAD):
         part = rows[:, begin:begin + _ONE_THREAD]

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every part of the estimator has in common."""
+"""Base class of all parts of the estimator."""
 
 from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,34 +10,34 @@ from imu_allan.state import Record
 import numpy as np
 
 AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
-"""Of the field of an array: which of its dimensions is that of the axes."""
+"""Field metadata: which dimensions of an array are those of the axes."""
 _MOST = 1024
-"""Far beyond what a sensor has: bounds what a damaged state may declare."""
+"""Most axes, far more than a sensor has. Limits what a damaged state may declare."""
 
 
 @dataclass(eq=False)
 class SideBySide(Record):
-    """What is kept of several axes."""
+    """Statistics of several axes that are processed together."""
 
-    axes: int    # how many they are
+    axes: int    # number of axes
 
     def __post_init__(self) -> None:
-        """Begin with nothing, also where a state is about to be put in its place."""
+        """Initialize to empty, even if a state will be restored afterwards."""
         if not 1 <= self.axes <= _MOST:
             raise ValueError(f'axes must be 1 to {_MOST}, not {self.axes}')
         self.begin()
 
     def begin(self) -> None:
-        """Set what is not given."""
+        """Initialize the fields that are not arguments."""
         raise NotImplementedError
 
     def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes; those that stay have the order of their numbers here."""
+        """Keep only the given axes, in this order."""
         vars(self).update(vars(_kept(self, axes, ())))
 
 
 def _kept(part: Any, axes: list[int], dimensions: tuple[int, ...]) -> Any:
-    """Return what stays of a part of a record."""
+    """Return a part of a record with the given axes only."""
     if isinstance(part, np.ndarray):
         for dimension in dimensions:
             part = part.take(axes, dimension)

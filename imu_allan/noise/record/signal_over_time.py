@@ -3,9 +3,9 @@
 """
 The signal over time in constant memory: lowest, mean and highest value of equal segments.
 
-A column holds ``width`` neighbouring places of the grid. When the columns are used up, neighbours
-are merged in pairs and the width doubles, so that a second and a month cost the same. Where the
-borders of the columns lie depends on the places alone and not on how the samples arrived.
+A column covers ``width`` consecutive places of the grid. When all columns are in use, neighbours
+are merged in pairs and the width doubles. So a second and a month need the same memory. The
+borders of the columns depend only on the places, not on how the samples arrived.
 """
 
 from dataclasses import dataclass, field
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 COLUMNS = 512
-"""Most columns: finer than a figure across a page shows, and 60 KB of JSON for six axes."""
+"""Most columns: finer than a figure as wide as a page shows, and 60 KB of JSON for six axes."""
 _FEWEST_STILL = 3
-"""Such segments in a row: the first and the last may be still in part alone."""
+"""Fewest constant segments in a row, of which the first and last may be only partly constant."""
 
 
 class Columns(NamedTuple):
-    """What `Signal.columns` returns."""
+    """Result of `Signal.columns`."""
 
-    width: int    # places of the grid to a column
+    width: int    # places of the grid in a column
     counts: NDArray[np.int64]    # (columns,): samples in each column; zero in a gap
     # (axes, columns): NaN in a gap
     low: Array
@@ -36,14 +36,14 @@ class Columns(NamedTuple):
 
 def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     """
-    Find where an axis gave one value all the time, and elsewhere does not.
+    Find where an axis kept one value for a time, but not throughout.
 
     `columns`: of the whole record. Returns: first place and number of places of the longest such
-    segment. None where there is none, where the axis is constant throughout, or where its
-    resolution is so coarse that chance repeats values as long.
+    segment. None if there is none, or if the axis is constant throughout. Also None if its
+    resolution is so coarse that values may repeat as long by chance.
     """
     known = np.flatnonzero(columns.counts)
-    # Sixteen equal samples in a row say something in all but coarse steps.
+    # Sixteen equal samples in a row are significant, unless the steps are coarse.
     together = -(-16 // columns.width)
     starts = np.arange(0, len(known), together)
     if len(starts) <= _FEWEST_STILL:
@@ -51,7 +51,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     low = np.minimum.reduceat(columns.low[axis, known], starts)
     high = np.maximum.reduceat(columns.high[axis, known], starts)
     still = low == high
-    # A run ends where the next segment moves, or holds another value.
+    # A run ends where the next segment is not constant or has another value.
     borders = np.flatnonzero(~still[1:] | ~still[:-1] | (low[1:] != low[:-1])) + 1
     begins, ends = np.r_[0, borders], np.r_[borders, len(still)]
     lengths = np.where(still[begins], ends - begins, 0)
@@ -60,7 +60,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     if run < _FEWEST_STILL or run == len(still):
         return None
     chance = (np.count_nonzero(still) - run + 1) / (len(still) - run + 1)
-    # Coarse steps repeat one value by nature.
+    # With coarse steps, values often repeat by chance.
     if len(still) * chance**run > 1e-4:
         return None
     last = min(int(ends[longest]) * together, len(known)) - 1
@@ -72,16 +72,16 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
 class Signal(SideBySide):
     """Lowest, mean and highest value of several axes over time."""
 
-    width: int = 1    # places of the grid to a column
+    width: int = 1    # places of the grid in a column
     place: int = 0    # of the next sample
     counts: NDArray[np.int64] = field(init=False)    # (COLUMNS,): samples in each column
-    # (axes, COLUMNS): of them; merging columns needs nothing else
+    # (axes, COLUMNS): sums and extremes, which is all that is needed to merge columns
     sums: Array = field(init=False, metadata=AXES_FIRST)
     low: Array = field(init=False, metadata=AXES_FIRST)
     high: Array = field(init=False, metadata=AXES_FIRST)
 
     def begin(self) -> None:
-        """Begin with nothing."""
+        """Initialize empty columns."""
         self.counts = np.zeros(COLUMNS, dtype=np.int64)
         self.sums = np.zeros((self.axes, COLUMNS))
         self.low, self.high = self.sums + np.inf, self.sums - np.inf
@@ -129,10 +129,10 @@ class Signal(SideBySide):
 
     def merge(self, other: 'Signal', shift: Array) -> None:
         """
-        Add the columns of another record behind this one's.
+        Append the columns of another record.
 
-        `other`: of the same axes. It begins with the next whole column. `shift`, shape (axes,):
-        added to the other's values.
+        `other`: of the same axes. It begins at the next whole column. `shift`, shape (axes,):
+        added to its values.
         """
         theirs = other.copy()
         while self.width < theirs.width:
@@ -151,7 +151,7 @@ class Signal(SideBySide):
         self.place = begin * self.width + theirs.place
 
     def check(self) -> None:
-        """Raise ValueError where fields that were saved do not belong together."""
+        """Raise ValueError if restored fields are inconsistent."""
         if (any(part.shape != (self.axes, COLUMNS) for part in (self.sums, self.low, self.high))
                 or self.counts.shape != (COLUMNS,) or self.width < 1 or self.place < 0
                 or (self.counts < 0).any() or (self.counts > self.width).any()):

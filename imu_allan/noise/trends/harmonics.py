@@ -1,18 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A periodic trend of the mean of any shape: its harmonics, its frequency, and a record without it.
+Periodic trend of the mean of any shape: fit its harmonics and frequency, and remove it.
 
-The harmonics are regressed together with a last trend, the derivative by the logarithm of the
-frequency, whose coefficient says how far the frequency is off (Gauss and Newton). What they
-explain is taken out of the coefficients of the whole record, and of the blocks what it leaks
-there. A coefficient of which the regressors explain the share h, whatever it holds, keeps the
-variance 1 - h, and counts so much.
+The harmonics are regressed together with the derivative by the logarithm of the frequency, whose
+coefficient is the error of the frequency (Gauss-Newton). The fitted cycle is removed from the
+coefficients of the whole record, and its leakage from the blocks. A coefficient with leverage h
+keeps the variance 1 - h, and its degrees of freedom are reduced accordingly.
 
 References
 ----------
 D. M. Bates and D. G. Watts, "Nonlinear Regression Analysis and Its Applications", 1988, ch. 2.
-D. C. Hoaglin and R. E. Welsch, Am. Stat. 32 (1978): the share h, the leverage.
+D. C. Hoaglin and R. E. Welsch, Am. Stat. 32 (1978): the leverage h.
 
 """
 
@@ -31,46 +30,46 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 KNOWN = 13.8
-"""Likelihood ratio above which a harmonic of a known frequency is there (0.1 %)."""
+"""Chi-square above which a harmonic of known frequency is significant (at 0.1 %)."""
 HARMONICS = (32, 96)
-"""So many are fitted, and more where all of these show: a jagged cycle of a hundred times B."""
+"""Harmonics fitted at first, and if all of these show: a jagged cycle of 100 times B has more."""
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """A periodic trend of the mean of one record."""
+    """Periodic trend of the mean of one record."""
 
     frequency_hz: float
-    middle_s: float    # of the record, from where phases count
-    # (harmonics,): sizes, in the unit of a sample
+    middle_s: float    # middle of the record, where phases are zero
+    # (harmonics,): amplitudes, in the unit of a sample
     cosines: Array
     sines: Array
-    # How far the logarithm of the frequency is from the likeliest one, and its standard error
+    # Estimated correction of the logarithm of the frequency, and its standard error
     off: float
     error: float
-    # (bins,): share of each coefficient that the regressors explain whatever it holds
+    # (bins,): leverage of each coefficient
     taken: Array
 
     @property
     def amplitude(self) -> float:
-        """Half of what lies between the highest and the lowest value."""
-        # At so many phases its highest and its lowest value are looked for.
+        """Half the difference between the highest and the lowest value."""
+        # 512 phases are enough to find both.
         time = np.linspace(0.0, 1 / self.frequency_hz, 512)
         return float(np.ptp(self.trend(time))) / 2
 
     def trend(self, time: Array) -> Array:
-        """Return the cycle over time."""
+        """Return the cycle at given times."""
         return self._sum(time, self.cosines, self.sines)
 
     def faster(self, time: Array) -> Array:
-        """Return its derivative by the logarithm of the frequency."""
+        """Return the derivative of the cycle by the logarithm of the frequency."""
         order = np.arange(1, len(self.sines) + 1)
         return (2 * pi * self.frequency_hz * (time - self.middle_s)
                 * self._sum(time, order * self.sines, -order * self.cosines))
 
     def _sum(self, time: Array, cosines: Array, sines: Array) -> Array:
         turn = np.exp(2j * pi * self.frequency_hz * (time - self.middle_s))
-        # Horner: a power of the turn for each harmonic.
+        # Horner's scheme for a polynomial in `turn`, with one power for each harmonic.
         found = np.zeros(len(time), dtype=np.complex128)
         for size in (cosines - 1j * sines)[::-1].tolist():
             found = (found + size) * turn
@@ -79,17 +78,17 @@ class Cycle:
 
 def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
     """
-    Fit a cycle: equation (7) of docs/statistics.md, the frequency by Gauss and Newton.
+    Fit a cycle: equation (7) of docs/statistics.md, with its frequency by Gauss-Newton steps.
 
-    `variance` is what the noise gives to the bins. The frequency to begin at has to lie within a
+    `variance`: expected power of the noise in the bins. `frequency_hz`: starting value, within a
     quarter of a cycle over the record.
     """
-    # Beyond a quarter of a cycle over the record the derivative no longer says where it lies.
+    # The linearization holds within a quarter of a cycle over the record.
     longest = 0.25 / (frequency_hz * record.duration_s)
-    # Two or three steps are the rule.
+    # Two or three steps usually suffice.
     for _ in range(8):
         found = _cycle(record, variance, frequency_hz, harmonics)
-        # Another step is not worth its time.
+        # A further step would not change anything of importance.
         if abs(found.off) < 0.02 * found.error:
             break
         frequency_hz *= float(np.exp(np.clip(found.off, -longest, longest)))
@@ -97,7 +96,7 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
 
 
 def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
-    """Fit the sizes of harmonics, then how far the frequency is off."""
+    """Fit the amplitudes of harmonics, then the error of the frequency."""
     part = _Slow(record, variance, frequency_hz, harmonics)
     sizes, _, _ = part.regressed(part.waves)
     plain = Cycle(frequency_hz, part.middle_s, sizes[::2], sizes[1::2], 0.0, 0.0, np.zeros(0))
@@ -110,49 +109,49 @@ def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
 
 
 def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
-    """Count the harmonics that the coefficients of a whole record can hold, at least one."""
+    """Return the number of harmonics below the highest whole-record coefficient, at least one."""
     highest = float(record.bins.frequency[record.bins.whole].max(initial=0.0))
     return max(min(HARMONICS[-1], int(highest / frequency_hz)), 1)
 
 
 def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
-    """Count the harmonics up to the last that stands above the noise, and as many again."""
+    """Return twice the order of the last significant harmonic, at most `most`."""
     there = ratios(record, variance, frequency_hz, most) >= KNOWN
-    # As many again as show: those behind add up to what passes for a process.
+    # The next harmonics are not significant alone, but together pass for a Gauss-Markov process.
     return min(2 * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
 
 
 def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int
            ) -> Array:
-    """Likelihood ratio of each harmonic of a cycle under a noise that is given."""
+    """Return the chi-square of each harmonic of a cycle for given noise, shape (harmonics,)."""
     part = _Slow(record, variance, frequency_hz, harmonics)
     sizes, errors, _ = part.regressed(part.waves)
     return np.asarray(((sizes / errors)**2).reshape(-1, 2).sum(axis=1))
 
 
 def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
-    """Take a cycle out of a record, which is left as it is; the other is of one axis."""
+    """Return a copy of a record, of one axis, without a cycle."""
     calm = record.without_leak(cycle.trend, variance)
     assert calm.keep is not None
     bins = calm.bins
     coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.trend]).T
-    # Nothing of a coefficient that is all the cycle's, but its band stays.
+    # The limit keeps the band of a coefficient that the cycle explains completely.
     left = np.maximum(1 - cycle.taken, 1e-9)
-    # Where more of a coefficient is the cycle's, too little of it is noise.
+    # With a leverage of more than half, too little of a coefficient is noise.
     return replace(calm, keep=calm.keep & (cycle.taken < 0.5), bins=replace(
         bins, power=np.where(bins.whole, coefficient**2, bins.power), coefficient=coefficient,
         dof=left * bins.dof, design=left[:, None] * bins.design, ramp=record.bins.ramp))
 
 
 class _Slow:
-    """The coefficients of one record that a cycle and its harmonics reach."""
+    """Coefficients of one record that a cycle and its harmonics contribute to."""
 
     def __init__(self, record: RecordSpectrum, variance: Array, frequency_hz: float,
                  harmonics: int) -> None:
         bins, self._record = record.bins, record
         harmonics = min(harmonics, most_harmonics(record, frequency_hz))
         self.middle_s = record.duration_s / 2
-        # Up to a quarter beyond the highest harmonic its side lobes count, and 64 coefficients.
+        # Include side lobes: a quarter of the frequency of the highest harmonic, 64 coefficients.
         highest = 1.25 * harmonics * frequency_hz
         self._last = int(np.ceil(2 * record.duration_s * highest)) + 64
         self.here = bins.whole & (bins.index <= self._last)
@@ -170,18 +169,18 @@ class _Slow:
         return wave(time - self.middle_s)
 
     def transformed(self, trends: Sequence[Waveform]) -> Array:
-        """Transform trends of the mean, shape (coefficients, trends)."""
+        """Transform trends of the mean; return shape (coefficients, trends)."""
         return regressors(self._record.sections, self._record.dt, trends, self._last)
 
     def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
-        """Return sizes and errors of columns beside what the mean follows, and what they take."""
+        """Regress on columns beside the known trends: sizes, standard errors and leverages."""
         every = np.column_stack((self._known, self._root[:, None] * columns))
         gram = every.T @ every
-        # A record without slow coefficients says nothing of any column.
+        # Columns are zero in a record without slow coefficients.
         scale = np.sqrt(np.where(np.diagonal(gram) > 0, np.diagonal(gram), 1.0))
         half = np.linalg.inv(np.linalg.cholesky(
             gram / np.outer(scale, scale) + RIDGE * np.eye(len(gram)))) / scale
-        # The last rows are of the columns about what the mean follows anyway.
+        # The last rows belong to `columns`, orthogonal to the known trends.
         own = half[self._known.shape[1]:]
         whitened = every @ own.T
         sizes = own.T @ (whitened.T @ self._signal)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a mean that moves leaves in blocks, which are too short for regressors and know no sign.
+Leakage of a moving mean into blocks, which are too short for regressors and keep only power.
 
-The transform of a trend that is smooth over a block is a matter of its slopes at the two ends.
-That is worked out from the trend that was fitted to the whole record, and taken off. Where it is
-not small beside the noise, what is left is not trusted.
+For a trend that is smooth over a block, the transform depends only on its slopes at the two ends.
+The leakage is computed from the trend fitted to the whole record, and subtracted. Bins where it is
+not small compared with the noise are not used.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,24 +19,25 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Waveform = Callable[[Array], Array]
-"""Value at every time, in seconds from the beginning of the record."""
+"""Maps times, in seconds from the beginning of the record, to values."""
 
 _MOST = 0.2
-"""Share of the noise up to which a leak is taken off: a judgment; beyond, the bin is left out."""
+"""Largest leakage, relative to the noise, that is subtracted rather than the bin left out.
+Chosen by judgment."""
 _NEAR = 1e-3
-"""Of a block: the distance over which a slope is taken."""
+"""Step of numerical slopes, relative to the length of a block."""
 
 
 def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Waveform
           ) -> tuple[Array, Array]:
     """
-    Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
+    Return the power that a moving mean leaks into the bins of blocks, or an upper bound of it.
 
-    The longest blocks of a stage follow one another; of the shorter ones, the ends of segments,
-    it is not known where they lie.
+    The longest blocks of a stage are consecutive. The positions of shorter ones, from the ends of
+    segments, are unknown, so only a bound can be given.
 
     `sections`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
-    the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): Zero
+    the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): zero
     for the coefficients of the whole record.
     """
     longest = longest_blocks(sections)
@@ -59,18 +60,18 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
 
 
 def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
-    """Return which bins hold noise enough beside a leak."""
-    # Where a leak can be bounded only, it stays in.
+    """Mark the bins whose leakage is small compared with their noise."""
+    # Leakage with only a bound is not subtracted, so it must be much smaller.
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 
 
 def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform) -> Periodogram:
     """
-    Take a mean that moves out of the series and the segments of one axis.
+    Remove a moving mean from the series and the segments of one axis.
 
-    `periodogram`: finished; it is left as it is. `axis`: which axis. `dt`: sample interval in
-    seconds. `mean`: over the record. Returns: of this axis alone. Bands of segments that hold more
-    of the mean than of noise are empty.
+    `periodogram`: finished; it is not changed. `axis`: index of the axis. `dt`: sample interval in
+    seconds. `mean`: over the record. Returns: a copy with this axis only. Bands of segments with
+    too much leakage are empty.
     """
     calm = periodogram.copy()
     calm.keep([axis])
@@ -80,7 +81,7 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
     seen = np.cumsum(series.counts)
     seen = seen + (segments.samples - (seen[-1] if len(seen) else 0))
     for number in range(segments.used):
-        # Samples that are missing do not count for a segment, but time goes on.
+        # Missing samples do not count towards a segment, but take time.
         ends = np.minimum(np.array([number, number + 1]) * segments.width, segments.samples)
         begin, end = np.interp(ends, seen, middle + calm.cell / 2, left=0.0) * dt
         if end <= begin:
@@ -100,7 +101,7 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
 
 
 def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
-    """Slopes of a mean at the beginning and at the end of every block."""
+    """Return the slopes of a mean at the beginning and at the end of each block."""
     count = max(round((end_s - begin_s) / block_s), 1)
     edges = np.linspace(begin_s, end_s, count + 1)
     near = _NEAR * block_s
@@ -110,7 +111,7 @@ def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tup
 
 def _of_slopes(length: int, step: float, index: NDArray[np.int64], before: Array, after: Array
                ) -> Array:
-    """Mean power of coefficients, over blocks whose mean has these slopes at their ends."""
+    """Return the mean power of coefficients over blocks with given slopes at their ends."""
     sign = np.where(index % 2, -1.0, 1.0)
     square, both = float(np.mean(before**2 + after**2)), float(np.mean(2 * before * after))
     return np.asarray(spectrum.end_dct(length, step, index)**2 * (square - sign * both))

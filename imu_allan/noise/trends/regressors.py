@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Trends of the mean that are no noise, as regressors on the whole-record coefficients.
+Deterministic trends of the mean as regressors on the whole-record coefficients.
 
-Whatever moves the mean slowly stands in the slowest coefficients, where the random walk is read
-too. A trend is given as a function of time; its cosine transform over the cells of the series is
-what the coefficients would be if it were all there is.
+A slow trend of the mean appears in the slowest coefficients, which also determine the random walk.
+A trend is a function of time. Its cosine transform over the cells of the series gives the
+coefficients of a record that contains nothing else.
 """
 
 from collections.abc import Sequence
@@ -25,34 +25,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SlowCoefficients:
-    """The slowest whole-record coefficients of one axis."""
+    """Slowest whole-record coefficients of one axis."""
 
     sections: Sequence[SpectrumSection]    # of the record
-    count: int    # index of the last of them
-    which: NDArray[np.bool_]    # which coefficients up to that index are no line
+    count: int    # index of the last coefficient
+    which: NDArray[np.bool_]    # which coefficients up to that index are not part of a line
     dt: float    # sample interval in seconds
     design: Array    # (n, columns)
-    # (n,): values, and what a unit ramp would give
+    # (n,): values, and those of a unit ramp
     coefficient: Array
     ramp: Array
 
     def regressors(self, trends: Sequence[Waveform]) -> Array:
-        """Transform trends of the mean, shape (n, trends), which are slow themselves."""
+        """Transform trends of the mean, which must be slow; return shape (n, trends)."""
         return regressors(self.sections, self.dt, trends, self.count)[self.which]
 
 
 @dataclass(frozen=True)
 class RecordSpectrum:
-    """The spectrum of one axis, to which trends of the mean can be fitted."""
+    """Spectrum of one axis, to which trends of the mean can be fitted."""
 
     sections: Sequence[SpectrumSection]
     bins: Bins    # of these sections
     axis: int
     dt: float    # sample interval in seconds
-    keep: NDArray[np.bool_] | None = None    # (bins,): False where a line is
-    # Regressors that stand in every fit, directly behind the ramp
+    keep: NDArray[np.bool_] | None = None    # (bins,): False for bins of a line
+    # Regressors of every fit, in order after the ramp
     trends: tuple[Waveform, ...] = ()
-    # Whether bands without a bin stay, worth nothing, so that all axes have the same bands
+    # Whether to keep bands without bins, at zero weight, so that all axes have the same bands
     aligned: bool = False
 
     @property
@@ -70,7 +70,7 @@ class RecordSpectrum:
                                 self.bins.of_ramp[which])
 
     def groups(self, *trends: Waveform) -> Groups:
-        """Return the spectrum in narrow bands with the ramp and some trends as regressors."""
+        """Return the spectrum in narrow bands, with the ramp and trends as regressors."""
         if not trends:
             return self._still
         columns = regressors(self.sections, self.dt, trends)
@@ -79,29 +79,29 @@ class RecordSpectrum:
 
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
-        """Regressors of the trends that stand in every fit."""
+        """Regressors of the trends that are part of every fit."""
         return (regressors(self.sections, self.dt, self.trends),) if self.trends else ()
 
     @cached_property
     def _still(self) -> Groups:
-        """Gather the groups without further trends once: they are asked for again and again."""
+        """Return the groups without further trends; cached, as they are needed repeatedly."""
         return grouped(*self._kept, *self._columns)
 
     @cached_property
     def _kept(self) -> tuple[Bins, int, NDArray[np.bool_] | None]:
-        """Return the bins, the axis and what is kept of them."""
+        """Return the bins, the axis, and a mask of the bins to use."""
         if not self.aligned or self.keep is None:
             return self.bins, self.axis, self.keep
-        # A bin that is left out weighs nearly nothing where its band has to stay.
+        # Excluded bins get a negligible weight instead, so that their bands remain.
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
 
     def beside(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
-        """Return the same spectrum with further trends that stand in every fit."""
+        """Return the same spectrum with further trends in every fit."""
         return replace(self, trends=(*self.trends, *trends))
 
     def mean(self, sizes: Array) -> Waveform:
-        """Return the mean of which a fit beside the trends found the sizes, the ramp's first."""
+        """Return the mean with the given sizes of the ramp and of each trend."""
         def ramp(time: Array) -> Array:
             return time
 
@@ -110,12 +110,11 @@ class RecordSpectrum:
 
     def without_leak(self, mean: Waveform, noise: Array) -> 'RecordSpectrum':
         """
-        Take out of the blocks what a mean that moves leaks into them.
+        Return the spectrum of this axis without the leakage of a moving mean into the blocks.
 
-        Regressors act on the coefficients of the whole record; a block is shorter, and knows no
-        sign. What it holds of the mean is a matter of its slope at both ends. Where that is not
-        known well enough beside the noise, shape (bins,), bins are left out. The result is of one
-        axis.
+        Regressors apply to the coefficients of the whole record only; blocks are shorter and keep
+        only power. Their leakage depends on the slopes of the mean at both ends. Bins with too
+        much or unknown leakage, compared with `noise` of shape (bins,), are left out.
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
         leak, bound = leaks(self.sections, self.dt, self.duration_s, mean)
@@ -128,19 +127,19 @@ class RecordSpectrum:
 
 
 def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
-    """Give the spectra of several records of one axis, each with its own mean, as one."""
+    """Join the spectra of several records of one axis, each with its own mean."""
     return joined_groups([record.groups() for record in records])
 
 
 def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Waveform],
                slowest: int | None = None) -> Array:
     """
-    Transform trends of the mean as the record was transformed: X of (7) in docs/statistics.md.
+    Transform trends of the mean like the record: X of (7) in docs/statistics.md.
 
-    `sections`: of the record. `dt`: sample interval in seconds. `trends`: each gives a column.
-    `slowest`: last index that is wanted; the trends shall be slow themselves. Returns shape
-    (bins, trends): for the bins of the same sections, zero outside the whole-record part; or for
-    the slowest coefficients of the whole-record parts alone.
+    `sections`: of the record. `dt`: sample interval in seconds. `trends`: one per column.
+    `slowest`: last index to return, for slow trends. Returns shape (bins, trends): for the bins of
+    the same sections, zero outside the whole-record part. With `slowest`, only for the slowest
+    coefficients of the whole-record parts.
     """
     parts = []
     for section in sections:
@@ -148,7 +147,7 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
             if slowest is None:
                 parts.append(np.zeros((section.last - section.first, len(trends))))
             continue
-        # Enough points for a trend of a few dozen cycles in the record.
+        # 1024 points are enough for trends with a few dozen cycles in the record.
         length = section.length if slowest is None else min(section.length, max(1024, slowest + 1))
         last = section.last if slowest is None else min(section.last, slowest + 1)
         middle = (np.arange(length) + 0.5) * (section.length / length)
@@ -159,6 +158,6 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
 
 
 def duration(sections: Sequence[SpectrumSection], dt: float) -> float:
-    """Seconds from the beginning of the record to its end; runs are joined end to end."""
+    """Return the seconds from the beginning of the record to its end, with runs joined."""
     return max(((section.start + section.length * section.step) * dt for section in sections
                 if section.coefficients is not None), default=0.0)

@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A strong periodic drift of the mean: the cycle of a heater or of an air conditioning.
+Strong periodic drift of the mean, such as the cycle of a heater or of air conditioning.
 
-It stands above the noise in dozens of harmonics, which pass for flicker, a random walk or a
-low-pass while they are in it. All that there may be are taken out first; the noise that is left
-says which there are, and whether they are a cycle. A weak cycle is a trend like any other.
+Dozens of its harmonics may exceed the noise, and pass for flicker, a random walk or a low-pass.
+So all possible harmonics are removed first. The remaining noise then shows which of them are
+significant, and whether they form a cycle. A weak cycle is fitted like any other trend.
 """
 
 from collections.abc import Sequence
@@ -34,13 +34,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _COMB = 8
-"""Harmonics that are asked together: all of them may have passed for a random walk."""
+"""Harmonics that are tested together, as all of them may have passed for a random walk."""
 _CERTAIN_COMB = 1e-11
-"""Probability of so large ones in the noise that is left: many frequencies are tried."""
+"""Significance level of these harmonics: low, because many frequencies are tried."""
 _MOST_CYCLES = 32.0
-"""In the record: of more, each has little to do with a random walk."""
+"""Most cycles per record; faster ones cannot be confused with a random walk."""
 _FEW = (1, 4)
-"""Harmonics by which the frequency is fitted first."""
+"""Numbers of harmonics with which the frequency is fitted first."""
 
 _KIND = TrendKind('slow_cycle', 0.0, lambda duration: np.arange(
     1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
@@ -48,19 +48,19 @@ _KIND = TrendKind('slow_cycle', 0.0, lambda duration: np.arange(
 
 @dataclass(frozen=True)
 class SlowCycle:
-    """A cycle, and the record without it."""
+    """Cycle of the mean, and the record without it."""
 
     cycle: Cycle
     record: RecordSpectrum
 
     @property
     def period_s(self) -> float:
-        """Seconds from one cycle to the next."""
+        """Period of the cycle in seconds."""
         return 1 / self.cycle.frequency_hz
 
 
 def strong_cycles(records: Sequence[RecordSpectrum]) -> list[SlowCycle | None]:
-    """Find the cycle of every axis that stands above the noise, and take it out."""
+    """Find and remove the cycle of each axis, if it is significant."""
     if records[0].duration_s == 0:
         return [None] * len(records)
     bank = Bank(records[0], (_KIND,))
@@ -73,18 +73,18 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     variance = _variance(record, noise)
     for few in _FEW:
         frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
-    # Harmonics that are rarer by chance are taken out to see.
+    # Continue only with harmonics that are unlikely by chance, or with an outlier.
     if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
         return None
-    # Most are chance, which shows already where as few harmonics are out as are asked.
+    # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
     left = _variance(record, _noise(without(record, comb, variance)))
     if _chance(record, left, comb.frequency_hz) >= _CERTAIN_COMB:
         return None
     found = _taken_out(record, variance, frequency_hz)
     left = _no_less_than_left(record, found.record)
-    # Below, a strong one cannot be distinguished from a mean that bends.
+    # With less than two periods, a cycle cannot be distinguished from a mean that bends.
     if (record.duration_s < 2 * found.period_s
             or _chance(record, left, 1 / found.period_s) >= _CERTAIN_COMB):
         return None
@@ -92,7 +92,7 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
 
 
 def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> SlowCycle | None:
-    """Take out the strongest cycle of frequencies that other axes have: what heats one, all."""
+    """Remove the strongest cycle at frequencies of other axes, as a heater affects all axes."""
     if record.duration_s == 0:
         return None
     variance = _variance(record, _noise(record))
@@ -102,24 +102,24 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
 
 
 def _noise(record: RecordSpectrum) -> Array:
-    """Fit the terms, squared, to the slower half of the band: a low-pass bends the other."""
+    """Fit squared coefficients to the slower half of the band, which no low-pass attenuates."""
     groups = record.groups()
     last = len(groups.frequency) - 1
-    # Of fewer than 24 bands the slow noise is not known.
+    # At least 24 bands are needed to estimate the slow noise.
     below = groups.below(float(groups.frequency[min(max(24, last // 2), last)]))
     return maximise(below, fixed={QUANTIZATION: 0.0}, moving_mean=True, tolerance=1e-2).theta
 
 
 def _variance(record: RecordSpectrum, noise: Array) -> Array:
-    """Return the power that noise gives to every bin."""
+    """Return the expected power of the noise in each bin."""
     return np.asarray(np.maximum(record.bins.design @ noise, 1e-300))
 
 
 def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
     """
-    Return the power of the noise in every bin, from what is left without a cycle.
+    Return the power of the noise in each bin, from the record without a cycle.
 
-    Behind a filter, say, the terms do not describe what is left: it is no less than it is.
+    It is at least the smoothed residual power, which the terms may not describe (after a filter).
     """
     noise, groups = _noise(calm), calm.groups()
     expected = np.maximum(groups.design @ noise, 1e-300)
@@ -129,12 +129,12 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
 
 
 def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
-    """Whether a slow coefficient is an outlier beside the fitted terms, or is a line."""
+    """Return whether a slow coefficient is an outlier of the fitted terms, or a line."""
     groups = record.groups()
     expected = np.maximum(groups.design @ noise, 1e-300)
     ratio = about_mean(groups)(expected).noise / expected
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
-    # A coefficient that is rarer by chance is worth a search for a cycle.
+    # A coefficient this unlikely by chance justifies a search for a cycle.
     if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
               < 1e-5):
         return True
@@ -144,12 +144,12 @@ def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
 
 def _fastest(record: RecordSpectrum) -> float:
     """Return the frequency, in Hz, up to which a line may be a slow cycle."""
-    # A line of half a minute is a slow cycle: nothing on the ground swings so slowly.
+    # A period above 30 s is a slow cycle, as no vibration on the ground is that slow.
     return min(_MOST_CYCLES / record.duration_s, 1 / 30)
 
 
 def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
-    """Return the frequency that explains most under noise without a random walk."""
+    """Return the frequency with the largest gain, for noise without a random walk."""
     groups = record.groups()
     keep = None if record.keep is None else record.keep | (
         record.bins.frequency < _fastest(record))
@@ -162,15 +162,15 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
 
 
 def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> float:
-    """Probability of harmonics so large in a given noise."""
+    """Return the p-value of the harmonics of a frequency in given noise."""
     ratio = float(ratios(record, variance, frequency_hz, _COMB).sum())
     return float(chi_square.survival(ratio, 2 * _COMB))
 
 
 def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> SlowCycle:
-    """Fit a cycle, and take it out of the record."""
+    """Fit a cycle, and remove it from the record."""
     there = HARMONICS[0]
-    # All harmonics that there may be are taken out first: only then it shows which there are.
+    # First remove all possible harmonics; only then can the significant ones be identified.
     for most in HARMONICS:
         every = refined(record, variance, frequency_hz, most)
         calm = without(record, every, variance)

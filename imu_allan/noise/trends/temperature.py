@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The temperature over a record, that of the thermometer or of the sensor before or behind it."""
+"""Temperature over a record, as measured or with a lag between thermometer and sensor."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TemperatureSeries:
-    """The temperature over a record."""
+    """Temperature over a record."""
 
-    time: Array    # (n,): seconds from its beginning, runs joined end to end
+    time: Array    # (n,): seconds from the beginning, with runs joined end to end
     celsius: Array    # (n,)
 
     @property
@@ -40,14 +40,15 @@ class TemperatureSeries:
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first reading to the last."""
+        """Seconds from the first to the last reading."""
         return float(self.time[-1] - self.time[0])
 
     def of_sensor(self, lag_s: float) -> 'TemperatureSeries':
         """
-        Return the temperature of a sensor that the thermometer follows with a time constant.
+        Return the temperature of the sensor, given the lag of the thermometer behind it.
 
-        `lag_s`: in seconds; negative where the sensor follows the thermometer.
+        `lag_s`: time constant of a first-order lag in seconds; negative if the sensor lags behind
+        the thermometer.
         """
         if lag_s == 0 or self.duration_s <= 0:
             return self
@@ -59,12 +60,11 @@ class TemperatureSeries:
 
 
 def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
-    """Undo a lag: the temperature and its slope, both smoothed to either side."""
-    # The thermometer is smoothed over a quarter of the lag to either side before its slope is
-    # taken: a body that is so much faster is as good as one without any lag, and readings in
-    # steps have a slope.
+    """Undo a first-order lag, from the temperature and its slope, both smoothed."""
+    # Readings in steps have no useful slope, so smooth over a quarter of the lag on either side.
+    # An additional lag of that length would not matter.
     count = min(max(round(lag_s / 4 / step), 1), len(celsius) - 1)
-    # A slope at the end goes on beyond it.
+    # Continue the slopes beyond both ends.
     total = np.concatenate(([0.0], np.cumsum(
         np.pad(celsius, count, mode='reflect', reflect_type='odd'))))
     at = np.arange(len(celsius)) + count
@@ -74,7 +74,7 @@ def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
 
 
 def _behind(celsius: Array, lag_s: float, step: float) -> Array:
-    """Lag behind a temperature that stood still before."""
+    """Apply a first-order lag, with a constant temperature before the first reading."""
     from scipy.signal import lfilter  # seldom needed, and slow to import
 
     kept = float(np.exp(-step / lag_s))
@@ -84,10 +84,10 @@ def _behind(celsius: Array, lag_s: float, step: float) -> Array:
 
 def between_steps(time: Array, celsius: Array, step: float) -> Array:
     """
-    Join readings in coarse steps by lines: in the middle of a change the temperature is known.
+    Interpolate readings in coarse steps linearly between the changes, where they are exact.
 
-    `time`, `celsius`, shape (n,): time is increasing, in any unit. `step`: between neighbouring
-    values of the thermometer. Returns shape (n,).
+    `time`, `celsius`, shape (n,): increasing times in any unit, and readings. `step`: resolution
+    of the thermometer. Returns shape (n,).
 
     Examples
     --------
@@ -97,11 +97,11 @@ def between_steps(time: Array, celsius: Array, step: float) -> Array:
 
     """
     change = np.diff(celsius)
-    # A cell in the middle of a step holds readings of either value.
+    # A cell that contains a step averages readings of both values.
     at = np.flatnonzero(np.abs(change) > 0.25 * step)
     if not len(at):
         return celsius
-    # Where it goes up and down again, it has been at the value in between.
+    # Between a rise and a fall, the temperature has reached the value in between.
     turn = np.flatnonzero(np.sign(change[at[1:]]) != np.sign(change[at[:-1]]))
     middle, level = (time[at] + time[at + 1]) / 2, (celsius[at] + celsius[at + 1]) / 2
     where = np.concatenate((time[:1], middle, (middle[turn] + middle[turn + 1]) / 2, time[-1:]))

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes that a mean may follow over time: bends, steps, warm-ups, cycles."""
+"""Functions of time that describe trends of the mean: bends, steps, warm-ups, cycles."""
 
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 import numpy as np
@@ -22,11 +22,11 @@ def step(at_s: float) -> Waveform:
 
 
 def warming(time_constant_s: float) -> Waveform:
-    """Return the exponential approach to a steady value, 1 at the beginning of the record."""
+    """Return an exponential decay from 1 at the beginning of the record to 0."""
     return lambda time: np.exp(-time / time_constant_s)
 
 
 def cycle(frequency_hz: float) -> tuple[Waveform, Waveform]:
-    """Return the two phases of a slow cycle."""
+    """Return cosine and sine of a frequency."""
     omega = 2 * np.pi * frequency_hz
     return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)
