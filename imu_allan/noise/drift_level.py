@@ -33,7 +33,7 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     Return the covariance of the means of consecutive parts, without white noise.
 
     `part_s`: length of a part in seconds. Returns shape (parts, parts): valid after the mean of
-    all parts is removed, as a random walk has no covariance otherwise.
+    all parts is removed, since a random walk has no stationary covariance.
     """
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
     # Within a record, a process with a correlation time of 100 records is a random walk.

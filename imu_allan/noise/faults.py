@@ -93,7 +93,8 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     octave = sizes[first:first + BINS_PER_OCTAVE]
     # Compare the zeros with the samples in the equally wide octave beyond the gap. The ratio is
     # about 1 for a deadband, 0.5 for a value between two neighbours, 0.25 for an output rounded
-    # twice. A wide deadband is one step; below 0.7 lie rare sums. Limits chosen by judgment.
+    # twice. A wide deadband is one step wide; a gap below 0.7 steps lacks only small sums of mixed
+    # axes, which are rare. Chosen by judgment.
     if (int(octave[2:-1].sum()) <= FEWEST or zeros < 0.6 * octave.sum()
             or lower_edge(first) < 0.7 * census.step[axis]):
         return None
@@ -135,8 +136,8 @@ def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool
     # A vibration averages out over its periods, so the minimum is closest to the noise.
     noise = float(noises.min(initial=np.inf))
     step = float(census.step[axis])
-    # With larger steps, it is normal for the last one to hold much of the record. A knock makes
-    # the noise seem up to four times as large; steps of two sigma still differ from that.
+    # With larger steps, it is normal for the last one to hold much of the record. A knock inflates
+    # the noise up to four times, which admits steps of two sigma; these still permit the test.
     # A ratio above 4 between averaging times of up to 64 samples, too short for drift, is a
     # vibration: its values crowd at both ends. An output that is clipped at rest has 1.4.
     if (not len(noises) or not step <= 0.5 * noise

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Forecasts = dict[str, tuple[float | None, float | None]]
 
 _SINGLE = 32
-"""Modes that are summed one by one, with 120 bands for the rest: 8 or 2048 change 0.02 %."""
+"""Modes summed one by one, with 120 bands for the rest; 8 or 2048 change a bound by 0.02 %."""
 
 
 def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,

@@ -5,7 +5,7 @@ Random effects: a population of units, each measured with its own error.
 
 The true value x_i of unit i is normal about the population mean with standard deviation `between`.
 It was measured as y_i with standard error e_i, so y_i is normal with variance between^2 + e_i^2.
-The spread maximizes the restricted likelihood, which accounts for the fitted mean; otherwise the
+The spread maximises the restricted likelihood, which accounts for the fitted mean; otherwise the
 spread of 20 units would be 4 to 12 % too small. A unit with only an upper bound u contributes the
 probability of lying below it. So the spread between units is separated from measurement error.
 
@@ -189,7 +189,7 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
     probability of finding an outlier in a population without any. Returns shape (units,): no
     outliers among fewer than five units. Units are removed one by one, the farthest first. Each is
     tested against the remaining population, at the quantile of Student's t for that number of
-    tests. All units up to the last that fails are outliers, so that two do not hide each other.
+    tests. All units up to the last one rejected are outliers, so that they do not mask each other.
     """
     from scipy.stats import t
 
@@ -215,7 +215,7 @@ def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDAr
         threshold = float(t.isf(chance / (2 * (len(rest) + 1)), len(rest) - 1))
         if abs(y[unit] - effects.mean) > threshold * max(float(expected), 1e-300):
             last = len(taken)
-        # Stop after eight units in a row that pass the test.
+        # Stop after eight units in a row that are not rejected.
         if len(taken) - last == 8:
             break
     found[taken[:last]] = True

@@ -149,7 +149,7 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
         whole = cells.counts == cell
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
-            # Single samples give white noise, of which all coefficients are equally good.
+            # For white noise, all coefficients are equally good, however short the part.
             table.add(number, points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell)
     return table.powers(series, cell, parts) if table.dof.any() else None
 

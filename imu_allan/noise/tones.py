@@ -92,7 +92,7 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[
     """
     if cycle_s is None:
         return list(lines)
-    # A symmetric cycle has no second harmonic, so the first two orders need not be found.
+    # A symmetric cycle has no line at its second harmonic, so start as if that were found.
     last, harmonics = 2, set()
     for line in sorted(lines, key=lambda line: line.frequency_hz):
         order = round(line.frequency_hz * cycle_s)
@@ -273,5 +273,5 @@ def folded(line: Tone, lines: list[Tone], step: int, dt: float, width: float) ->
               / np.sinc(known.frequency_hz * dt) for known in lines
               if abs(abs(known.frequency_hz - rate * round(known.frequency_hz / rate))
                      - line.frequency_hz) < width]
-    # Aliases explain less than twice their amplitude; among hundreds, one is always near.
+    # A line of twice that amplitude is no alias: among hundreds of lines, one is always near.
     return line.amplitude < 2.0 * float(np.sqrt(np.sum(np.square(images))))

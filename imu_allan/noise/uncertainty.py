@@ -50,7 +50,7 @@ def bounded(axis: AxisResult) -> AxisResult:
 
 
 def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
-    """Return an axis whose noise density may in addition be too low or high by relative errors."""
+    """Widen the interval of the noise density of an axis for relative errors besides chance."""
     if not (too_low or too_high):
         return axis
     found = axis.coefficients['noise_density']

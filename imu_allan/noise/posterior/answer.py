@@ -110,7 +110,7 @@ class Answer:
     exponent, law : Estimate
         Exponent and amplitude of slow noise whose exponent is not that of flicker.
     high_pass_hz : Estimate
-        Corner of a filter that takes out the bias.
+        Corner of a filter that removes the bias.
     low_pass : float
         Probability of a low-pass or roll-off that can be detected.
     window_s : float or None

@@ -57,7 +57,7 @@ _AT_END = 0.02
 def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
           tolerance: float = 0.02) -> Rows:
     """
-    Maximize the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
+    Maximise the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
 
     Iteration stops early for rows that should stay `hopeless` nats below the best of their axis,
     and for rows whose nuisance leaves its range. A row that converges to the maximum of a better
@@ -141,8 +141,8 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     """
     Mark rows whose white noise is visible in the pass band of their low-pass.
 
-    Otherwise slower noise hides the pass band. The filter would then describe no more than a step
-    of the spectrum, down to the power that leaks between frequencies.
+    Otherwise the filter would describe no more than a step of the spectrum, from slower noise that
+    hides the pass band down to the leakage in the stop band.
     """
     found = np.ones(len(rows), dtype=bool)
     filtered = np.flatnonzero(rows.has[:, LOW])

@@ -28,13 +28,13 @@ LEAST_KNOWN = 16.0
 """Least information about white noise in the pass band of a filter (four standard errors): with
 less, the filter merely describes a step of the spectrum."""
 
-# ------------------------------------------------------------------------ whether a model is valid
+# ------------------------------------------------------------------------------- goodness of a fit
 
 DESCRIBED = 0.01
 """Chi-square probability above which residuals are attributed to chance. Below it, the misfitted
 part of the spectrum counts less, and intervals widen."""
 TOLERATED_MISFIT = 0.05
-"""Relative misfit that is accepted: a million samples reject even 1 %, but few users mind 5 %."""
+"""Tolerated relative misfit. A million samples reject 1 %, which is harmless; 5 % may matter."""
 LEAST_DESCRIBED = 1 / 64
 """With an edge below this (cycles per sample), most of the noise is left unexplained."""
 
@@ -52,7 +52,7 @@ EXPONENT_SPREAD = 0.35
 EXPONENT_ODDS = 0.1
 """Prior odds of slow noise with another exponent against flicker."""
 WITHOUT_FLICKER = 0.3
-"""Prior factor of each slower noise without flicker: all sensors have flicker, it shows first."""
+"""Prior factor of each slower noise without flicker: every sensor has some, and it shows first."""
 UNSEEN_LEVEL = 0.2
 """Prior density of the log level of a half-octave above an edge."""
 TOP, PER_HALF_OCTAVE = float(np.log(0.02)), -0.2

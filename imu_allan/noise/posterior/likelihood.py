@@ -160,7 +160,7 @@ def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
         # A thousandth stands for zero degrees of freedom.
         shared = np.maximum(np.bincount(band, known), 1e-3)
         level = np.bincount(band, known * each) / shared
-        # Takes back what a free level gains on average: half a nat where it is well determined.
+        # Cancels what a free level gains on average: half a nat where it is well determined.
         gain = np.log(shared / 2) - digamma(shared / 2)
         row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + gain)[band]
         octave = np.bincount(number, known)[number]

@@ -55,7 +55,7 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
                       record.dof[of] / np.maximum(record.whole[of], 1e-9))
     # Reduce the degrees of freedom of parts where no model describes the whole record.
     dof = np.minimum(spectra.dof, spectra.whole * known)
-    # All but one part, one part alone, all parts; then all but one and all without random walk.
+    # Fit all but one part, each part alone, and all; the first and last also without random walk.
     seen = np.concatenate((~own, own, np.ones_like(own[:1])))
     spectra = spectra.taken(np.zeros(len(seen), np.int64)).worth(dof * seen)
     which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))

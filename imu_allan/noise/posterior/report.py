@@ -120,7 +120,7 @@ class AxisReport:
         return replace(self, trend=replace(self.trend, cycle_s=period_s))
 
     def without_random_walk(self) -> 'AxisReport':
-        """Return the report with the random walk as an upper bound, because it is uncertain."""
+        """Return the report with the random walk as an upper bound: it may have another cause."""
         walk = replace(self.estimates['rate_random_walk'], observable=False)
         return replace(self, estimates={**self.estimates, 'rate_random_walk': walk},
                        random_walk_unclear=True)

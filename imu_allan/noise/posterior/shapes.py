@@ -24,7 +24,7 @@ Power = Callable[[Array, float], Array]
 _ROUNDING = 1e-15
 """Smallest power response, relative to the pass band: keeps logarithms finite."""
 LOWEST_CORNER = 1e-3
-"""Lowest corner of a low-pass in cycles per sample: below, slow drift passes for its pass band."""
+"""Lowest corner of a low-pass in cycles per sample: below, slow drift looks like a pass band."""
 FEWEST_GROUPS = 24
 """Fewest bands that a model must describe: three octaves are enough to separate the terms."""
 # Nodes and weights of Gauss-Legendre quadrature over a band.

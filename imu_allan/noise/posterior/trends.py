@@ -395,7 +395,7 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
                              for number, (search, _) in enumerate(same)])
         # Half a nat is close enough to locate the trend.
         beside, rows = _climbed(spectra, same, tried, 0.5)
-        # At first, a strong trend passes for noise: refine it now that the noise is fitted beside.
+        # At first, a strong trend passes for noise: refine it after both are fitted together.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
         beside, rows = _climbed(spectra, same, rows)
@@ -481,7 +481,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Foun
     same = [one.value for one in others if one.kind.key == kind.key]
 
     def gained(at: Array, gains: Array) -> Array:
-        # Two nearly equal trends of opposite sign would only describe a derivative.
+        # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
         for value in same:
             gains = np.where(np.abs(np.log(at / value)) < np.log(2), 0.0, gains)
         return gains

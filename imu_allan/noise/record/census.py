@@ -80,7 +80,7 @@ class Census(SideBySide):
                         reference[one] == sign * reference[other]
                         and np.array_equal(rows[one], sign * rows[other])):
                     self.equal_pairs[one, other] &= ~bit
-        # That many samples show the step of a coarse output. More would cost a tenth of the time.
+        # That many samples show the step of a coarse output; more would take a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
         self.samples += rows.shape[1]

@@ -5,8 +5,8 @@ Effect of gaps on the spectrum of noise, for a given pattern of gaps.
 
 Means over half-full cells have a larger variance, and values that fill a gap repeat the noise
 around it. Both are linear in the samples, so the expected power of each DCT coefficient follows
-from the pattern alone. It is exact for white noise. For flicker and random walk, existing cells
-are treated as full.
+from the pattern alone. The result is exact for white noise. For flicker and random walk, existing
+cells are treated as full.
 """
 
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ _FEWEST, _MOST = 4, 256
 _EXACT = 64
 """Coefficients computed one by one; above, some per octave, averaged over phase."""
 _PER_OCTAVE = 12
-"""Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
+"""With periodic gaps, octave means err by at most 0.05 % (0.12 % with 6, 0.03 % with 24)."""
 
 
 @dataclass(frozen=True)

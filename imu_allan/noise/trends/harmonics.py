@@ -83,7 +83,7 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     `variance`: expected power of the noise in the bins. `frequency_hz`: starting value, within a
     quarter of a cycle over the record.
     """
-    # The linearization holds within a quarter of a cycle over the record.
+    # The linear approximation holds within a quarter of a cycle over the record.
     longest = 0.25 / (frequency_hz * record.duration_s)
     # Two or three steps usually suffice.
     for _ in range(8):

@@ -22,8 +22,7 @@ Waveform = Callable[[Array], Array]
 """Maps times, in seconds from the beginning of the record, to values."""
 
 _MOST = 0.2
-"""Largest leakage, relative to the noise, that is subtracted rather than the bin left out.
-Chosen by judgment."""
+"""Leakage up to this share of the noise is subtracted; beyond, bins are left out. By judgment."""
 _NEAR = 1e-3
 """Step of numerical slopes, relative to the length of a block."""
 
