@@ -75,8 +75,8 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     """
     Find a deadband, in which an axis reports small values as zero.
 
-    Returns: None without one. There is none if all values lie on one side of zero, or if a gap of
-    that width would hold more samples than are zero. There is also none if the output steps so
+    Returns: None without one. There is none if all values lie on one side of zero, or if fewer
+    samples are zero than such a gap would hold. There is also none if the output steps so
     coarsely that the second value is twice the first.
     """
     census = finished.census

@@ -232,7 +232,7 @@ class MarkovBank:
     decay, gain, end, mean_on_end, mean_rest : ndarray, shape (processes,)
         Coefficients of each process over one interval. `decay` is the share of its value that
         remains, `gain` the effect of the value on the mean. `end` is the standard deviation of
-        the innovation, `mean_on_end` and `mean_rest` the parts of the mean with and without it.
+        the innovation; the mean depends on it by `mean_on_end`, and varies by `mean_rest` beside.
 
     """
 

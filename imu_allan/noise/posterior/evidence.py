@@ -141,8 +141,8 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     """
     Mark rows whose white noise is visible in the pass band of their low-pass.
 
-    Otherwise the filter would describe no more than a step of the spectrum, from slower noise that
-    hides the pass band down to the leakage in the stop band.
+    Otherwise slower noise hides the pass band. The filter would then describe no more than a step
+    of the spectrum, down to the leakage in the stop band.
     """
     found = np.ones(len(rows), dtype=bool)
     filtered = np.flatnonzero(rows.has[:, LOW])
