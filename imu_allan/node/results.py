@@ -10,7 +10,6 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.process import give_back_memory
 from imu_allan.node.publications import Publications
 from imu_allan.node.result_messages import Filter, result_messages
 from imu_allan.node.run import Run
@@ -111,7 +110,6 @@ class Results:
             run.learn(of_lanes, fed if tested is None else None)
             # On a slow computer wait five times as long as the fit took, to use a fifth of a core.
             self._next_fit = began + max(5.0 * took_s, FIT_GROWTH * run.duration_s)
-            give_back_memory()
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.log import Log
+from imu_allan.node.process import give_back_memory
 
 T = TypeVar('T')
 
@@ -40,10 +41,13 @@ class Worker:
 
     def hand_out(self) -> None:
         """Call `done` of every job that is finished, in this thread."""
-        for job in [job for job in self._jobs if job[1].done()]:
+        finished = [job for job in self._jobs if job[1].done()]
+        for job in finished:
             self._jobs.remove(job)
             _, future, done = job
             done(future)
+        if finished:
+            give_back_memory()
 
     def failure(self, kind: str, future: Future[Any]) -> str:
         """Log the error of a finished job, if any; return it as a line, empty if none."""

@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 import json
+import os
 from pathlib import Path
 import threading
 from typing import Any
@@ -18,7 +19,7 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 import pytest
-from ros_harness import at_rest, Heard
+from ros_harness import at_rest, Heard, resident_mb
 from whole_lines import unwritable
 
 SETUP = Setup('/imu', TimelineOptions())
@@ -147,3 +148,15 @@ def test_a_configuration_that_cannot_be_made_at_the_end_is_reported_once(
     worker.finish({'save'})
     assert [line for line in heard.lines if 'kalibr' in line] == [heard.lines[-1]]
     storage.close()
+
+
+def test_memory_that_a_finished_job_has_freed_is_given_back(worker: Worker) -> None:
+    def save() -> list[bytearray]:
+        # What is kept lies among it, and would keep all of it.
+        return [bytearray(2000) for _ in range(50_000)][::100]
+
+    kept = [worker.start('save', save, lambda _: None).result()]
+    taken_mb = resident_mb(os.getpid())
+    worker.hand_out()
+    assert len(kept[0]) == 500
+    assert taken_mb - resident_mb(os.getpid()) > 50
