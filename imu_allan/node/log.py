@@ -7,7 +7,7 @@ import time
 import traceback
 
 from imu_allan.errors import printable
-from rclpy.impl.rcutils_logger import RcutilsLogger
+from imu_allan.node.rclpy_inside import Logger
 
 OFTEN_S = 10.0
 """Time between the first two lines of a kind; it doubles with every line, up to `SELDOM_S`."""
@@ -23,7 +23,7 @@ class Log:
     days stays readable. Lines are of one kind if the reader would react to them in the same way.
     """
 
-    def __init__(self, logger: RcutilsLogger) -> None:
+    def __init__(self, logger: Logger) -> None:
         self._logger = logger
         self._said: dict[str, tuple[float, float]] = {}
 

@@ -15,6 +15,7 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import Executor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -22,6 +23,8 @@ RCLError: type[Exception] = rclpy_implementation.RCLError
 """Raised where the C library of ROS refuses something, such as arguments or a full queue."""
 UnknownROSArgsError: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
+Logger = RcutilsLogger
+"""The type of what `Node.get_logger` returns."""
 Info = dict[str, Any]
 Taken = tuple[bytes, Info]
 """A message, and its metadata from the middleware."""

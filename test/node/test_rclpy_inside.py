@@ -48,6 +48,7 @@ def test_the_parameters_that_a_node_was_given_are_known_before_they_are_declared
     try:
         assert rclpy_inside.given_parameters(node)['gap_tolerence'].value == 3, (
             'Node._parameter_overrides')
+        assert isinstance(node.get_logger(), rclpy_inside.Logger), 'rclpy.impl.rcutils_logger'
     finally:
         node.destroy_node()
 
@@ -76,7 +77,7 @@ def test_wrong_arguments_and_full_queues_raise_the_errors_that_are_caught(ros: R
 
 
 def test_nothing_else_looks_inside_rclpy() -> None:
-    inside = re.compile(r'rclpy\._|rclpy\.impl\.implementation|_parameter_overrides|'
+    inside = re.compile(r'rclpy\._|rclpy\.impl\b|_parameter_overrides|'
                         r'take_message\(|\._rclpy|executor\.fset')
     assert [path.name for path in sorted((PACKAGE / 'node').glob('*.py'))
             if inside.search(path.read_text())] == ['rclpy_inside.py']
