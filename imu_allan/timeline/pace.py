@@ -220,7 +220,9 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     short = steps < PHASE_GROUP
     lost = float(np.sum(steps[short & (steps > 1)] - 1))
     n = len(time)
-    if np.count_nonzero(steps > 1) < _FEW_LOSSES:
+    # Messages that waited for a late one share a place with it, and fill the empty ones before it.
+    waited = np.count_nonzero(steps == 0)
+    if np.count_nonzero(steps > 1) < _FEW_LOSSES or lost - waited < _FEW_LOSSES:
         return grid
     line, worst = _on_a_line(time)
     apart = abs(line.interval_ns / grid.interval_ns - 1)
