@@ -86,7 +86,8 @@ def test_segments_follow_one_another_and_know_their_means():
 
 
 @pytest.mark.parametrize(('samples', 'from_', 'ratio'), [
-    (1000, 0.5, 2.0), (2000, 0.9, 2.0), (6000, 0.7, 0.5), (12_000, 0.3, 1.3), (30_000, 0.5, 1.3)])
+    (320, 0.3, 0.5), (1000, 0.5, 2.0), (2000, 0.9, 2.0), (6000, 0.7, 0.5), (12_000, 0.3, 1.3),
+    (30_000, 0.5, 1.3)])
 def test_a_short_record_says_that_its_noise_changes(samples, from_, ratio):
     record = simulate(SENSOR, samples, RATE, 1)
     even = characterize(record, RATE)
