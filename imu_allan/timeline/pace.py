@@ -251,8 +251,10 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     """Return the intervals that pass on the other clock per place missing; None if unknown."""
     passed = np.diff(other).astype(np.float64)
     if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
-            or np.max(np.abs(passed - own)) < 0.02 * interval):
-        # A clock that stops, jumps, or copies the first one shows nothing.
+            or np.max(np.abs(passed - own)) < 0.02 * interval
+            or np.mean(passed == 0) > 0.1):
+        # A clock that stops, jumps, or copies the first one shows nothing, nor does one whose
+        # ticks are longer than the interval: they may keep step with regular losses.
         return None
     # Losses may always come in twos, so the two most common numbers of steps decide.
     counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
