@@ -237,6 +237,11 @@ class Characterization:
         """Whether the latest messages are left out because they come at another rate."""
         return self._timeline.at_other_rate
 
+    @property
+    def left_out_s(self) -> float:
+        """Duration in s of all messages left out because they came at another rate."""
+        return self._timeline.left_out_s
+
     def result(self, remarks: Iterable[Finding] = (), *,
                tested: Backtests | None = None) -> Result:
         """

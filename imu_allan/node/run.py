@@ -81,13 +81,13 @@ class Lane:
     fed: int = 0
     stamp_ns: int = 0
     error: str = ''  # why the latest messages cannot be used
-    # First and last messages excluded by the timeline for their rate, since it last took one.
-    left_out: list[ImuBlock] = field(default_factory=list)
+    taken_s: float = 0.0  # `left_out_s` of the timeline when it last took messages
 
     @property
     def leaves_out_all(self) -> bool:
         """Return whether the timeline has excluded all messages for their rate for long enough."""
-        return self.known.lasted_s(self.left_out) > LONGEST_LOOK_S
+        return (self.characterization.at_other_rate
+                and self.characterization.left_out_s - self.taken_s > LONGEST_LOOK_S)
 
     @property
     def span_s(self) -> float:
@@ -122,16 +122,11 @@ class Lane:
             self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
             for known in [block] if self.unit is None else self.unit(block):
                 self._pass_on(known, self.characterization)
-        self._see_rate(blocks)
-
-    def _see_rate(self, blocks: Sequence[ImuBlock]) -> None:
         if not self.characterization.at_other_rate:
-            self.left_out = []
-        elif blocks:
-            self.left_out = [*self.left_out[:1], blocks[-1]]
-            if self.leaves_out_all:
-                # The rate may have changed before it was known, or by barely more than allowed.
-                self.known.take_over(self.characterization.summary())
+            self.taken_s = self.characterization.left_out_s
+        elif self.leaves_out_all:
+            # The rate may have changed before it was known, or by barely more than allowed.
+            self.known.take_over(self.characterization.summary())
 
     def _pass_on(self, block: ImuBlock, to: Characterization) -> None:
         try:

@@ -90,8 +90,11 @@ class Known(Record):
 
     def take_over(self, summary: TimelineSummary) -> None:
         """Take over rate and clock from the timeline, which excludes messages by them."""
-        self.clock, self.rate_hz = summary.clock, summary.timeline.sample_rate_hz
-        self.is_sure = self.rate_hz is not None
+        timeline = summary.timeline
+        # The messages of a polled sensor come faster than its samples.
+        if timeline.duplicates < 0.1 * timeline.samples:
+            self.clock, self.rate_hz = summary.clock, timeline.sample_rate_hz
+            self.is_sure = self.rate_hz is not None
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Return what the first messages of another IMU show of it."""

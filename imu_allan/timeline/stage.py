@@ -178,6 +178,11 @@ class TimelineStage(Record):
         return self._placing.cursor.other_rate
 
     @property
+    def left_out_s(self) -> float:
+        """Duration in s of all messages left out because they came at another rate."""
+        return self._memory.counts.at_other_rate * (self.interval_ns or 0.0) / SECOND
+
+    @property
     def interval_ns(self) -> float | None:
         """Sample interval by the clock in use; None until it is measured."""
         decision = self._intake.decision

@@ -158,19 +158,24 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop(step_s: f
     assert [remark.code for remark in world.summaries()[0].remarks] == ['clock_jumps']
 
 
+def polled_block(polled: int, count: int, rate_hz: float, start_s: float, seed: int, *,
+                 together: bool = False) -> ImuBlock:
+    """Return messages of an IMU whose samples come so many times, if wanted at once."""
+    block = at_rest(count, rate_hz, start_s=start_s, seed=seed)
+    index = np.arange(count * polled)
+    index -= index % polled if together else 0
+    stamps = START_NS + np.rint((start_s + index / rate_hz / polled) * SECOND).astype(np.int64)
+    return ImuBlock(stamps, stamps, np.repeat(block.samples, polled, axis=0),
+                    np.zeros((len(stamps), 2), bool), 'imu')
+
+
 @pytest.mark.parametrize(('polled', 'together'), [
     *(slow(polled, False) for polled in (2, 3)), (2, True)])
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         polled: int, together: bool) -> None:
     world = World()
     for part in range(6):
-        block = at_rest(2000, RATE_HZ, start_s=20.0 * part, seed=part)
-        index = np.arange(2000 * polled)
-        index -= index % polled if together else 0
-        stamps = START_NS + np.rint((20.0 * part + index / RATE_HZ / polled) * SECOND
-                                    ).astype(np.int64)
-        world.comes(ImuBlock(stamps, stamps, np.repeat(block.samples, polled, axis=0),
-                             np.zeros((len(stamps), 2), bool), 'imu'))
+        world.comes(polled_block(polled, 2000, RATE_HZ, 20.0 * part, part, together=together))
     assert not world.replaced
     assert world.samples == pytest.approx(12_000, abs=10)
     assert_density(world.result.to_dict(), RATE_HZ)
@@ -358,3 +363,13 @@ def test_a_rate_that_changes_before_any_fit_begins_a_new_run() -> None:
     [lane] = runs.run.lanes
     assert lane.known.rate_hz == pytest.approx(208.0, rel=1e-3)
     assert lane.fed > 5000
+
+
+def test_a_rate_that_changes_for_some_seconds_leaves_its_rate_to_a_polled_sensor() -> None:
+    world, now_s = World(), 0.0
+    # The other rate is the last that the timeline sees before it waits for its next window.
+    for part, (seconds, rate_hz) in enumerate([(53.0, RATE_HZ), (8.0, 103.0), (100.0, RATE_HZ)]):
+        world.comes(polled_block(2, round(seconds * rate_hz), rate_hz, now_s, part))
+        now_s += seconds
+    assert not [line for line in world.lines if 'another IMU' in line]
+    assert world.samples > RATE_HZ * 140
