@@ -33,7 +33,7 @@ FEWEST_MESSAGES = 16
 """A jitter of half an interval changes the measured rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
 """10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by this many messages sooner."""
-_GROUP = 64
+_GROUP = 32
 """Samples per group; each group gives one noise level."""
 _FEWEST_GROUPS = 4
 """With fewer groups their scatter cannot be estimated. Chosen by judgment."""
@@ -62,6 +62,7 @@ class Known(Record):
 
     def __post_init__(self) -> None:
         self._recent: list[ImuBlock] = []
+        self._ungrouped = np.empty((0, 6))
 
     def see(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages of this IMU."""
@@ -69,8 +70,12 @@ class Known(Record):
             self.frame_id = blocks[0].frame_id
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
+            # At 100 Hz fewer samples come at a time than a group has.
+            samples = np.concatenate([self._ungrouped, *(block.samples for block in own)])
+            levels = _levels(samples)
+            self._ungrouped = samples[len(levels) * _GROUP:].copy()
             # 20 s at 200 Hz.
-            self.levels = np.concatenate([self.levels, _levels(own)])[-64:]
+            self.levels = np.concatenate([self.levels, levels])[-128:]
             self._recent += own
         while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES
                                          or self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S):
@@ -133,7 +138,7 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        ratio = self._level_ratio(_levels(blocks), 5.0) if by_level else None
+        ratio = self._level_ratio(_levels(_samples(blocks)), 5.0) if by_level else None
         if ratio is not None:
             return UnusableState('noise', 'another publisher sends messages whose noise is '
                                  f'{ratio:.2f} times as large, as another sensor would')
@@ -153,7 +158,7 @@ class Known(Record):
             return False
         # A small difference may be random, or hide a real one; jitter does not cause 30 %.
         by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
-            by_level and self._level_ratio(_levels(blocks), 2.0) is not None)
+            by_level and self._level_ratio(_levels(_samples(blocks)), 2.0) is not None)
         return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
@@ -178,17 +183,22 @@ class Known(Record):
 
     def _level_ratio(self, levels: Floats, sure: float) -> float | None:
         """Return the ratio to the known noise, if they differ by `sure` standard errors."""
-        found: float | None = None
+        changes, errors = [], []
         for axis, groups in enumerate(levels.T):
             before, error_before = _level_at_rest(self.levels[:, axis])
             now, error_now = _level_at_rest(groups)
-            apart = abs(now - before)
-            # The noise of one sensor varies by a tenth from day to day. Chosen by judgment.
-            if (before > 0 and apart > 0.1 * before
-                    and apart > sure * np.hypot(error_before, error_now)
-                    and (found is None or apart > abs(found - 1) * before)):
-                found = now / before
-        return found
+            if before > 0 and now > 0:
+                changes.append(now / before - 1)
+                errors.append(np.hypot(error_before, error_now) / before)
+        if changes:
+            # One axis may differ, or all of them by less than each shows alone.
+            weights = np.array(errors)**-2.0
+            changes.append(float(np.average(changes, weights=weights)))
+            errors.append(float(weights.sum()**-0.5))
+        # The noise of one sensor varies by a tenth from day to day. Chosen by judgment.
+        found = [change for change, error in zip(changes, errors, strict=True)
+                 if abs(change) > max(0.1, sure * error)]
+        return 1 + max(found, key=abs) if found else None
 
     def _stamps(self, blocks: Sequence[ImuBlock]) -> NDArray[np.int64]:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
@@ -296,9 +306,12 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
         yield part
 
 
-def _levels(blocks: Sequence[ImuBlock]) -> Floats:
-    """Return the mean absolute step between samples, by groups of 64 and axis, shape (g, 6)."""
-    samples = np.concatenate([block.samples for block in blocks])
+def _samples(blocks: Sequence[ImuBlock]) -> Floats:
+    return np.concatenate([block.samples for block in blocks])
+
+
+def _levels(samples: Floats) -> Floats:
+    """Return the mean absolute step between samples, by groups of 32 and axis, shape (g, 6)."""
     with np.errstate(over='ignore', invalid='ignore'):
         steps = np.abs(np.diff(samples, axis=0))
         whole = len(steps) // _GROUP * _GROUP
@@ -312,6 +325,6 @@ def _level_at_rest(groups: Floats) -> tuple[float, float]:
         return 0.0, np.inf
     # Higher levels are from motion or knocks.
     calm = groups[groups < 1.5 * np.percentile(groups, 10)]
-    # The level of 64 samples varies by a tenth, though a few may be closer by chance.
-    spread = max(calm.std(), 0.1 * calm.mean())
+    # The level of 32 samples varies by a seventh, though a few may be closer by chance.
+    spread = max(calm.std(), 0.14 * calm.mean())
     return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

@@ -326,9 +326,11 @@ def test_a_backtest_is_made_again_when_the_record_is_longer_by_a_part() -> None:
 def test_another_sensor_stays_another_however_long_it_takes_until_its_run_begins(
         noise: float) -> None:
     world = World()
-    # It has to last for a minute, within which it is looked at several times.
-    world.comes(at_rest(60_000), together=100_000)
-    world.comes(at_rest(10_000, start_s=605.0, seed=2, noise=noise * NOISE), publisher=2)
+    # It has to last for a minute, within which it is looked at several times; all of it comes as
+    # to a node in real time.
+    world.comes(at_rest(60_000), together=50)
+    world.comes(at_rest(10_000, start_s=605.0, seed=2, noise=noise * NOISE), publisher=2,
+                together=50)
     assert [why.reason for _, why in world.replaced] == ['noise']
     assert world.samples == 10_000
     assert_density(world.result.to_dict(), RATE_HZ, noise * NOISE)
@@ -373,3 +375,13 @@ def test_a_rate_that_changes_for_some_seconds_leaves_its_rate_to_a_polled_sensor
         now_s += seconds
     assert not [line for line in world.lines if 'another IMU' in line]
     assert world.samples > RATE_HZ * 140
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, 50.0])
+def test_a_slow_sensor_is_told_from_another_by_all_of_its_axes_together(rate_hz: float) -> None:
+    world = World()
+    world.comes(at_rest(round(90 * rate_hz), rate_hz), together=round(rate_hz / 2))
+    world.comes(at_rest(round(60 * rate_hz), rate_hz, start_s=95.0, seed=2, noise=1.2 * NOISE),
+                publisher=2, together=round(rate_hz / 2))
+    assert [why.reason for _, why in world.replaced] == ['noise']
+    assert_density(world.result.to_dict(), rate_hz, 1.2 * NOISE)
