@@ -32,6 +32,7 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import (
     densities_of,
     exponents_differ,
+    leaked_share,
     widened,
     widened_interval,
     with_own_exponents,
@@ -97,9 +98,11 @@ def joint_result(recordings: Sequence[Characterization],
                 remark_on_exponents(singles), *(remark for remark in own if remark.code not in (
                     'power_law', 'gauss_markov', 'band_limited'))]
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
-    axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
-                                  stationarity=_stationarity(name, parts)), *error)
-            for name, (axis, _) in fitted.items()}
+    axes = {name: widened(widened(
+        replace(_with_faults(_with_spread(axis, name, parts), name, parts),
+                stationarity=_stationarity(name, parts)), *error), 0.0, max(
+        leaked_share(axis, part.record.group_of(name).estimator.interpolation.share, 1 / rate)
+        for part in parts)) for name, (axis, _) in fitted.items()}
     remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline(parts, rate)
     summary = replace(first.summary, timeline=timeline)

@@ -32,7 +32,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.record.census import SAME
 from imu_allan.noise.terms import AXES
-from imu_allan.noise.uncertainty import bounded, widened
+from imu_allan.noise.uncertainty import bounded, leaked_share, widened
 from imu_allan.result import AxisResult, Backtest, Result, Source
 from imu_allan.sensor.plausible import implausible
 from imu_allan.state import part_of, Record, restored, State, state_of
@@ -382,6 +382,9 @@ def _fitted_axes(record: FinishedRecord, tested: Backtests | None
     fits: Fits = {}
     for group in record.groups:
         own, remarks, own_fits = _fitted_group(group, record.rate_hz, tested)
+        own = {name: widened(axis, 0.0, leaked_share(
+            axis, group.estimator.interpolation.share, 1 / record.rate_hz))
+            for name, axis in own.items()}
         fitted |= own
         fits |= own_fits
         found += remarks

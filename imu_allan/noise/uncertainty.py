@@ -17,6 +17,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import interval, Octaves
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
+from imu_allan.noise.posterior.shapes import taken_by_mean
 from imu_allan.noise.terms import power_law_avar, SLOW_TERMS, SPECTRAL_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve, GoodnessOfFit, Interval, PowerLaw
 import numpy as np
@@ -62,6 +63,26 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     if found.upper95 is not None:
         found = replace(found, upper95=found.upper95 * most)
     return replace(axis, coefficients=dict(axis.coefficients) | {'noise_density': found})
+
+
+def leaked_share(axis: AxisResult, interpolated: float, dt: float) -> float:
+    """
+    Return by what share lines beside interpolated samples may make the noise density too high.
+
+    `interpolated`: share of the samples. The mean of its neighbours replaces a missing sample;
+    what it lacks of a line is noise at random places.
+    """
+    found, lines = axis.coefficients['noise_density'], axis.all_tones
+    if not interpolated or not lines or found.value is None:
+        return 0.0
+    taken = taken_by_mean(dt * np.array([line.frequency_hz for line in lines]))
+    seen = np.maximum(1 - interpolated * taken, 0.1)
+    power = float(np.sum((np.array([line.amplitude for line in lines]) * taken / seen)**2)) / 2
+    # A quarter more: where many are missing, neighbours are fewer.
+    left = 1 - 1.25 * interpolated * power * dt / found.value**2
+    # Ten times too high says nothing any more.
+    share = max(left, 0.01)**-0.5 - 1
+    return float(share) if share > 0.005 else 0.0
 
 
 def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array,

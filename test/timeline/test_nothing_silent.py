@@ -338,6 +338,17 @@ def missed_by_intervals(duration_s, lost, seeds):
     return np.mean(outside)
 
 
+@pytest.mark.parametrize('cycles', [0.5, 0.31, 0.12])
+def test_a_vibration_beside_lost_samples_widens_the_interval_of_the_noise_density(cycles):
+    messages, truth, rng = gyro()
+    messages.samples[:, 0] += 4 * SIGMA * np.cos(2 * np.pi * cycles * messages.place)
+    result = characterized(keep(messages, rng.random(len(messages.place)) >= 0.3))
+    low, high = result.axes['gyro_x'].coefficients['noise_density'].ci95
+    assert low < truth.density < high
+    low, high = result.axes['gyro_y'].coefficients['noise_density'].ci95
+    assert low < truth.density < high < 1.05 * low
+
+
 def test_intervals_hold_the_noise_density_where_a_fifth_is_lost():
     assert missed_by_intervals(60, 0.2, range(9000, 9003)) <= 0.09
 
@@ -1110,6 +1121,7 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
     97_000_219,     # noise that halves within 2.7 s, too little in each half-octave
     99_000_103,     # messages that waited for a late one passed for ticks: a rate a third too high
     99_000_576,     # one of four dropped beside ticks of the header in step with that: no witness
+    99_001_192,     # what interpolated samples lack of a vibration made N 2.5 times too high
 ])
 def test_scenarios_of_the_later_faults_that_left_a_number_silently_wrong_do_no_more(seed):
     assert not verdict(seed, 6000, 3, kinds=MORE_FAULTS).violations

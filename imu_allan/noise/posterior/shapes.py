@@ -267,9 +267,9 @@ class Response:
             weight += [share * (1 - leak.sum()), leak]
             count += len(inside) + len(slower)
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
-        self._kept = (1 - interpolated * _taken_by_mean(nu))**2
+        self._kept = (1 - interpolated * taken_by_mean(nu))**2
         self._lost = interpolated * (1 - interpolated)
-        self._taken = _taken_by_mean(_EVERY)**2
+        self._taken = taken_by_mean(_EVERY)**2
 
     def of(self, power: Power, corner: float) -> Array:
         """Return the response to a low-pass, relative to white noise without a filter."""
@@ -279,7 +279,7 @@ class Response:
                           / (self._kept + self._lost * self._taken.mean()) + _ROUNDING)
 
 
-def _taken_by_mean(nu: Array) -> Array:
+def taken_by_mean(nu: Array) -> Array:
     """Share of an amplitude that is lost when the mean of its neighbours replaces a sample."""
     return np.asarray(1 - np.cos(2 * np.pi * nu[..., None] * np.arange(1, NEIGHBOURS + 1)
                                  ).mean(axis=-1))
