@@ -17,6 +17,8 @@ PAGES = [ROOT / name for name in ('README.md', 'CONTRIBUTING.md', 'CHANGELOG.rst
     ROOT.glob('docs/*.md'))
 LONGEST = 25
 """Words of a sentence."""
+ENDS = r'(?<=[.!?])[*)"]*\s+'
+"""Neither a colon nor a semicolon ends a sentence."""
 MOST_TERMS = 40
 MOST_WORDS = 18_000
 """Of README and docs, tables and code included; a bar between cells is no word."""
@@ -60,7 +62,7 @@ def sentences(text: str) -> Iterator[str]:
     for paragraph in paragraphs(text):
         prose = re.sub(r'`[^`]*`', 'CODE', paragraph)
         prose = re.sub(r'\]\([^)]*\)', ']', re.sub(r'\$[^$]*\$', 'X', prose))
-        yield from filter(None, re.split(r'(?<=[.:!?])\s+', prose))
+        yield from filter(None, re.split(ENDS, prose))
 
 
 def words_of(text: str) -> int:
@@ -83,13 +85,26 @@ def test_a_page_has_no_english_of_its_own(page: Path) -> None:
 
 
 def shown_strings(path: Path) -> Iterator[str]:
-    """Yield the text of a module that a user may read: constants of several words."""
+    """Yield the text of a module that a user may read: several words, 0 for a figure."""
     tree = ast.parse(path.read_text())
-    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (
-                id(node) not in docstrings and ' ' in node.value.strip()):
-            yield node.value
+    nodes = list(ast.walk(tree))
+    others = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    others |= {id(part) for node in nodes if isinstance(node, ast.JoinedStr)
+               for part in node.values}
+    for node in nodes:
+        text = node.value if isinstance(node, ast.Constant) else ''.join(
+            str(part.value) if isinstance(part, ast.Constant) else '0'
+            for part in node.values) if isinstance(node, ast.JoinedStr) else None
+        if isinstance(text, str) and id(node) not in others and ' ' in text.strip():
+            yield text
+
+
+def test_sentences_of_the_program_are_short() -> None:
+    texts = [text for path in (ROOT / 'imu_allan').rglob('*.py') for text in shown_strings(path)
+             if not re.match(r'\s*(SELECT|CREATE|PRAGMA|INSERT)\b', text)]
+    assert len(texts) > 1000
+    assert not [sentence for text in texts for sentence in re.split(ENDS, text)
+                if words_of(sentence) > LONGEST]
 
 
 def test_no_string_of_the_program_has_english_of_its_own() -> None:
@@ -98,7 +113,7 @@ def test_no_string_of_the_program_has_english_of_its_own() -> None:
     assert len(texts) > 1000
     # What an option or an argument is called.
     assert not [text for text in texts
-                if PRIVATE.search(re.sub(r'\bcoast\b', '', text))]
+                if PRIVATE.search(re.sub(r'\bcoast(_s)?\b', '', text))]
 
 
 def test_no_name_or_comment_has_english_of_its_own() -> None:

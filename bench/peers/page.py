@@ -236,9 +236,9 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
 def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show coverage and interval score of the tools that have intervals."""
     yield '## Intervals\n'
-    yield ('Share of 95 % intervals that contain the truth, and the interval score: width plus 40 '
-           'times the miss, over the width of the best interval, median and worst case. A bound '
-           'counts as an interval from zero.\n')
+    yield ('Share of 95 % intervals that contain the truth, and the interval score. That is width '
+           'plus 40 times the miss, over the width of the best interval, median and worst case. '
+           'A bound counts as an interval from zero.\n')
     rows = []
     for tool, name in names(figures).items():
         for key, symbol in SYMBOLS.items():

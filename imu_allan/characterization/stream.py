@@ -286,7 +286,7 @@ class Characterization:
                      'the publishers' if any(remark.code in ('several_publishers', 'alternating')
                                              for remark in summary.remarks) else '')
             raise ImuAllanError(
-                f'{self.place}: the IMU moves during most of the recording; record it at rest, '
+                f'{self.place}: the IMU moves during most of the recording. Record it at rest, '
                 'choose a still part with --start and --duration, or keep everything with '
                 f'--motion keep{mixed}')
         record = twin._record(summary)

@@ -31,10 +31,10 @@ def register(verbs: Any) -> None:
         examples=('check out --spec datasheet.yaml',
                   'check out --spec tactical_mems --min-duration 1h --junit a.xml',
                   'check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017'),
-        description='Compare each quantity with the limit of a datasheet: pass where its 95 % '
-                    'interval (or upper bound) lies below, fail where it lies above, cannot '
-                    'tell where it reaches across. A constant, missing or dead axis fails. Exit '
-                    'status 3 if any fails, else 4 if any is undecided.')
+        description='Compare each quantity with the limit of a datasheet. It passes where its '
+                    '95 % interval (or upper bound) lies below, fails where it lies above, and '
+                    'is undecided where it reaches across. A constant, missing or dead axis '
+                    'fails. Exit status 3 if any fails, else 4 if any is undecided.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,

@@ -14,11 +14,12 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'explain', help='what a finding means and what to do about it',
+        usage='imu_allan explain [CODE] [options]',
         examples=('explain not_steady',),
         description='Say what a finding of a result means, how it is found, and what to do about '
                     'it. Without CODE all findings are listed.')
-    parser.add_argument('code', metavar='CODE', nargs='?',
-                        help='code of a finding, such as not_steady')
+    parser.add_argument('code', metavar='CODE', nargs='*',
+                        help='code or name of a finding, such as not_steady')
     parser.set_defaults(run=run)
 
 
@@ -30,20 +31,28 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.sentences import WORDS
     from imu_allan.writers.words import explained
 
-    if args.code is None:
+    if not args.code:
         width = max(map(len, WORDS))
         print('\n'.join(f'{code:<{width}}  {words.title}' for code, words in WORDS.items()))
         return 0
-    code = args.code.strip().lower().replace(' ', '_').replace('-', '_')
-    by_title = {words.title.replace(' ', '_'): name for name, words in WORDS.items()}
-    code = code if code in WORDS else by_title.get(code, code)
-    if code not in WORDS:
-        near = get_close_matches(code, [*WORDS, *by_title], n=1)
-        hint = f'; did you mean {by_title.get(near[0], near[0])}?' if near else ''
-        asked = printable(args.code) if args.code.strip() else repr(args.code)
-        raise ImuAllanError(f'{asked}: no finding has this code{hint} '
+    given = ' '.join(args.code)
+    asked = _plain(given)
+    # A result shows the name, which two codes may share.
+    codes = [code for code, words in WORDS.items() if asked in (code, _plain(words.title))]
+    if not codes:
+        by_name = {_plain(words.title): code for code, words in WORDS.items()}
+        near = get_close_matches(asked, [*WORDS, *by_name], n=1)
+        hint = f'; did you mean {by_name.get(near[0], near[0])}?' if near else ''
+        shown = printable(given) if given.strip() else repr(given)
+        raise ImuAllanError(f'{shown}: no finding has this code{hint} '
                             '(all: imu_allan explain)')
     columns = columns_of(sys.stdout) or 80
-    print('\n'.join(fill(line, columns, subsequent_indent='  ', break_on_hyphens=False)
-                    for line in explained(code)))
+    print('\n\n'.join('\n'.join(
+        fill(line, columns, subsequent_indent='  ', break_on_hyphens=False)
+        for line in explained(code)) for code in codes))
     return 0
+
+
+def _plain(name: str) -> str:
+    """Write a code or a name as codes are written."""
+    return '_'.join(name.lower().replace('-', ' ').split())

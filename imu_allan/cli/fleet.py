@@ -156,7 +156,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
                              'the noise; take the raw topic')
     if result.axes and all(axis.fault is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
-                             'range, stood still or has a deadband; see the warnings of the '
+                             'range, stood still or has a deadband. See the warnings of the '
                              'axes')
     from imu_allan.wording import counted
 

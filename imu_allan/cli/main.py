@@ -33,8 +33,8 @@ def command_parser() -> argparse.ArgumentParser:
         description='How noisy is this IMU? Allan deviation and the noise coefficients that '
                     'filters want, each with its 95 % interval, from a recording made while the '
                     'IMU lay still.',
-        epilog='exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage; '
-               '3 check found a specification that is not met; 4 check cannot tell.',
+        epilog='exit status: 0 done; 1 known error, one line on stderr; 2 wrong usage; '
+               '3 check: a limit is not met; 4 check cannot tell.',
         examples=('analyze imu_at_rest --output out',
                   'export out --for kalibr --output imu.yaml',
                   'simulate consumer_mems --output imu_at_rest'))

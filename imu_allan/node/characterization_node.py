@@ -41,7 +41,7 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
-from imu_allan.writers.verdict import findings_line, verdict_lines
+from imu_allan.writers.verdict import closing_lines
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
@@ -353,8 +353,9 @@ class CharacterizationNode(AnyExecutorNode):
             lambda: self._storage.save_files_at_end(self._run),
             # Nothing is published any more, but the outcome of writing files is logged.
             lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
-        if (result := self._results.latest) is not None:
-            for line in filter(None, (*verdict_lines(result), findings_line(result))):
+        if (result := self._storage.saved_of(self._run) or self._results.latest) is not None:
+            of = self._results.filter_of
+            for line in closing_lines(result, of.aiding_interval_s, of.coast_s):
                 self._log.info(line)
         if all(done):
             self._storage.finish_run()

@@ -69,7 +69,7 @@ SETTINGS = (
     Setting('publish_period', 10.0, 'Seconds from one fit and publication to the next',
             0.5, 86_400.0),
     Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder in which ~/save and the end of the node '
-            'write; every run gets a folder of its own in it; while the node runs, it can be '
+            'write. Every run gets a folder of its own in it. While the node runs, it can be '
             'changed to folders below', may_be_empty=False, below_start=True),
     Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps what was learnt over every '
             'restart; by default over a crash alone; empty keeps nothing', read_only=True),

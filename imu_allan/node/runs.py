@@ -215,7 +215,7 @@ class Runs:
         if not was_elsewhere:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '
-                f'otherwise: {why}; if they go on for {duration(self._proof_s())} they begin a '
+                f'otherwise: {why}. If they go on for {duration(self._proof_s())} they begin a '
                 'new run, ~/reset begins one at once', f'another IMU {number}', 0.0)
         self._feed(topic, held)
 

@@ -20,6 +20,7 @@ from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
 from imu_allan.node.run_folder import other_folders, run_folder, try_folder
 from imu_allan.node.worker import Worker
+from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.output_path import turn_in
@@ -63,6 +64,7 @@ class Storage:
         self.has_resumed = False
         self._next_save: _NextSave | None = None
         self._saved_at: float | None = None
+        self._saved: tuple[Run, Result] | None = None
         self._last_checkpoint = time.monotonic()
 
     @property
@@ -224,6 +226,7 @@ class Storage:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topics} yet')
             own = run_folder(folder, name, result, run.mark)
+            self._saved = run, result
             try:
                 with turn_in(own):
                     return save_folder(result, own, consumers, report=False, picture=picture)
@@ -247,6 +250,10 @@ class Storage:
 
         self._next_save = _NextSave(of, run.fed, waiting, self._worker.start('save', work, note))
         return self._next_save.future
+
+    def saved_of(self, run: Run) -> Result | None:
+        """Return what a run was last saved as."""
+        return self._saved[1] if self._saved is not None and self._saved[0] is run else None
 
     # -- the end --------------------------------------------------------------------------------
 

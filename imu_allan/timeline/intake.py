@@ -186,7 +186,7 @@ class Intake(Record):
                 clock, decision.clock = decision.clock, None
                 raise ImuAllanError(
                     f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '
-                    f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock '
+                    f'advance at {measured:.6g} Hz. Leave out the rate, choose the other clock '
                     '(analyze --clock), or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:

@@ -116,12 +116,12 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     step_s = positive_time('step_s', step_s)
     # The band edge may be off by the rounding of a rate.
     if step_s < model.from_s * (1 - 1e-6):
-        raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge: '
-                            'this recording does not know how the sensor drifts faster; '
+        raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge. '
+                            'This recording does not know how the sensor drifts faster; '
                             'choose a longer step')
     if step_s > model.to_s * (1 + 1e-6):
         raise ImuAllanError(f'step_s {step_s:g} s is beyond {model.to_s:g} s, a third of the '
-                            'recording: it does not know how the sensor drifts over longer; '
+                            'recording. It does not know how the sensor drifts over longer; '
                             'choose a shorter step')
     return space_of(model, axis.all_tones, step_s)
 

@@ -7,7 +7,7 @@ They refer to the worst axis, and include what a longer recording would improve.
 and demo all take them from here, so that they agree.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
@@ -20,7 +20,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.writers.curves import axes_of, sensors_of
+from imu_allan.writers.curves import axes_of, reported, sensors_of
 
 AIDING_S = 0.1
 """Interval in seconds between corrections of the filter, by a camera or wheel odometry at 10
@@ -49,17 +49,17 @@ class Answer:
         For the keys of N and K, the letter of the worst axis and its coefficient. Coefficients
         without even a bound are omitted.
     tunings : mapping of axis name to FilterTuning
-        For a filter that is corrected every `AIDING_S` and unaided for at most `COAST_S`.
+        For a filter that is corrected every `aiding_s` and unaided for at most `coast_s`.
     for_filter : tuple of (str, str, str)
         Symbol, number and SI unit of N and K for such a filter with one bias state. Each is the
         largest of all axes; empty if no axis can be tuned.
     forecast : str
-        Standard deviation of angle or position after `COAST_S` unaided, with the bias averaged
+        Standard deviation of angle or position after `coast_s` unaided, with the bias averaged
         over `CALIBRATION_S` before. Empty if the data do not determine it.
     forecast_interval : str
         Its 95 % interval; empty if the forecast is `UNCERTAIN`.
     extrapolated : bool
-        Whether `COAST_S` is longer than the times that the drift model covers.
+        Whether `coast_s` is longer than the times that the drift model covers.
 
     """
 
@@ -74,7 +74,7 @@ class Answer:
     extrapolated: bool
 
 
-def answers(result: Result) -> list[Answer]:
+def answers(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[Answer]:
     """Return the key figures of each sensor in the result of one recording."""
     found = []
     for sensor in sensors_of(result):
@@ -85,14 +85,14 @@ def answers(result: Result) -> list[Answer]:
         for name, axis in known.items():
             # An axis that cannot be tuned is omitted.
             with suppress(ImuAllanError):
-                tunings[name] = tune(axis, AIDING_S, COAST_S)
+                tunings[name] = tune(axis, aiding_s, coast_s)
         found.append(Answer(
             sensor, wording.SENSORS[sensor], all(axis.constant for axis in axes.values()),
             {key: (worst[-1], axes[worst].coefficients[key])
              for key in ('noise_density', 'rate_random_walk')
              for worst in [worst_of(axes, key)] if worst is not None},
-            tunings, _for_filter(axes, tunings), *_forecast(sensor, known), any(
-                axis.drift_model is not None and axis.drift_model.to_s * (1 + 1e-6) < COAST_S
+            tunings, _for_filter(axes, tunings), *_forecast(sensor, known, coast_s), any(
+                axis.drift_model is not None and axis.drift_model.to_s * (1 + 1e-6) < coast_s
                 for axis in known.values())))
     return found
 
@@ -117,12 +117,12 @@ def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuni
                      ('rate_random_walk', max(t.random_walk or 0.0 for t in tunings.values()))))
 
 
-def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
+def _forecast(sensor: str, axes: Mapping[str, AxisResult], coast_s: float) -> tuple[str, str]:
     """Format the integrated drift of the worst axis, and its interval."""
     found = []
     for axis in axes.values():
         with suppress(ImuAllanError):
-            found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
+            found.append(predicted_drift(axis, (coast_s,), CALIBRATION_S))
     if not found:
         return '', ''
     if sensor == 'gyro':
@@ -144,6 +144,48 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
     text, low, high = (wording.rounded(factor * v, 2) for v in (value, *interval))
     known = interval[1] <= _VAGUE**2 * interval[0]
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
+
+
+def filter_lines(result: Result, found: Sequence[Answer], width: int = 80,
+                 aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[str]:
+    """Say what to give a filter, in SI, and how far off the sensor is unaided."""
+    lines = []
+    if any(answer.for_filter for answer in found):
+        lines.append(f'For a filter corrected every {aiding_s:g} s, up to '
+                     f'{wording.duration(coast_s)} unaided (imu_allan export, tune)')
+    for answer in found:
+        if answer.for_filter:
+            pair = [f'filter {symbol} {number} {unit}'
+                    for symbol, number, unit in answer.for_filter]
+            beside = f'  {answer.sensor:<5}  {"  ".join(pair)}'
+            lines += [beside] if len(beside) <= width else [
+                f'  {answer.sensor:<5}  {pair[0]}', f'{"":9}{pair[1]}']
+        elif not answer.constant and 'noise_density' in answer.worst:
+            lines += [f'  {answer.sensor:<5}  worst axis {axis}: '
+                      f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
+                      for axis, worst in answer.worst.values()]
+    drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
+              if answer.forecast}
+    head = f'Unaided drift after {wording.duration(coast_s)}:'
+    beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
+    # Their units say which is of which sensor, where each has one.
+    unknown = [not answer.forecast_interval and answer.extrapolated for answer in found
+               if answer.forecast]
+    if drifts and len(beside) <= width and len(set(unknown)) == 1:
+        return [*lines, beside]
+    for place, (sensor, text) in enumerate(drifts.items()):
+        lines.append(f'{"" if place else head:<{len(head)}} {sensor:<5} {text}')
+    return lines
+
+
+def _unaided(answer: Answer, rest_s: float) -> str:
+    if answer.forecast_interval:
+        low, _, high, _ = answer.forecast_interval.split()
+        beyond = ', extrapolated' if answer.extrapolated else ''
+        return f'{answer.forecast} rms ({low} to {high}){beyond}'
+    if answer.extrapolated:
+        return f'not known from {wording.duration(rest_s)}'
+    return f'{answer.forecast} rms, {UNCERTAIN}'
 
 
 def outlook_of(result: Result) -> str:

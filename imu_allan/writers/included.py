@@ -22,13 +22,13 @@ def included(axes: Mapping[str, AxisResult]) -> list[str]:
     said = []
     if warm:
         said.append(f'The warm-up of {named(warm)} is in these numbers, unlike in the '
-                    'coefficients: --start auto or --start TIME of analyze leaves it out, where '
-                    'the recording is long enough.')
+                    'coefficients. Where the recording is long enough, --start auto or '
+                    '--start TIME of analyze leaves it out.')
     if cycles:
         periods = list(dict.fromkeys(map(about, sorted(cycles.values()))))
         said.append(f"The slow cycle of {named(list(cycles))}, such as a heater's, of about "
-                    f'{listed(periods)} is in these numbers, unlike in the coefficients: right '
-                    'where the filter will meet it, too; else record without it.')
+                    f'{listed(periods)} is in these numbers, unlike in the coefficients. That is '
+                    'right where the filter will meet it, too; else record without it.')
     if heated:
         said.append(f'What temperature does to {named(heated)} is in these numbers, unlike in the '
                     'coefficients: a recording at one temperature is without it.')

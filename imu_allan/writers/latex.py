@@ -77,8 +77,9 @@ def _methods(result: Result) -> str:
         f'The coefficients were estimated from {duration(timeline.duration_s)} of samples{rate} '
         'of the sensor at rest'
         + (f', of which {duration(left_out)} of motion were left out' if left_out else '') + '.',
-        'Models of sums of the terms of IEEE Std~952~\\cite{ieee952}, each sample being the mean '
-        'over its interval, were weighed by their evidence in the spectrum of the samples. '
+        'Each sample is taken as the mean over its interval. '
+        'Models of sums of the terms of IEEE Std~952~\\cite{ieee952} '
+        'were weighed by their evidence in the spectrum of the samples. '
         'Values are posterior medians with 95\\,\\% intervals; a term that the data do not '
         'show is given as its 95\\,\\% upper bound.',
         'The overlapping Allan deviation~\\cite{riley2008} has chi-square intervals with the '

@@ -243,11 +243,11 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
     facts = [wording.amount_of(result.timeline),
              *(shorten(fact, 40) for fact in wording.origin_of(result)),
              f'imu_allan {shorten(printable(result.imu_allan_version), 20)}']
-    key = ('points: measured, hollow where fewer than 3 degrees of freedom;  line: what is '
-           'reported, shaded where 95 % of the points should fall;  short dashes: at most')
+    key = ('Points: measured, hollow where fewer than 3 degrees of freedom.  Line: what is '
+           'reported, shaded where 95 % of the points should fall.  Short dashes: at most')
     if what:
         title = f'{what}   {title}'
-        key += ';  dashed: its terms;  ring: where the coefficient is read'
+        key += '.  Dashed: its terms.  Ring: where the coefficient is read'
     sensors = [curves.axes_of(result, sensor).values() for sensor in curves.sensors_of(result)]
     if any(curves.beyond(axes, curves.limits_of(axes, rings=bool(what))) for axes in sensors):
         key += ';  arrow: a point beyond'

@@ -45,6 +45,8 @@ class Words:
         to do. If `live` is None, `do` applies to both.
     general : str
         Advice independent of the values, if `do` is a function; for docs/findings.md.
+    brief : Text
+        Reason for a verdict, in its line; the title if empty.
 
     """
 
@@ -55,6 +57,7 @@ class Words:
     do: Text = ''
     live: str | None = None
     general: str = ''
+    brief: Text = ''
 
 
 def _each(value: Any, say: Callable[[Any], str], unit: str = '') -> str:
@@ -126,11 +129,18 @@ def _not_steady(f: Any) -> str:
             f'{"higher" if f.higher == "first" else "lower"} {until}')
 
 
+def _not_steady_brief(f: Any) -> str:
+    if 'drift_ratio' in f:
+        return f'the drift changed {f.drift_ratio:.1f} times'
+    share = f.spread_share if 'spread_share' in f else f.change_share
+    return f'the noise changed by {_percent(share)}'
+
+
 def _warm_up(f: Any) -> str:
     within = f' ({_within(_most(f.time_constant_factor))})' if 'time_constant_factor' in f else ''
     second = ' and a second one' if _most(f.exponentials) > 1 else ''
     return (f'the mean settles by {f.amplitude:.3g} {f.unit} with a time constant of '
-            f'{_time(f.time_constant_s)}{within}{second}; it is steady after '
+            f'{_time(f.time_constant_s)}{within}{second}. It is steady after '
             f'{_time(f.steady_after_s)}')
 
 
@@ -157,11 +167,14 @@ def _gravity(f: Any) -> str:
     return f'the mean acceleration is {f.mean:.4g} m/s^2, not about 9.81{asks}'
 
 
+def _implausible_what(f: Any) -> str:
+    return {'mean': 'a mean', 'spread': 'a spread'}.get(f.what, 'white noise')
+
+
 def _implausible(f: Any) -> str:
-    what = {'mean': 'a mean', 'spread': 'a spread'}.get(f.what, 'white noise')
     likely = 'raw counts' if f.likely == 'counts' else f'{f.likely} in place of SI units'
-    return (f'{what} of {f.value:.3g} {f.unit} is more than any such sensor has at rest '
-            f'({f.limit:.3g}): {likely}, or motion')
+    return (f'{_implausible_what(f)} of {f.value:.3g} {f.unit} is more than any such sensor has '
+            f'at rest ({f.limit:.3g}): {likely}, or motion')
 
 
 def _damaged_recording(f: Any) -> str:
@@ -253,12 +266,12 @@ def _power_law_do(f: Any) -> str:
 
 def _temperature(f: Any) -> str:
     lags = '' if 'lag_s' not in f else (
-        f'; the {"thermometer" if _most(f.lag_s) > 0 else "sensor"} lags by '
+        f'. The {"thermometer" if _most(f.lag_s) > 0 else "sensor"} lags by '
         f'{_each(f.lag_s, lambda lag: duration(abs(lag)))}')
-    return (f'the mean follows the temperature by {f.per_kelvin:.3g} {f.unit}/K'
-            f'{", and not in proportion to it" if f.curved else ""} (95 % interval '
-            f'{_least(f.per_kelvin_low):.3g} to {_most(f.per_kelvin_high):.3g}; '
-            f'{_least(f.lowest_c):.1f} to {_most(f.highest_c):.1f} degrees Celsius){lags}')
+    return (f'the mean follows the temperature by {f.per_kelvin:.3g} {f.unit}/K (95 % interval '
+            f'{_least(f.per_kelvin_low):.3g} to {_most(f.per_kelvin_high):.3g})'
+            f'{", and not in proportion to it" if f.curved else ""}. It was '
+            f'{_least(f.lowest_c):.1f} to {_most(f.highest_c):.1f} degrees Celsius{lags}')
 
 
 def _start_auto(f: Any) -> str:
@@ -276,17 +289,17 @@ def _rest_within_motion(f: Any) -> str:
         f.durations_s, f.starts_s, strict=True))
     more = f.rests - len(f.starts_s)
     return (f'the IMU moves during {_percent(f.share)} of the samples: only the {f.rest_s:.4g} s '
-            f'at rest are used ({rests}{f" and {more:,} more" if more > 0 else ""})')
+            f'at rest are used. These are {rests}{f" and {more:,} more" if more > 0 else ""}')
 
 
 def _uneven_stamps(f: Any) -> str:
     seen = ('what was lost is known by the numbers of the messages' if f.numbered
             else 'only gaps that last are seen')
     hidden = '' if 'hidden_share' not in f else (
-        f'; up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
+        f'. Up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
         f'then up to {_percent(f.density_high_share, 1)} too high')
     off = '' if 'rate_error_share' not in f else (
-        f'; the rate may be up to {_percent(f.rate_error_share, 1)} off')
+        f'. The rate may be up to {_percent(f.rate_error_share, 1)} off')
     return (f'{f.clock} stamps come too unevenly to see a single missing sample: messages are '
             f'counted, {seen}{hidden}{off}')
 
@@ -323,13 +336,15 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'one and the same value for {_time(f.duration_s)} from '
                        f'{_time(f.start_s)} on: the sensor or its driver stood still',
         do='no coefficient is given; analyze the rest with --start and --duration',
-        live='look at the sensor and its driver, then call ~/reset'),
+        live='look at the sensor and its driver, then call ~/reset',
+        brief=lambda f: f'no new values for {_time(f.duration_s)}'),
     'constant_axis': Words(
         'constant', 'The axis is not connected, or its noise is below one step of its output.',
         'Every sample is the same.',
         says=lambda f: f'every sample is {_different(f.value)} {f.unit}: there is no noise to '
                        'measure',
-        do='look whether the axis is connected and read out'),
+        do='look whether the axis is connected and read out',
+        brief='every sample is the same'),
     'saturated': Words(
         'saturated',
         'The output is cut off at an end of its range: the noise is higher than it seems.',
@@ -338,7 +353,8 @@ WORDS: Mapping[str, Words] = {
                        f'the {f.end} value: the output is cut off there',
         do='no coefficient is given; choose a larger range or another position',
         live='no coefficient is given; choose a larger range or another position, then call '
-             '~/reset'),
+             '~/reset',
+        brief='the output is cut off'),
     'deadband': Words(
         'deadband', 'The driver gives small values as zero: the noise is higher than it seems.',
         'Many samples are exactly zero, none close to zero.',
@@ -346,21 +362,24 @@ WORDS: Mapping[str, Words] = {
                        f'between 0 and {f.width:.3g} {f.unit}: the driver gives small values as '
                        '0',
         do='no coefficient is given; switch the deadband off',
-        live='no coefficient is given; switch the deadband off, then call ~/reset'),
+        live='no coefficient is given; switch the deadband off, then call ~/reset',
+        brief='small values are given as 0'),
     'copied_axis': Words(
         'copied axis', 'The driver gives one axis twice, and another not at all.',
         'All samples of two axes are equal.',
         says=lambda f: 'they are the same to the last digit of every sample'
                        f'{", but for the sign" if f.opposite else ""}: the driver gives one '
                        'axis twice',
-        do='correct the assignment of axes in the driver'),
+        do='correct the assignment of axes in the driver',
+        brief='one axis is given twice'),
     'high_passed': Words(
         'slow part removed', 'A filter has removed the bias, and slow noise with it.',
         'The spectrum falls towards low frequencies.',
         says=lambda f: f'below about {f.corner_hz:.2g} Hz the noise falls away, as behind a '
                        'filter that subtracts a bias it estimates (imu_complementary_filter '
                        'does)',
-        do='only N is that of the sensor; take the raw topic'),
+        do='only N is that of the sensor; take the raw topic',
+        brief='a filter has removed slow noise'),
     'filtered': Words(
         'filtered', 'A filter has changed the samples.',
         'The raw topic beside them has other values, or the log says so.',
@@ -370,12 +389,14 @@ WORDS: Mapping[str, Words] = {
             f'the samples of {f.topic} have passed an orientation filter that changes them, '
             'perhaps by a bias that it estimates'),
         do=lambda f: _RAW_LOG if f.by == 'autopilot' else f'take {f.raw}',
-        general='take the raw topic, or log raw samples'),
+        general='take the raw topic, or log raw samples',
+        brief='a filter has changed the samples'),
     'axis_not_finite': Words(
         'no numbers', 'The axis holds no numbers and is left out.',
         'All values are NaN or infinite, or a table has no such column.',
         says='left out: the table has no such column, or all values are NaN or infinite',
-        do='name its column, or look whether the driver fills in this axis'),
+        do='name its column, or look whether the driver fills in this axis',
+        brief='no numbers'),
     'frozen': Words(
         'frozen sensor',
         'The sensor or its driver gave no new values for a while, which is left out.',
@@ -383,19 +404,22 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'{f.messages} messages repeat one value'
                        f'{f", first at {f.since_s:.6g} s" if "since_s" in f else ""}: the '
                        'sensor or its driver stood still, they are left out',
-        do='look at the cable and the driver'),
+        do='look at the cable and the driver',
+        brief='no new values for a while'),
     'unknown_rate': Words(
         'no rate', 'Without a sample rate there are no averaging times.',
         'There are too few stamps.',
         says='the sample rate is not known from so few stamps',
-        do='record for longer'),
+        do='record for longer',
+        brief='the sample rate is not known'),
     # it did not rest
     'mostly_motion': Words(
         'motion', 'The IMU was not at rest: what is measured is motion.',
         'More than half of the samples are above the noise level.',
         says=lambda f: f'{_percent(f.share)} of the samples are motion',
         do='record while the sensor stands still',
-        live='let the IMU rest, or set motion to keep'),
+        live='let the IMU rest, or set motion to keep',
+        brief=lambda f: f'{_percent(f.share)} of the samples are motion'),
     'slow_motion': Words(
         'slow motion', 'A slow turn or tilt looks like slow noise.',
         'The mean leaves and returns, by more than the noise explains.',
@@ -403,7 +427,8 @@ WORDS: Mapping[str, Words] = {
                        f'{_time(f.start_s)} on and comes back'
                        f'{f", and {f.count:d} times in all" if _most(f.count) > 1 else ""}',
         do='B and K are upper bounds; analyze the rest with --start and --duration',
-        live='call ~/reset to begin anew'),
+        live='call ~/reset to begin anew',
+        brief=lambda f: f'the mean moves away for {_time(f.duration_s)}'),
     'noise_level_changed': Words(
         'noise level changes', 'The curve describes neither of two levels of noise.',
         'The noise of all axes changes for good.',
@@ -411,14 +436,16 @@ WORDS: Mapping[str, Words] = {
             f'{ratio:.3g} times at about {at_s:.5g} s'
             for ratio, at_s in zip(f.ratios, f.at_s, strict=True)),
         do='analyze both levels apart with --start and --duration',
-        live='call ~/reset to characterize the present level alone'),
+        live='call ~/reset to characterize the present level alone',
+        brief='the noise changed for good'),
     'bias_step': Words(
         'bias step', 'One step of the mean, as by a knock, looks like a random walk.',
         'The mean steps once by more than the noise explains.',
         says=lambda f: f'the mean steps once, by {f.size:.3g} {f.unit} after about '
                        f'{_each(f.after_s, about)} (a knock?)',
         do='analyze before and after it with --start and --duration',
-        live='call ~/reset to characterize what comes after it'),
+        live='call ~/reset to characterize what comes after it',
+        brief=lambda f: f'the mean steps once, after about {_each(f.after_s, about)}'),
     'not_steady': Words(
         'not steady',
         'The noise was not the same all the time: a later recording may differ by as much. '
@@ -426,7 +453,8 @@ WORDS: Mapping[str, Words] = {
         'Segments differ by more than chance, band by band.',
         says=_not_steady,
         do='keep temperature, supply and vibration steady',
-        live='call ~/reset once temperature, supply and vibration are steady'),
+        live='call ~/reset once temperature, supply and vibration are steady',
+        brief=_not_steady_brief),
     'warm_up': Words(
         'warming up', 'The sensor was still warming up: its mean settles exponentially. Numbers '
         'for a filter include it.',
@@ -434,7 +462,8 @@ WORDS: Mapping[str, Words] = {
         says=_warm_up,
         do=_warm_up_do,
         live='call ~/reset when it is over',
-        general='leave it out with --start auto, or let the sensor warm up first'),
+        general='leave it out with --start auto, or let the sensor warm up first',
+        brief=lambda f: f'it is steady only after about {about(_most(f.steady_after_s))}'),
     # whose messages are these
     'several_publishers': Words(
         'several publishers',
@@ -443,7 +472,8 @@ WORDS: Mapping[str, Words] = {
         says='neighbouring messages differ in turn, as those of two sensors that publish with '
              'one frame_id do',
         do='find them with ros2 topic info --verbose, and record each alone',
-        live='give every IMU a topic of its own'),
+        live='give every IMU a topic of its own',
+        brief='two sensors share the topic'),
     'alternating': Words(
         'values in turn',
         'If two sensors share the topic, the rate is twice too high and N is wrong.',
@@ -451,7 +481,8 @@ WORDS: Mapping[str, Words] = {
         says='the values of neighbouring messages differ in turn: a vibration at half the '
              'message rate, or two sensors that publish with one frame_id',
         do='see with ros2 topic info --verbose whether there are two publishers',
-        live='give every IMU a topic of its own'),
+        live='give every IMU a topic of its own',
+        brief='perhaps two sensors share the topic'),
     'several_frames': Words(
         'several frames', 'Several IMUs share a topic; only the first is used.',
         'Messages have different frame_id.',
@@ -459,19 +490,22 @@ WORDS: Mapping[str, Words] = {
             f'{other!r} ({rejected} messages)' for other, rejected in zip(
                 f.others, f.rejected, strict=True)) + ' rejected',
         do='give every IMU a topic of its own',
-        live='give every IMU a topic of its own; a change that lasts begins a new run by itself'),
+        live='give every IMU a topic of its own; a change that lasts begins a new run by itself',
+        brief='several IMUs share the topic'),
     'rate_changed': Words(
         'rate changed', 'Only the samples at one rate are used.',
         'The stamps advance by another step for good.',
         says=_rate_changed,
         do='analyze them by themselves with --start and --duration',
-        live='a change that lasts begins a new run by itself'),
+        live='a change that lasts begins a new run by itself',
+        brief=lambda f: f'the sample rate changed from {f.from_hz:.4g} to {f.to_hz:.4g} Hz'),
     'clock_changed': Words(
         'clock changed', 'The header stamps became unusable; receive stamps are used from there.',
         'Header stamps stand still, jump or come in whole seconds.',
         says=lambda f: f'header stamps are {f.flaw} from about {f.since_s:.6g} s on: receive '
                        'stamps are used from there',
-        do='mend the stamps of the driver'),
+        do='mend the stamps of the driver',
+        brief='the header stamps became unusable'),
     'clock_speed': Words(
         'speed of clocks',
         'One clock is wrong, as in a replay: averaging times may be off by their ratio.',
@@ -479,19 +513,22 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'header stamps run {f.ratio:.3g} times as fast as receive stamps, as in '
                        'a replay or a simulation',
         do='if they are wrong, --clock receive uses the other clock',
-        live='check the clock of the driver'),
+        live='check the clock of the driver',
+        brief=lambda f: f'one of two clocks runs {f.ratio:.3g} times as fast'),
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
         'The mean is not about 9.81 m/s^2.',
         says=_gravity,
         do='check the unit and the topic; --accel :g converts',
-        live='check the unit of the driver'),
+        live='check the unit of the driver',
+        brief=lambda f: f'the mean acceleration is {f.mean:.4g} m/s^2, not 9.81'),
     'implausible': Words(
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
         'A mean, spread or noise density is beyond any sensor at rest.',
         says=_implausible,
         do='state the unit (--gyro, --accel), or record it at rest',
-        live='check the unit of the driver'),
+        live='check the unit of the driver',
+        brief=lambda f: f'{_implausible_what(f)} of {f.value:.3g} {f.unit} is implausible'),
     # messages are lost
     'many_missing': Words(
         'many missing', 'So many samples are interpolated that N may be off.',
@@ -500,7 +537,8 @@ WORDS: Mapping[str, Words] = {
             '' if 'density_error_share' not in f else
             f': N may be up to {_percent(f.density_error_share)} off'),
         do='record with a deeper queue or with reliable delivery',
-        live='set a deeper queue or reliable delivery with qos_overrides'),
+        live='set a deeper queue or reliable delivery with qos_overrides',
+        brief=lambda f: f'{_percent(f.share)} of the samples are missing'),
     'spikes': Words(
         'outliers', 'Single outliers are left out.',
         'Samples lie ten times the noise from their neighbours.',
@@ -513,7 +551,8 @@ WORDS: Mapping[str, Words] = {
         'Their covariance[0] is -1: not provided.',
         says=lambda f: f'{f.messages} messages declare angular velocity or linear acceleration '
                        'as not provided (covariance[0] is -1), others do not: they are left out',
-        do='let the driver fill in both, or publish them apart'),
+        do='let the driver fill in both, or publish them apart',
+        brief='some messages lack a sensor'),
     'axis_absent_in_part': Words(
         'absent in part', 'The record of this axis is shorter.',
         'Values are NaN for a while, or declared absent.',
@@ -526,12 +565,14 @@ WORDS: Mapping[str, Words] = {
         'The samples lie on lines between fewer.',
         says=lambda f: f'the {_sensor(f.half)} samples of topic {f.topic} are interpolated '
                        'between fewer',
-        do='switch uniting off in the driver (RealSense: unite_imu_method 0)'),
+        do='switch uniting off in the driver (RealSense: unite_imu_method 0)',
+        brief='the driver interpolates it'),
     'batches': Words(
         'batches', 'The log holds short batches with pauses: only N can be seen.',
         'The log says so.',
         says=lambda f: f'topic {f.topic} comes in batches with pauses: it shows N and no more',
-        do=_RAW_LOG),
+        do=_RAW_LOG,
+        brief='the log holds short batches only'),
     'damaged_recording': Words(
         'damaged recording', 'Part of the recording cannot be read; the rest is used.',
         'Checksums or places in the file are wrong.',
@@ -571,12 +612,14 @@ WORDS: Mapping[str, Words] = {
             f'{_percent(f.misfit_share)}' if 'leaves_at_s' not in f else
             f'from averaging times of {_time(f.leaves_at_s)} on the curve leaves the band of the '
             'model'),
-        do='look for vibration, or a filter in the sensor or driver'),
+        do='look for vibration, or a filter in the sensor or driver',
+        brief='no noise model fits'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',
         'A coefficient differs by more than its errors.',
         says=_recordings_disagree,
-        do='the interval is widened; look at what was different in that recording'),
+        do='the interval is widened; look at what was different in that recording',
+        brief='the recordings disagree'),
     'thermometer': Words(
         'thermometer', 'The temperature cannot be used, or only partly.',
         'Its readings are few, constant, coarse or with gaps.',
@@ -602,7 +645,7 @@ WORDS: Mapping[str, Words] = {
         'The spectrum falls towards the highest frequencies.',
         says=lambda f: (
             'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
-            f'driver): its effective window is {f.window_s:.3g} s' if 'edge_hz' not in f else
+            f'driver). Its effective window is {f.window_s:.3g} s' if 'edge_hz' not in f else
             f'the spectrum falls above {f.edge_hz:.3g} Hz (a low-pass in sensor or driver, or '
             'noise that no term describes); the coefficients are fitted below')),
     'gauss_markov': Words(
@@ -633,7 +676,7 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'{f.count:d} {"lines" if _most(f.count) > 1 else "line"}, the strongest '
                        f'at {f.frequency_hz:.4g} Hz ({_in_unit(f.amplitude, f.unit)}), left out '
                        'of the fit' + (
-                           '; one at half the message rate is a vibration, or two sensors publish '
+                           '. One at half the message rate is a vibration, or two sensors publish '
                            'in turn' if _most(f.half_rate) else '')),
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next.',
@@ -689,8 +732,8 @@ WORDS: Mapping[str, Words] = {
         'The rate varies: averaging times are off by up to so much, N by half of it.',
         'The rate differs between segments.',
         says=lambda f: f'the sample rate varies between {f.lowest_hz:.5g} and '
-                       f'{f.highest_hz:.5g} Hz: {f.mean_hz:.5g} Hz, its mean, is used; '
-                       f'averaging times may be up to {_percent(f.tau_error_share, 1)} off and '
+                       f'{f.highest_hz:.5g} Hz: {f.mean_hz:.5g} Hz, its mean, is used. '
+                       f'Averaging times may be up to {_percent(f.tau_error_share, 1)} off and '
                        'N half as much',
         do='let the sensor set the rate, not a timer of the driver'),
     'clock_jumps': Words(

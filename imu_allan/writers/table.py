@@ -20,25 +20,23 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.writers.answer import (
-    AIDING_S,
     Answer,
     answers,
-    COAST_S,
+    filter_lines,
     outlook_of,
-    UNCERTAIN,
     written_mean,
 )
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.terminal import console_of, wrapped
-from imu_allan.writers.verdict import Units, verdict_lines
-from imu_allan.writers.words import in_full, presented, title_of
+from imu_allan.writers.verdict import COLUMNS, good_to_know, Units, verdict_lines
+from imu_allan.writers.words import in_full, presented
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-SCREEN, COLUMNS = 23, 80
-"""Lines for a result, as the last of 24 says how to save it; columns needed for one screen."""
+SCREEN = 23
+"""Lines for a result, as the last of 24 says how to save it."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
@@ -81,7 +79,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     head = [list(wrapped(verdict_lines(result, units), width, 'bold')),
-            _for_a_filter(result, found, width), _heading(result, width)]
+            list(wrapped(filter_lines(result, found, width), width)), _heading(result, width)]
     rows = [list(_rows(axes_of(result, answer.sensor), units, result.timeline.rest_s,
                        verbose=verbose)) for answer in found]
     tables = _tables(found, rows, width, tuned=units != 'si', named=verbose)
@@ -257,48 +255,6 @@ def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
     return lines
 
 
-def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[Text]':
-    """Return the lines with filter numbers in SI units and the unaided drift."""
-    lines = []
-    if any(answer.for_filter for answer in found):
-        lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
-                     f'{wording.duration(COAST_S)} '
-                     'unaided (imu_allan export, tune)')
-    for answer in found:
-        if answer.for_filter:
-            pair = [f'filter {symbol} {number} {unit}'
-                    for symbol, number, unit in answer.for_filter]
-            beside = f'  {answer.sensor:<5}  {"  ".join(pair)}'
-            lines += [beside] if len(beside) <= width else [
-                f'  {answer.sensor:<5}  {pair[0]}', f'{"":9}{pair[1]}']
-        elif not answer.constant and 'noise_density' in answer.worst:
-            lines += [f'  {answer.sensor:<5}  worst axis {axis}: '
-                      f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
-                      for axis, worst in answer.worst.values()]
-    drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
-              if answer.forecast}
-    head = f'Unaided drift after {wording.duration(COAST_S)}:'
-    beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
-    # One line suffices if the sensors agree, since the units show which sensor each is of.
-    unknown = [not answer.forecast_interval and answer.extrapolated for answer in found
-               if answer.forecast]
-    if drifts and len(beside) <= width and len(set(unknown)) == 1:
-        return list(wrapped([*lines, beside], width))
-    for place, (sensor, text) in enumerate(drifts.items()):
-        lines.append(f'{"" if place else head:<{len(head)}} {sensor:<5} {text}')
-    return list(wrapped(lines, width))
-
-
-def _unaided(answer: Answer, rest_s: float) -> str:
-    if answer.forecast_interval:
-        low, _, high, _ = answer.forecast_interval.split()
-        beyond = ', extrapolated' if answer.extrapolated else ''
-        return f'{answer.forecast} rms ({low} to {high}){beyond}'
-    if answer.extrapolated:
-        return f'not known from {wording.duration(rest_s)}'
-    return f'{answer.forecast} rms, {UNCERTAIN}'
-
-
 def _notes(result: Result) -> list[str]:
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     words = []
@@ -311,9 +267,6 @@ def _notes(result: Result) -> list[str]:
 
 def _good_to_know(found: Sequence[Finding], width: int) -> 'list[Text]':
     """Return lines that count and name the findings not shown in full."""
-    if not found:
-        return []
-    names = ', '.join(dict.fromkeys(map(title_of, found)))
-    return min((list(wrapped([f'Good to know ({len(found)}): {names} ({more}).'], width, 'dim'))
-                for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')),
-               key=len)
+    said = [list(wrapped(filter(None, [good_to_know(found, more)]), width, 'dim'))
+            for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')]
+    return min(said, key=len)

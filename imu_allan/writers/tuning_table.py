@@ -89,10 +89,10 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
                                                                'rate_random_walk'))
         # The rows with measured coefficients give K even if the filter uses a Gauss-Markov bias.
-        second = ('K', f'K {walk}') if bias == 'random_walk' else (
+        second = ('filter K', f'filter K {walk}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {walk}')
-        parts.append(Text(f'\n{title}: N {noise}, {second[1]}, predicted {axis.unit}'))
-        table = bare_table('', 'numbers', 'N', second[0], 'NIS', 'error', 'predicted')
+        parts.append(Text(f'\n{title}: filter N {noise}, {second[1]}, predicted {axis.unit}'))
+        table = bare_table('', 'numbers', 'filter N', second[0], 'NIS', 'error', 'predicted')
         for name, axis in axes.items():
             for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
                 table.add_row(name[-1] if i == 0 else '', *_cells(choice, bias))
@@ -247,7 +247,7 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
              f'{other}, {parts}:'), table,
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
-             'that time unaided; in brackets where 95 % of such errors should lie if '
+             'that time unaided. In brackets: where 95 % of such errors should lie if '
              'the sensor were as the first recording has it.', 'dim'))
 
 

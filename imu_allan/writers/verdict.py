@@ -2,18 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """One-line verdicts on the sensors, shown first by terminal, report and the node's log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
+from imu_allan.finding import Finding
 from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
 from imu_allan.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
+from imu_allan.writers.answer import answers, filter_lines
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.sentences import WORDS
-from imu_allan.writers.words import presented, title_of
+from imu_allan.writers.words import (
+    brief,
+    in_full,
+    of_sensor,
+    presented,
+    title_of,
+    together,
+)
 
 Units = Literal['datasheet', 'si']
+COLUMNS = 80
+"""Of the narrowest terminal that has a whole screen."""
 SAID = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
 
 
@@ -35,8 +46,10 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
         if verdict.verdict == 'good':
             lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
         else:
-            lines.append(f'{title}: {SAID[verdict.verdict]}: '
-                         f'{_reason(result, sensor, verdict.because)}.')
+            said = [f'{title}: {SAID[verdict.verdict]}: {reason}.' for reason in _reasons(
+                result, sensor, verdict.because)]
+            # Figures where they leave it a line.
+            lines.append(next((line for line in said if len(line) <= COLUMNS), said[-1]))
     return lines
 
 
@@ -45,6 +58,27 @@ def findings_line(result: Result) -> str:
     found = presented(result.warnings)
     titles = dict.fromkeys(map(title_of, found))
     return f'{counted(len(found), "finding")}: {", ".join(titles)}' if found else ''
+
+
+def good_to_know(findings: Sequence[Finding], more: str = 'imu_allan explain NAME') -> str:
+    """Return a sentence that counts and names what is not said in full, or ''."""
+    titles = dict.fromkeys(map(title_of, findings))
+    return f'Good to know ({len(findings)}): {", ".join(titles)} ({more}).' if findings else ''
+
+
+def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:
+    """
+    Return what a running node says at its end, as the first screen of a terminal does.
+
+    The verdicts, numbers for a filter that is corrected every `aiding_s` and unaided for `coast_s`
+    at most, what is to be acted upon, and the names of the other findings.
+    """
+    found = presented(result.warnings)
+    act = [one for one in found if one.severity == 'act']
+    return [*verdict_lines(result),
+            *filter_lines(result, answers(result, aiding_s, coast_s), 200, aiding_s, coast_s),
+            *(text for _, text in in_full(act, together=True, live=True)),
+            *filter(None, [good_to_know([one for one in found if one.severity != 'act'])])]
 
 
 def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str:
@@ -71,18 +105,25 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
     return '. '.join(parts) + '.'
 
 
-def _reason(result: Result, sensor: str, because: tuple[str, ...]) -> str:
-    """Return the reason in a few words; the findings themselves are shown below."""
+def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the reasons with figures, and by name; the findings themselves are shown below."""
     rest_s = result.timeline.rest_s
     if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
-        return f'{duration(rest_s)} at rest'
-    reasons: dict[str, set[str]] = {WORDS[code].title: set() for code in because if code in WORDS}
+        return f'{duration(rest_s)} at rest',
+    found: dict[str, list[Finding]] = {code: [] for code in because}
     for one in presented(result.warnings):
-        if one.code in because and concerns(one, sensor):
-            reasons.setdefault(title_of(one), set()).update(
-                axis[-1] for axis in one.axes if axis.startswith(sensor))
+        if one.code in found and concerns(one, sensor):
+            found[one.code].append(of_sensor(one, sensor))
+    faulty: dict[str, set[str]] = {}
     for name, axis in axes_of(result, sensor).items():
-        if axis.fault is not None and FAULTS[axis.fault] in because:
-            reasons[WORDS[FAULTS[axis.fault]].title].add(name[-1])
-    return ', '.join(f'{title} ({listed(sorted(axes))})' if axes else title
-                     for title, axes in reasons.items()) or 'N does not show'
+        if axis.fault is not None:
+            faulty.setdefault(FAULTS[axis.fault], set()).add(name[-1])
+    said: list[tuple[str, str]] = []
+    for code, same in found.items():
+        letters = {axis[-1] for one in same for axis in one.axes} | faulty.get(code, set())
+        axes = f' ({listed(sorted(letters))})' if letters else ''
+        if same:
+            said.append((f'{brief(together(same))}{axes}', f'{title_of(same[0])}{axes}'))
+        elif code in WORDS:
+            said.append((f'{WORDS[code].title}{axes}',) * 2)
+    return tuple(map(', '.join, zip(*said, strict=True))) or ('N does not show',)

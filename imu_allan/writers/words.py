@@ -26,6 +26,12 @@ def title_of(found: Finding) -> str:
     return words.title if words is not None else printable(found.code).replace('_', ' ')
 
 
+def brief(found: Finding) -> str:
+    """Return why a sensor is not good by a finding, in a few words."""
+    words = WORDS.get(found.code)
+    return (_made(words.brief, found) if words is not None else '') or title_of(found)
+
+
 def says(found: Finding) -> str:
     """Return the sentence with the values of a finding, preceded by what it is about."""
     if _counts_others(found):
@@ -90,18 +96,23 @@ def is_of_axes(found: Finding, name: str) -> bool:
 
 def message_of(found: Finding, *, live: bool = False) -> str:
     """Return finding and advice on one line."""
-    said, do = says(found), advice(found, live=live)
-    return f'{said}{" " if said.endswith("?") else "; "}{do}' if do else said
+    do = advice(found, live=live)
+    return f'{_ended(says(found))} -> {do}' if do else says(found)
 
 
-def in_full(findings: Iterable[Finding], *, together: bool) -> Iterator[tuple[Severity, str]]:
+def in_full(findings: Iterable[Finding], *, together: bool, live: bool = False
+            ) -> Iterator[tuple[Severity, str]]:
     """Yield severity and text of findings; `together` merges those that differ only in values."""
     for (severity, title, do), same in groupby(
-            findings, key=lambda found: (found.severity, title_of(found), advice(found))):
+            findings, key=lambda found: (found.severity, title_of(found),
+                                         advice(found, live=live))):
         sentences = [says(found) for found in same]
-        for said in ['; '.join(sentences)] if together else sentences:
-            end = '' if said.endswith(('.', '?')) else '.'
-            yield severity, f'{title}: {said}{end}{f" -> {do}" if do else ""}'
+        for said in [' '.join(map(_ended, sentences))] if together else sentences:
+            yield severity, f'{title}: {_ended(said)}{f" -> {do}" if do else ""}'
+
+
+def _ended(sentence: str) -> str:
+    return sentence if sentence.endswith(('.', '?')) else f'{sentence}.'
 
 
 def explained(code: str) -> list[str]:
@@ -131,6 +142,25 @@ def of_axis(found: Finding, axis: str) -> Finding:
     return replace(found, axes=(), values={
         name: value[place] if is_of_axes(found, name) else value
         for name, value in found.values.items()})
+
+
+def of_sensor(found: Finding, sensor: str) -> Finding:
+    """Return what a finding about several axes says about those of one sensor."""
+    axes = tuple(axis for axis in found.axes if axis.startswith(sensor))
+    if axes == found.axes or not axes:
+        return found
+    each = [of_axis(found, axis).values for axis in axes]
+    return replace(found, axes=axes, values={
+        name: [values[name] for values in each] if len(axes) > 1 and is_of_axes(found, name)
+        else each[0][name] for name in found.values})
+
+
+def together(same: Sequence[Finding]) -> Finding:
+    """Return findings of one code as one, with the figures that all of them have."""
+    each = [of_axis(found, axis).of(axis) for found in same for axis in found.axes] or [*same]
+    names = set.intersection(*({*found.values} for found in each))
+    return _joined([replace(found, values={
+        name: value for name, value in found.values.items() if name in names}) for found in each])
 
 
 def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:

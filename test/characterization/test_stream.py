@@ -191,7 +191,7 @@ def test_moving_recording_is_refused_in_one_line():
     moving = np.arange(60_000) > 300
     rows[moving, :3] += np.sin(np.arange(moving.sum()) / 7)[:, None]
     rows[moving, 3:] += 3 * np.sin(np.arange(moving.sum()) / 11)[:, None]
-    with refused('bag, topic /imu: the IMU moves during most of the recording; record it at rest, '
+    with refused('bag, topic /imu: the IMU moves during most of the recording. Record it at rest, '
                  'choose a still part with --start and --duration, or keep everything with '
                  '--motion keep'):
         characterized(rows)

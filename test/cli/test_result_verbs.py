@@ -81,7 +81,7 @@ def test_export_names_the_older_file_that_it_does_not_replace(result_file, tmp_p
     (['kalibr', '--aiding', '1min', '--coast', '1s'],
      '--coast 1 s is shorter than --aiding 60 s: a filter is unaided for at least one interval'),
     (['state_space', '--aiding', '1ms'],
-     'gyro_x: --aiding 0.001 s is below 0.1 s, the band edge: this recording does not know how '
+     'gyro_x: --aiding 0.001 s is below 0.1 s, the band edge. This recording does not know how '
      'the sensor drifts faster; choose a longer step')])
 def test_what_export_refuses_has_the_name_that_was_typed(wishes, message, result_file, fails_with):
     fails_with(message, 'export', result_file, '--for', *wishes)
@@ -107,6 +107,25 @@ def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys, output_
     assert document['gyroscope_random_walk'] == 3e-6
     assert 'accelerometer_random_walk' not in document or document[
         'accelerometer_random_walk'] is None
+
+
+def test_a_datasheet_without_k_lets_the_bias_move_as_far_as_its_flicker(tmp_path, output_of):
+    sheet = tmp_path / 'sheet.yaml'
+    sheet.write_text('gyro: {noise_density: 0.03 deg/s/sqrt(Hz), bias_instability: 10 deg/h}\n'
+                     'accel: {noise_density: 100 ug/sqrt(Hz)}\n')
+    export = ('export', '--spec', sheet, '--rate', '200', '--for')
+    text = output_of(*export, 'kalibr')
+    # 0.664 B sqrt(3 / 60 s)
+    assert yaml.safe_load(text)['gyroscope_random_walk'] == pytest.approx(7.2e-6, rel=2e-3)
+    for lines in ('# It has no K: filter K is as large as the flicker, 0.664 B, after 60 s '
+                  'unaided.\n',
+                  '# filter K [rad/s^2/sqrt(Hz)], gyro bias random walk\n'
+                  '# gyro_x, the worst axis; from B 7.201e-06\n'):
+        assert lines in text
+    assert 'accelerometer bias random walk: the datasheet has no value for it\n' in text
+    hour = yaml.safe_load(output_of(*export, 'plain', '--coast', '1h'))
+    assert hour['gyro_x']['filter_random_walk'] == pytest.approx(7.2e-6 / 60**0.5, rel=2e-3)
+    assert 'random_walk' not in str(yaml.safe_load(output_of(*export, 'plain', '--as-measured')))
 
 
 @pytest.fixture

@@ -37,8 +37,8 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
     if width is not None:
         assert max(map(len, out.splitlines())) <= width
         return
-    for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
-                'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), predicted m/s^2',
+    for row in ('Gyroscope: filter N rad/s/sqrt(Hz), filter K rad/s^2/sqrt(Hz), predicted rad/s',
+                'Accelerometer: filter N m/s^2/sqrt(Hz), filter K m/s^3/sqrt(Hz), predicted m/s^2',
                 'x tuned ', 'full model'):
         assert row in out
     assert Varying('One unaided minute costs about <number>° of heading (<number> to <number>°; '

@@ -15,6 +15,8 @@ from imu_allan.node.characterization_node import HURRY_S, pace_s, TICK_S
 from imu_allan.node.checkpoint import StateFile
 from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
+from imu_allan.writers.result_file import load_result
+from imu_allan.writers.verdict import closing_lines
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -116,6 +118,13 @@ def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_an
                  Varying('observable: noise density (rad/s/sqrt(Hz)) of gyro <words>'),
                  Varying(f'{wrote}{ros.folder}/output/<words>')):
         assert line in node.lines, node.log
+    # The end is what was saved, not what was last published.
+    [saved] = ros.folder.glob('output/*/result.json')
+    closing = closing_lines(load_result(saved), 0.1, 60.0)
+    assert closing[0].startswith('Gyroscope: use with care: one of two clocks runs ')
+    assert closing[2].startswith('For a filter corrected every 0.1 s, up to 60 s unaided')
+    assert any(line.startswith('speed of clocks: header stamps run ') for line in closing)
+    assert node.lines[-len(closing):] == closing
 
 
 def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -> None:

@@ -147,8 +147,8 @@ def test_remarks_of_the_fit_and_the_turn_on_bias_stand_with_their_axis() -> None
                      warnings=(remark,), turn_on_bias={'gyro_y': TurnOnBias(0.2, (0.1, 4.5))})
     x, y = result_messages(result, 'imu_allan', STAMP)['coefficients'].status
     words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
-             'driver gives small values as 0; no coefficient is given; switch the deadband off, '
-             'then call ~/reset')
+             'driver gives small values as 0. -> no coefficient is given; switch the deadband '
+             'off, then call ~/reset')
     assert entries(x)['remarks/deadband'] == words
     assert 'remarks/deadband' not in entries(y)
     assert [{key: value for key, value in entries(status).items() if 'turn_on' in key}
@@ -220,7 +220,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
      'neighbouring messages differ in turn, as those of two sensors that publish with one '
-     'frame_id do; give every IMU a topic of its own'),
+     'frame_id do. -> give every IMU a topic of its own'),
     ('timeline', facts({'clock_jumps': 2, 'missing': 200, 'duplicates': 4, 'rejected': 1}),
      summary(remarks=(JUMPED,)), WARN,
      '200 samples missing, 4 duplicates, 1 message rejected, 2 jumps of the clock in the last '

@@ -91,13 +91,13 @@ def test_the_advice_fits_the_length_of_the_record_and_numbers_for_a_filter_have_
         TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
     cycling = replace(cold, trend=replace(cold.trend, cycle_s=1200.0))
     for axis, said in ((short, (
-            'The warm-up of gyro y is in these numbers, unlike in the coefficients: --start auto '
-            'or --start TIME of analyze leaves it out, where the recording is long enough.')),
+            'The warm-up of gyro y is in these numbers, unlike in the coefficients. Where the '
+            'recording is long enough, --start auto or --start TIME of analyze leaves it out.')),
             (heated, 'What temperature does to gyro y is in these numbers, unlike in the '
              'coefficients: a recording at one temperature is without it.'),
             (cycling, "The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
-             'numbers, unlike in the coefficients: right where the filter will meet it, too; else '
-             'record without it.')):
+             'numbers, unlike in the coefficients. That is right where the filter will meet it, '
+             'too; else record without it.')):
         assert included({'gyro_x': cold, 'gyro_y': axis})[0] == said
 
 

@@ -140,7 +140,7 @@ def test_a_column_that_is_no_temperature_is_reported(tmp_path):
     rows = [f'{i / 100},{(i * i) % 7},warm' for i in range(500)]
     path.write_text('\n'.join(['time_s,gyro_x,temp', *rows, '']))
     [remark] = [remark for remark in analyze(path).warnings if remark.code == 'thermometer']
-    line = (f'{path}: line 2: 0.0,0,warm lacks a number in a column that is read; a column that '
+    line = (f'{path}: line 2: 0.0,0,warm lacks a number in a column that is read. A column that '
             'holds none can be left out: --columns names the others, and --rate takes the place '
             'of the time')
     assert remark.values == {'fault': 'unread', 'reason': line}

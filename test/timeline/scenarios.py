@@ -498,7 +498,7 @@ _TILT_S = 6.5
 _LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
-MOVES = ('scenario, topic /imu: the IMU moves during most of the recording; record it at rest, '
+MOVES = ('scenario, topic /imu: the IMU moves during most of the recording. Record it at rest, '
          'choose a still part with --start and --duration, or keep everything with --motion keep')
 OR_TWO = ('or two sensors publish on this topic: ros2 topic info --verbose names the publishers')
 

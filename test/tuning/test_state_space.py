@@ -63,9 +63,9 @@ def test_a_bias_that_does_not_move_is_known_in_the_end():
 
 
 @pytest.mark.parametrize(('step', 'line'), [
-    (0.1, 'step_s 0.1 s is below 0.4 s, the band edge: this recording does not know how the '
+    (0.1, 'step_s 0.1 s is below 0.4 s, the band edge. This recording does not know how the '
      'sensor drifts faster; choose a longer step'),
-    (3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording: it does not know how the '
+    (3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording. It does not know how the '
      'sensor drifts over longer; choose a shorter step')])
 def test_a_step_that_is_not_known_is_refused(step, line):
     axis = axis_of(1.0, known=(0.4, 100.0))

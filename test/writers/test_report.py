@@ -95,12 +95,17 @@ def test_the_drift_has_a_line_and_points_and_the_shade_of_one_axis(page):
     assert 'data-focus="y"' in chart
 
 
-def test_remarks_are_one_line_until_opened_and_the_verdict_stands_behind_each_sensor(result):
+def test_what_to_act_upon_is_in_full_the_rest_a_line_and_the_verdict_behind_each_sensor(result):
     poor = [finding('poor_fit', (name,), misfit_share=(3 + place) / 100)
             for place, name in enumerate(result.axes) if name.startswith('gyro')]
     html = report_html(replace(result, warnings=(*poor, *result.warnings),
                                inspection=Inspection('A-17 <b>', 'mk', 'bench 3')))
-    assert '<summary>3 findings: poor fit, tones, motion</summary>' in html
+    assert '<p>3 findings: poor fit, tones, motion</p>\n<dl>\n<dt class="act">poor fit' in html
+    assert '<summary>Good to know (2) <small>imu_allan explain NAME</small></summary>' in html
+    shown, _, folded = html.partition('<details><summary>Good to know')
+    assert 'class="act"' not in folded
+    assert 'class="know"' not in shown
+    assert '<summary>2 findings: tones, motion <small>' in report_html(result)
     text = Outline(html).text
     for part in ('the best is off by 3 to 5 %', 'Gyroscope use with care N angle',
                  'Accelerometer good N velocity', 'serial number A-17 <b>', 'operator mk',

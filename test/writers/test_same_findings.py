@@ -268,6 +268,9 @@ def test_every_front_end_shows_the_same_findings_in_the_same_order_on_one_screen
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
-@pytest.mark.parametrize('name', ['adis16405_imu2', 'adis16405_imu5', 'nested_imu_mcap'])
-def test_every_front_end_shows_the_same_findings_of_a_real_recording(name):
-    assert_the_same_everywhere(analyze(Path(os.environ['IMU_ALLAN_DATA'], name)))
+@pytest.mark.parametrize(('name', 'topic'), [
+    ('adis16405_imu2', None), ('adis16405_imu5', None), ('nested_imu_mcap', None),
+    ('plotjuggler_v2_constant_imu/rosbag2_test', None),
+    ('robot_localization_test1_2imu_xsens', '/my_odometry2imu/imu_data')])
+def test_every_front_end_shows_the_same_findings_of_a_real_recording(name, topic):
+    assert_the_same_everywhere(analyze(Path(os.environ['IMU_ALLAN_DATA'], name), topic=topic))

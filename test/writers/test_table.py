@@ -97,7 +97,22 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
     # An axis that is not there does not make the others useless.
     ({'gyro_x': None}, (finding('axis_not_finite', ('gyro_x',)),), 10_800.0, {
         'Gyroscope': 'use with care: no numbers (x).'}),
-    ({}, (finding('gravity', mean=1.0),), 10_800.0, {'Accelerometer': 'use with care: gravity.'}),
+    ({}, (finding('gravity', mean=1.0),), 10_800.0, {
+        'Accelerometer': 'use with care: the mean acceleration is 1 m/s^2, not 9.81.'}),
+    # Of a finding about both sensors each has its own figures.
+    ({}, (finding('bias_step', ('accel_z',), size=1.0, unit='m/s^2', after_s=540.0),
+          *(finding('not_steady', (axis,), low_hz=3.0, spread_share=share, segment_s=60.0)
+            for axis, share in (('gyro_z', 0.1), ('accel_x', 0.2), ('accel_y', 0.3))),
+          finding('not_steady', ('accel_z',), low_hz=3.0, change_share=0.4, higher='first')),
+     10_800.0, {
+        'Gyroscope': 'use with care: the noise changed by 10 % (z).',
+        'Accelerometer': 'use with care: bias step (z), not steady (x, y and z).'}),
+    ({}, (finding('not_steady', ('accel_z',), low_hz=3.0, change_share=0.4, higher='first'),
+          finding('not_steady', ('accel_x',), high_hz=3.0, change_share=0.1, higher='first'),
+          finding('not_steady', ('gyro_y',), low_hz=3.0, change_share=0.1, higher='first'),
+          finding('not_steady', ('gyro_x',), low_hz=3.0, spread_share=0.2, segment_s=60.0)),
+     10_800.0, {'Accelerometer': 'use with care: the noise changed by 10 to 40 % (x and z).',
+                'Gyroscope': 'use with care: not steady (x and y).'}),
     *(({}, found, 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
                         'Accelerometer': 'not usable: 5.6 s at rest.'})
       for found in ((), (finding('gravity', mean=10.5),)))])

@@ -14,7 +14,7 @@ import sys
 import imu_allan
 from imu_allan.finding import CODES, Finding, finding, is_optional
 from imu_allan.writers.sentences import WORDS
-from imu_allan.writers.words import advice, message_of, of_axis, presented, says
+from imu_allan.writers.words import advice, brief, message_of, of_axis, presented, says
 import pytest
 
 PACKAGE = Path(imu_allan.__file__).parent
@@ -23,7 +23,7 @@ MODULES = sorted(path for path in PACKAGE.rglob('*.py')
 LONGEST = 25
 """Words of a sentence."""
 # A figure or a path stands for a word.
-SENTENCES = re.compile(r'(?<=[.;:!?])\s')
+SENTENCES = re.compile(r'(?<=[.!?])\s')
 
 
 def calls_of(tree: ast.AST) -> Iterator[ast.Call]:
@@ -70,8 +70,8 @@ BELOW = [path for path in MODULES if path.relative_to(PACKAGE).parts[0] in (
 # Errors say them.
 SAID_BY_ERRORS = {'give a noise model or datasheet YAML file',
                   'between a microsecond and a hundred years'}
-MAKERS = {'says', 'advice', 'message_of', 'title_of', 'explained', 'in_full', 'verdict_lines',
-          'findings_line'}
+MAKERS = {'says', 'advice', 'brief', 'message_of', 'title_of', 'explained', 'in_full',
+          'verdict_lines', 'findings_line', 'good_to_know', 'closing_lines'}
 READERS = {'startswith', 'endswith', 'find', 'index', 'split', 'partition', 'rpartition', 'count',
            'removeprefix', 'removesuffix'}
 
@@ -156,8 +156,8 @@ def test_axes_of_one_kind_are_one_finding_with_a_figure_each() -> None:
     [one] = presented(found)
     assert one == Finding('band_limited', 'know', ('gyro_x', 'gyro_y', 'gyro_z'),
                           {'window_s': [0.0148, 0.02, 0.0152]})
-    assert one.message.endswith('its effective window is 0.0148 to 0.02 s')
-    assert says(of_axis(one, 'gyro_y')).endswith('its effective window is 0.02 s')
+    assert one.message.endswith('Its effective window is 0.0148 to 0.02 s')
+    assert says(of_axis(one, 'gyro_y')).endswith('Its effective window is 0.02 s')
     assert presented([one]) == (one,)
 
 
@@ -187,10 +187,10 @@ def test_what_is_to_be_acted_upon_comes_first() -> None:
 
 def test_at_a_running_node_the_advice_is_what_one_can_do_there() -> None:
     moving = finding('mostly_motion', share=0.8)
-    assert message_of(moving) == ('80 % of the samples are motion; record while the sensor stands '
-                                  'still')
-    assert message_of(moving, live=True) == ('80 % of the samples are motion; let the IMU rest, '
-                                             'or set motion to keep')
+    assert message_of(moving) == ('80 % of the samples are motion. -> record while the sensor '
+                                  'stands still')
+    assert message_of(moving, live=True) == ('80 % of the samples are motion. -> let the IMU '
+                                             'rest, or set motion to keep')
     assert '--' not in ''.join(words.live or '' for words in WORDS.values())
 
 
@@ -373,6 +373,9 @@ def test_sentences_are_short_and_plain(code: str) -> None:
     texts = [words.title, words.means, words.found, words.live or '', words.general]
     texts += [text for found in SAID if found.code == code
               for text in (says(found), advice(found))]
+    # The verdict is a line.
+    assert all(len(brief(found).split()) <= 12 for found in SAID if found.code == code)
+    assert words.brief or CODES[code].severity == 'know'
     for text in texts:
         for sentence in SENTENCES.split(text):
             assert len(sentence.split()) <= LONGEST, sentence

@@ -108,7 +108,7 @@ class CsvRecording(FileRecording):
         if rejected and not samples:
             raise ImuAllanError(
                 f'{printable(self.path)}: {first_rejected} lacks a number in a column that is '
-                'read; a column that holds none can be left out: --columns names the others, and '
+                'read. A column that holds none can be left out: --columns names the others, and '
                 '--rate takes the place of the time')
         if rejected:
             self.remark(
@@ -401,6 +401,6 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
             digits = '.0f' if interval >= 1000 else '.3g'
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '
-                f'{apparent_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
+                f'{apparent_hz:.3g} Hz, the rate of no IMU. Say what they are, such as --columns '
                 "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
     return replace(clock, unit=unit)

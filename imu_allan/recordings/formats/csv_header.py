@@ -165,7 +165,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise ImuAllanError(
-            f'the first line names none of the axes {", ".join(AXES)} ({shown}); a CSV recording '
+            f'the first line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
     clock = parts or _best_clock({column: names[column] for column in times}, units, own_stamp)
@@ -274,9 +274,9 @@ def echoed_imu(line: str) -> Columns | None:
 def _no_header(cells: Sequence[str]) -> str:
     names = [*(['time'] if len(cells) > len(AXES) else []), *AXES][:len(cells)]
     example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
-    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns); tell '
-            f'what they are, such as --columns {example} if that is their order, with units as in '
-            "'time=1 us,gyro_x=2 deg/s', or write a first line "
+    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns). '
+            f'Say what they are, such as --columns {example} if that is their order, with units '
+            "as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line "
             f'such as {EXAMPLE}')
 
 

@@ -151,6 +151,10 @@ class Numbers:
             self._tune(self.aiding_s)
         self.coefficients = {axis: _measured(found, consumer.bias)
                              for axis, found in result.axes.items()}
+        self.k_of_flicker = False
+        if (self.of_datasheet and consumer.bias == 'random_walk' and self.aiding_s is not None
+                and not wishes.as_measured):
+            self._let_the_bias_follow_flicker()
         self.of_axis: dict[str, dict[Key, Number]] = {
             axis: {} if found.high_passed_hz is not None else self._numbers(axis)
             for axis, found in result.axes.items()}
@@ -192,6 +196,8 @@ class Numbers:
         found = self.coefficients[name].get(key)
         if found is None:
             return 'not measured'
+        if self.of_datasheet and found.of_flicker and key == 'K' and found.interval is None:
+            return f'from B {scale(found.value):.4g}'
         said = found.measured(scale)
         return said if not self.of_datasheet else said.replace('measured', 'datasheet')
 
@@ -199,6 +205,11 @@ class Numbers:
     def of_datasheet(self) -> bool:
         """Return whether the numbers come from a datasheet instead of a measurement."""
         return self.result.source.kind == 'datasheet'
+
+    @property
+    def without(self) -> str:
+        """Say that there is no number."""
+        return f'{"the datasheet" if self.of_datasheet else "this result"} has no value for it'
 
     def given(self, sensor: Sensor, name: str) -> dict[Key, Number]:
         """Return the numbers that an axis gets: its own, or those shared with other axes."""
@@ -241,6 +252,15 @@ class Numbers:
             own = sorted(tuned(axis, None).correlation_time_s or 0.0 for axis in axes.values())
             common = own[len(own) // 2]
         self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
+
+    def _let_the_bias_follow_flicker(self) -> None:
+        """Give axes without K the random walk that is as large as their flicker in the end."""
+        for name, numbers in self.coefficients.items():
+            flicker = self.result.axes[name].coefficients['bias_instability'].value
+            if flicker and 'N' in numbers and 'K' not in numbers:
+                numbers['K'] = Number(FLICKER_FLOOR * flicker * sqrt(3 / self.coast_s),
+                                      of_flicker=True)
+                self.k_of_flicker = True
 
     def _agree_on_a_time(self) -> None:
         """Give all axes the correlation time of the gyroscope axis with the largest drift."""

@@ -17,7 +17,7 @@ def provenance(numbers: Numbers) -> list[str]:
         return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
                 f'{printable(numbers.result.imu_allan_version)} from',
                 f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
-                'sensors as mounted are often worse.', *_inflated(numbers),
+                'sensors as mounted are often worse.', *_of_flicker(numbers), *_inflated(numbers),
                 *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
     parts = [printable(source.path) if source.path else '',
@@ -81,6 +81,12 @@ def _left_out(numbers: Numbers) -> list[str]:
     each = ', '.join(f'{name} {law}' for name, law in laws.items())
     instead = '; tuned numbers have it in them' if numbers.wishes.as_measured else ''
     return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
+
+
+def _of_flicker(numbers: Numbers) -> list[str]:
+    """Say which random walk stands where a datasheet has none."""
+    return ['It has no K: filter K is as large as the flicker, 0.664 B, after '
+            f'{duration(numbers.coast_s)} unaided.'] if numbers.k_of_flicker else []
 
 
 def _inflated(numbers: Numbers) -> list[str]:

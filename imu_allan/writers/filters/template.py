@@ -137,7 +137,10 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
         return None if mean is None else real(mean), []
     key = cast('Key', field['key'])
     scale, unit = _scale(numbers, sensor, key, field)
-    what = f'{"filter " if numbers.tunings else ""}{key}{field["scaling"]}'
+    largest = numbers.worst(sensor, key)
+    tuned = numbers.tunings or (key == 'K' and numbers.k_of_flicker and largest is not None
+                                and largest[1].of_flicker)
+    what = f'{"filter " if tuned else ""}{key}{field["scaling"]}'
     words = ('angle', 'gyro') if sensor == 'gyro' else ('velocity', 'accelerometer')
     term = f'[{unit}], {_TERMS[key].format(*words)}'
     if field['letter']:
@@ -152,7 +155,7 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
         return None if values is None else ', '.join(map(real, values)), remarks
     value, said = worst(numbers, sensor, key, scale)
     if value is None:
-        return None, [f'{what} {term}: this result has no value for it']
+        return None, [f'{what} {term}: {numbers.without}']
     remarks = [f'{what} {term}', *said]
     if field['layout'] == 'times identity':
         rows = ([value if i == j else 0.0 for j in range(3)] for i in range(3))

@@ -53,8 +53,8 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
         parts += [table, *wrapped([
-            '5 .. 95 %: where nine in ten units lie; spread: between units, measurement error '
-            'apart, or its 95 % upper limit where none shows; 95/95: 95 % of all such units keep '
+            '5 .. 95 %: where nine in ten units lie. Spread: between units, measurement error '
+            'apart, or its 95 % upper limit where none shows. 95/95: 95 % of all such units keep '
             'it, with 95 % confidence, where enough units are known'], width, 'dim')]
     if fleet.unseen:
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')

@@ -123,13 +123,13 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
 @pytest.mark.parametrize(('text', 'reason'), [
     ('roll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
-     'no line names its columns, the first one holds numbers (6 columns); tell what they are, '
+     'no line names its columns, the first one holds numbers (6 columns). Say what they are, '
      'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
-     "order, with units as in 'time=1 us,gyro_x=2 deg/s', or write a first line such as "
+     "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
     ('time_s,gyro_x\n', 'no line of samples: see what it holds with imu_allan info'),
     ('time_s,gyro_x\n0,5;1\n',
-     'line 2: 0,5;1 lacks a number in a column that is read; a column that holds none can be left '
+     'line 2: 0,5;1 lacks a number in a column that is read. A column that holds none can be left '
      'out: --columns names the others, and --rate takes the place of the time'),
     ('FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n',
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
@@ -270,7 +270,7 @@ def test_what_may_be_something_else_is_not_taken(path, header):
 def test_times_that_are_written_as_dates_are_no_numbers_and_reported(path, options):
     text = 'time,gx\n2014-06-24T19:02:59.75Z,1\n2014-06-24T19:02:59.76Z,2\n'
     assert refusal(path, text, **options) == (
-        'line 2: 2014-06-24T19:02:59.75Z,1 lacks a number in a column that is read; a column that '
+        'line 2: 2014-06-24T19:02:59.75Z,1 lacks a number in a column that is read. A column that '
         'holds none can be left out: --columns names the others, and --rate takes the place of '
         'the time')
     columns = RecordingOptions(rate_hz=100.0, columns=(('gyro_x', 'gx'),))
@@ -345,8 +345,8 @@ def test_the_number_of_the_temperature_is_its_place_whatever_stands_in_other_col
 def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
     """Return what is reported of times whose unit is not known."""
     return (
-        f'the times are {interval} apart, which in {unit} would be {hz} Hz, the rate of no IMU; '
-        "say what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the "
+        f'the times are {interval} apart, which in {unit} would be {hz} Hz, the rate of no IMU. '
+        "Say what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the "
         'sample rate with --rate')
 
 
