@@ -130,11 +130,12 @@ def run(args: argparse.Namespace) -> int:
             gathering.add(task, before[task.unit])
             print(f'{printable(task.unit)}: done before')
     todo = [task for task in tasks if task.unit not in before]
+    shown = 0
     label = tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings'
     with progress_bar(label, sum(task.size_bytes for task in todo),
                       wanted=not args.no_progress) as progress, \
             executor(args.jobs, args.dask) as workers:
-        for shown, (task, outcome) in enumerate(in_order(workers, todo, progress)):
+        for task, outcome in in_order(workers, todo, progress):
             try:
                 result, unsaved = outcome()
             except Exception as error:
@@ -147,6 +148,7 @@ def run(args: argparse.Namespace) -> int:
             with progress.aside():
                 # Up to seven topics of a recording get a table each, more get a line each.
                 _hand_out(task, result, args, first=not shown, brief=apart or len(tasks) > 7)
+            shown += 1
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None:
@@ -163,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
             if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
     gathering.finish()
-    if len(complaints) < len(tasks) and args.output is args.json is None and not args.consumers:
+    if shown and args.output is args.json is None and not args.consumers:
         print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
     raise_last(complaints)
     return 0

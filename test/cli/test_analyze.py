@@ -173,6 +173,20 @@ def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_wi
                'analyze', path, '--all-topics')
 
 
+def test_of_all_topics_the_first_that_is_shown_is_on_line_one_and_even_a_constant_one_is_not_saved(
+        tmp_path, capsys):
+    path = tmp_path / 'a.mcap'
+    with mcap_written(path) as write:
+        for topic, value in (('/a', float('nan')), ('/b', 1.0)):
+            for number in range(3000):
+                stamp = START_NS + number * 10**7
+                write(topic, stamp, encode_imu(stamp, np.full(6, value), 'imu'))
+    assert main(['analyze', str(path), '--all-topics']) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith('Gyroscope: not usable')
+    assert lines[-1] == NOTHING_SAVED
+
+
 def test_topics_without_a_message_are_named_up_to_a_hundred(tmp_path, fails_with):
     path = tmp_path / 'a.mcap'
     with mcap_written(path) as write:
