@@ -38,7 +38,10 @@ TERMS_OF_ART = (
     'random walk', 'ramp', 'receive stamp', 'segment', 'spectrum', 'tone', 'turn-on bias',
     'unaided', 'upper bound', 'warm-up', 'white noise', 'NIS', 'NEES', 'Cramér-Rao', 'likelihood',
     'deterministic drift', 'in-run bias stability', 'evidence', 'coverage', 'degrees of freedom',
-    'jitter', 'rms')
+    'jitter', 'rms', 'aiding interval', 'averaging time', 'backtest', 'bias state', 'conservative',
+    'correlation time', 'deadband', 'drift model', 'effective window', 'full model',
+    'interpolated', 'overconfident', 'predicted variance', 'saturat', 'standard deviation',
+    'time constant', 'variance')
 
 
 def paragraphs(text: str) -> Iterator[str]:

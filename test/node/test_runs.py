@@ -378,7 +378,7 @@ def test_a_rate_that_changes_for_some_seconds_leaves_its_rate_to_a_polled_sensor
 
 
 @pytest.mark.parametrize('rate_hz', [20.0, 50.0])
-def test_a_slow_sensor_is_told_from_another_by_all_of_its_axes_together(rate_hz: float) -> None:
+def test_a_slow_sensor_is_distinguished_from_another_by_all_of_its_axes_together(rate_hz: float) -> None:
     world = World()
     world.comes(at_rest(round(90 * rate_hz), rate_hz), together=round(rate_hz / 2))
     world.comes(at_rest(round(60 * rate_hz), rate_hz, start_s=95.0, seed=2, noise=1.2 * NOISE),
