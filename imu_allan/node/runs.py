@@ -31,6 +31,9 @@ from imu_allan.wording import duration
 _ALONE_NS = 2_000_000_000
 """Until the publisher in use has been silent for this long, any other one is a stranger."""
 
+_MOST_LEFT = 3
+"""Replaced runs in memory, some megabytes each."""
+
 
 @dataclass
 class _Topic:
@@ -70,6 +73,8 @@ class Runs:
         self._offers = offers
         self._topics = [_Topic(number, each) for number, each in enumerate(facts)]
         self._other: Run | None = None
+        # Runs that were replaced, whose IMUs may come back.
+        self._left: list[Run] = []
         self._why = UnusableState('', '')
 
     @property
@@ -81,7 +86,7 @@ class Runs:
 
     def begin_anew(self) -> None:
         """Begin a new run and drop held messages; the publishers stay known."""
-        self._other = None
+        self._other, self._left = None, []
         for topic in self._topics:
             topic.holding, topic.held, topic.facts.on_probation = None, [], False
         self._take_up(new_run(self._setup))
@@ -199,20 +204,23 @@ class Runs:
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              by_level: bool, is_new: bool) -> None:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
-        number, other, was_elsewhere = topic.number, self._other, topic.elsewhere
-        if other is None or other.lanes[number].known.departure(
-                held, by_level=by_level) is not None:
-            other = self._other = new_run(self._setup)
+        number, before = topic.number, self._other
+        runs = [run for run in (before, *self._left) if run is not None]
+        other = next((run for run in runs if run.lanes[number].known.departure(
+            held, by_level=by_level) is None), None)
+        if other is None:
+            other = new_run(self._setup)
             known = self.run.lanes[number].known.another(held)
             while len(held) > 1 and known.may_be_another(held[:1]):
                 # These are from before the change.
                 held = held[1:]
             other.lanes[number].known = known
-            was_elsewhere = False
-        elif is_new:
+        elif is_new or other is not before:
             other.lanes[number].power_on()
-        topic.elsewhere, self._why = True, why
-        if not was_elsewhere:
+        was_there, topic.elsewhere, self._why = topic.elsewhere and other is before, True, why
+        self._other = other
+        self._left = [run for run in runs if run.over and run is not other][:_MOST_LEFT]
+        if not was_there:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '
                 f'otherwise: {why}. If they go on for {duration(self._proof_s())} they begin a '

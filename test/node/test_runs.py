@@ -378,10 +378,25 @@ def test_a_rate_that_changes_for_some_seconds_leaves_its_rate_to_a_polled_sensor
 
 
 @pytest.mark.parametrize('rate_hz', [20.0, 50.0])
-def test_a_slow_sensor_is_distinguished_from_another_by_all_of_its_axes_together(rate_hz: float) -> None:
+def test_a_slow_sensor_is_distinguished_by_all_of_its_axes_together(rate_hz: float) -> None:
     world = World()
     world.comes(at_rest(round(90 * rate_hz), rate_hz), together=round(rate_hz / 2))
     world.comes(at_rest(round(60 * rate_hz), rate_hz, start_s=95.0, seed=2, noise=1.2 * NOISE),
                 publisher=2, together=round(rate_hz / 2))
     assert [why.reason for _, why in world.replaced] == ['noise']
     assert_density(world.result.to_dict(), rate_hz, 1.2 * NOISE)
+
+
+def test_a_run_whose_place_two_others_have_taken_goes_on_where_its_imu_returns(
+        world: World) -> None:
+    first, now_s = world.runs.run, PROVEN_S
+    for publisher, frame_id in enumerate(('second', 'third', 'imu'), 2):
+        world.comes(replace(at_rest(6000, start_s=now_s + 5, seed=publisher), frame_id=frame_id),
+                    publisher=publisher)
+        now_s += 65
+    assert len(world.replaced) == 3
+    assert world.runs.run is first
+    assert world.samples == RATE_HZ * (PROVEN_S + 60)
+    # What it had before is apart from what comes after it.
+    kept = first.lanes[0].characterization.to_state()['memory/power_ons']
+    assert len(json.loads(str(kept))) == 1
