@@ -122,6 +122,10 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
     # one is empty.
     taken = np.bincount(np.rint(time / interval_ns).astype(np.int64) % 3, minlength=3)
     grid = [2 * interval_ns, *([3 * interval_ns] if taken.min() < 0.1 * len(time) else [])]
+    places = np.diff(time) / interval_ns
+    if np.mean(np.abs(places - np.rint(places)) < 0.1) < 0.8:
+        # Two that each drop one of three or four: the interval is that of all messages.
+        grid += [3 / 2 * interval_ns, 4 / 3 * interval_ns]
     kind: Literal['half', 'apart'] = 'half'
     # Hum near half the rate alternates as well, but shows in only one or two axes.
     for axes in range(min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)):
@@ -170,7 +174,9 @@ def _offset(time: Floats, side: Floats, period: float) -> float:
     """Return the distance in time between the sides, in periods, from 0 to 0.5."""
     change = np.sign(side[1:]) - np.sign(side[:-1])
     turn = np.exp(2j * pi / period * np.diff(time) * np.sign(change))[change != 0]
-    return abs(float(np.angle(turn.sum()))) / (2 * pi)
+    mean = complex(turn.mean())
+    # Where distances scatter all over the period, their mean says nothing.
+    return abs(float(np.angle(mean))) / (2 * pi) if abs(mean) > 0.2 else 0.5
 
 
 def _in_turn(time: Floats, period: float, products: Floats, least: float) -> bool:

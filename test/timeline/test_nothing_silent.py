@@ -1120,7 +1120,9 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
     97_000_384,     # .9 s of late stamps every 11 s passed for what is read from a FIFO
     97_000_219,     # noise that halves within 2.7 s, too little in each half-octave
     99_000_103,     # messages that waited for a late one passed for ticks: a rate a third too high
+    99_000_339,     # a vibration beside drops and late stamps passed for a second publisher
     99_000_576,     # one of four dropped beside ticks of the header in step with that: no witness
+    99_000_577,     # two publishers that drop one of three, by stamps that pass for all samples
     99_001_192,     # what interpolated samples lack of a vibration made N 2.5 times too high
 ])
 def test_scenarios_of_the_later_faults_that_left_a_number_silently_wrong_do_no_more(seed):
