@@ -1124,6 +1124,7 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
     99_000_576,     # one of four dropped beside ticks of the header in step with that: no witness
     99_000_577,     # two publishers that drop one of three, by stamps that pass for all samples
     99_001_192,     # what interpolated samples lack of a vibration made N 2.5 times too high
+    99_101_016,     # a vibration passed for a second publisher by headers that come in batches
 ])
 def test_scenarios_of_the_later_faults_that_left_a_number_silently_wrong_do_no_more(seed):
     assert not verdict(seed, 6000, 3, kinds=MORE_FAULTS).violations
@@ -1168,11 +1169,11 @@ def test_numbered_messages_leave_no_number_silently_wrong_either(count):
 
 @pytest.mark.slow
 def test_of_twenty_thousand_scenarios_hardly_any_leaves_a_number_silently_wrong():
-    verdicts = [verdict(seed) for seed in range(20_000)]
+    verdicts = [verdict(seed, 6000, 3, kinds=MORE_FAULTS) for seed in range(20_000)]
     wrong = [one for one in verdicts if one.violations]
     for one in wrong:
         print(one)
-    assert len(wrong) <= 0.01 * len(verdicts)
+    assert len(wrong) <= 0.002 * len(verdicts)
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
 
 
