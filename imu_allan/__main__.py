@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entry point of the command `imu_allan`, which is also `python -m imu_allan`."""
 
-from imu_allan.interruption import heeded_interrupt, quiet_interrupt
+from imu_allan.interruption import interrupt_despite_errors, quiet_interrupt
 
 
 def main() -> int:
@@ -10,7 +10,7 @@ def main() -> int:
     with quiet_interrupt():
         from imu_allan.cli.main import main as run
 
-    with heeded_interrupt():
+    with interrupt_despite_errors():
         return run()
 
 

@@ -207,17 +207,17 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
     for number, path in enumerate(paths):
         for other in paths[:number]:
             if Path(path).resolve() == Path(other).resolve():
-                raise given_twice(other, path)
+                raise same_messages_error(other, path)
     recordings: list[list[Taken]] = []
     fingerprints: list[Fingerprint] = []
     before = 0
     for path in paths:
         fingerprint = Fingerprint()
         with choice.opened(path) as recording:
-            taken = _taken(recording, choice, counted_on(progress, before), fingerprint)
+            taken = _taken(recording, choice, offset_progress(progress, before), fingerprint)
         for other, known in zip(paths, fingerprints, strict=False):
             if fingerprint.shares_messages_with(known):
-                raise given_twice(other, path)
+                raise same_messages_error(other, path)
         fingerprints.append(fingerprint)
         if recordings and len(taken) != len(recordings[0]):
             raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
@@ -232,13 +232,13 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
     return _as_one(recordings[0], results)
 
 
-def given_twice(one: AnyPath, other: AnyPath) -> ImuAllanError:
+def same_messages_error(one: AnyPath, other: AnyPath) -> ImuAllanError:
     """Return the error about two recordings that hold the same messages."""
     return ImuAllanError(f'{one} and {other} hold the same messages, which would count twice; '
                          'give each recording of the IMU once')
 
 
-def counted_on(progress: Progress, before: int, parts: int = 1) -> Progress:
+def offset_progress(progress: Progress, before: int, parts: int = 1) -> Progress:
     """Return `progress` offset by `before` bytes, and scaled to `parts` passes in all."""
     return None if progress is None else lambda done: progress((before + done) // parts)
 
@@ -301,8 +301,8 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
         yield number, block
 
 
-def second_means(path: AnyPath, choice: Choice, axes: Collection[str], progress: Progress = None
-                 ) -> list[Means]:
+def means_over_one_second(path: AnyPath, choice: Choice, axes: Collection[str],
+                          progress: Progress = None) -> list[Means]:
     """
     Return the means over one second, at rest, of a whole recording, in constant memory.
 
@@ -380,7 +380,7 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
             options = replace(options, rate_hz=None)
         elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
-        blocks, unit = in_si_units(recording, stream, counted_on(
+        blocks, unit = in_si_units(recording, stream, offset_progress(
             progress, number * recording.size_bytes, len(streams)))
         yield stream, options, blocks, unit
 

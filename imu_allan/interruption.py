@@ -34,7 +34,7 @@ def quiet_interrupt() -> Iterator[None]:
 
 
 @contextmanager
-def heeded_interrupt() -> Iterator[None]:
+def interrupt_despite_errors() -> Iterator[None]:
     """Let Ctrl-C end the process silently, even where an import turns it into another error."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield

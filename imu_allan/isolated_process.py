@@ -38,7 +38,7 @@ from {module} import {function}
 """With PR_SET_PDEATHSIG (1) the Linux kernel ends the process with its parent."""
 _MOMENT_S = 0.01
 """Time within which a callback of the interpreter ends."""
-TIDYING_S = 20
+CLEANUP_S = 20
 """Time to remove unpacked files; after that the kernel ends the process."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
@@ -102,7 +102,7 @@ def _real(folder: str) -> str | None:
         return None
 
 
-def end_in_peace() -> None:
+def exit_on_sigterm() -> None:
     """
     Let SIGTERM end this process by SystemExit, so that unpacked files are removed.
 
@@ -117,7 +117,7 @@ def end_in_peace() -> None:
                 return
             frame = frame.f_back
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        signal.alarm(TIDYING_S)
+        signal.alarm(CLEANUP_S)
         sys.exit()
 
     def once_more(what: sys.UnraisableHookArgs) -> None:

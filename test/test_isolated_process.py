@@ -22,8 +22,8 @@ time.sleep(100)
 UNENDING = """
 import signal, time
 from imu_allan import isolated_process
-isolated_process.TIDYING_S = 1
-isolated_process.end_in_peace()
+isolated_process.CLEANUP_S = 1
+isolated_process.exit_on_sigterm()
 try:
     print('ready', flush=True)
     time.sleep(100)
@@ -33,10 +33,10 @@ finally:
 """
 IN_A_CALLBACK = """
 import os, signal, sys, threading, time, weakref
-from imu_allan.isolated_process import end_in_peace
+from imu_allan.isolated_process import exit_on_sigterm
 begin, slow_s = threading.Thread.start, float(sys.argv[1])
 threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
-end_in_peace()
+exit_on_sigterm()
 class Thing: pass
 for _ in range(3):
     thing = Thing()

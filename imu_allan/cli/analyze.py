@@ -10,9 +10,9 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
 from imu_allan.cli.fleet import (
-    complaint_of,
     done_before,
-    Gathering,
+    error_of,
+    FleetResults,
     line,
     raise_last,
     without_coefficient,
@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
         if args.json is not None and not Path(args.json).exists():
             require_writable(Path(args.json).parent)
     complaints: list[ImuAllanError] = []
-    gathering = Gathering(None if args.output is None else Path(args.output), apart=apart)
+    gathering = FleetResults(None if args.output is None else Path(args.output), apart=apart)
     tasks = _tasks(args, choice, complaints, gathering)
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
             except Exception as error:
                 if not apart and not isinstance(error, ImuAllanError):
                     raise
-                complaints.append(complaint_of(error, task.path))
+                complaints.append(error_of(error, task.path))
                 gathering.fail(task.unit, task.path, complaints[-1])
                 continue
             gathering.add(task, result)
@@ -172,7 +172,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
-           gathering: Gathering) -> list[Task]:
+           gathering: FleetResults) -> list[Task]:
     """Return the tasks; add errors of recordings that cannot be opened to `complaints`."""
     from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording

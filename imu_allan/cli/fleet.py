@@ -20,7 +20,7 @@ _MOST_COMPLAINTS = 100
 """Lines about failures: a file can name 65,000 topics without a message."""
 
 
-class Gathering:
+class FleetResults:
     """Collects the results of many recordings, without the parts that a fleet does not need."""
 
     def __init__(self, output: Path | None, *, apart: bool = False) -> None:
@@ -35,13 +35,13 @@ class Gathering:
         """Add a result; one from the same messages as an earlier one counts as a failure."""
         if not self._wanted:
             return
-        from imu_allan.analysis import given_twice
+        from imu_allan.analysis import same_messages_error
 
         # Two recordings never have the same means to the last digit, except on dead axes.
         means = tuple(axis.mean for axis in result.axes.values()
                       if axis.mean is not None and not axis.constant)
         if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
-            self.fail(task.unit, task.path, given_twice(other, task.unit))
+            self.fail(task.unit, task.path, same_messages_error(other, task.unit))
             return
         # Signal and spectrum are most of a result; those of a thousand would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
@@ -133,7 +133,7 @@ def raise_last(complaints: Sequence[ImuAllanError]) -> None:
         raise complaints[-1]
 
 
-def complaint_of(error: BaseException, path: str) -> ImuAllanError:
+def error_of(error: BaseException, path: str) -> ImuAllanError:
     """Return the error of one recording of several; print the traceback of an unexpected one."""
     if isinstance(error, ImuAllanError):
         return error

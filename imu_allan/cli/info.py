@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_recording(path: Path, args: argparse.Namespace) -> None:
-    from imu_allan.analysis import counted_on
+    from imu_allan.analysis import offset_progress
     from imu_allan.recordings import choose_topic, open_recording
     from imu_allan.writers.words import message_of
 
@@ -80,7 +80,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
             reports = [
                 _report(recording, topic.name, _rate_of(recording, topic.name, args),
-                        counted_on(progress, i * recording.size_bytes))
+                        offset_progress(progress, i * recording.size_bytes))
                 for i, topic in enumerate(read)]
         for report in reports:
             print()

@@ -105,7 +105,8 @@ class _Parser(argparse.ArgumentParser):
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as error:
-            error.message += _meant(str(value), [str(choice) for choice in action.choices or ()])
+            error.message += _suggestion(
+                str(value), [str(choice) for choice in action.choices or ()])
             raise
 
 
@@ -118,11 +119,11 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         options = [name for action in verb._actions for name in action.option_strings
                    if action.help is not argparse.SUPPRESS]
         verb.error(f'unrecognized arguments: {printable(" ".join(unknown))}'
-                   f'{_meant(unknown[0].partition("=")[0], options)}')
+                   f'{_suggestion(unknown[0].partition("=")[0], options)}')
     return args
 
 
-def _meant(word: str, known: Sequence[str]) -> str:
+def _suggestion(word: str, known: Sequence[str]) -> str:
     near = get_close_matches(word, known, n=1)
     return f'; did you mean {near[0]}?' if near else ''
 

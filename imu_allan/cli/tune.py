@@ -148,7 +148,7 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
 
     if is_result(args.verify):
         return load_result(args.verify), []
-    from imu_allan.analysis import analyzed, Choice, second_means
+    from imu_allan.analysis import analyzed, Choice, means_over_one_second
     from imu_allan.cli.progress import progress_bar
     from imu_allan.timeline import TimelineOptions
 
@@ -158,4 +158,5 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
     with progress_bar(args.verify, 2 * size, wanted=not args.no_progress) as progress:
         result = analyzed(args.verify, choice, progress)
         axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
-        return result, second_means(args.verify, choice, axes, lambda done: progress(size + done))
+        return result, means_over_one_second(args.verify, choice, axes,
+                                             lambda done: progress(size + done))

@@ -25,7 +25,7 @@ from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
 from imu_allan.cli.dask_cluster import dask_client
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated_process import end_in_peace, portable, start_python
+from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 
 if TYPE_CHECKING:
     from imu_allan.recordings import Recording
@@ -62,26 +62,26 @@ def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable
              ) -> Iterator[tuple[Task, Outcome]]:
     """Work on all tasks; yield each in order, with a function that gives its result or raises."""
     groups = [list(same) for _, same in groupby(tasks, _recording_of)]
-    return (_here(groups, progress) if workers is None else
-            _elsewhere(workers, groups, progress))
+    return (_in_process(groups, progress) if workers is None else
+            _in_workers(workers, groups, progress))
 
 
-def _here(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
-          ) -> Iterator[tuple[Task, Outcome]]:
+def _in_process(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
+                ) -> Iterator[tuple[Task, Outcome]]:
     """Work in this process, where Ctrl-C and progress need no communication."""
-    from imu_allan.analysis import counted_on
+    from imu_allan.analysis import offset_progress
 
     done_bytes = 0
     for group in groups:
         with _opened_once(group) as recording:
             for task in group:
-                yield task, partial(characterize, task, counted_on(progress, done_bytes),
+                yield task, partial(characterize, task, offset_progress(progress, done_bytes),
                                     recording)
                 done_bytes += task.size_bytes
 
 
-def _elsewhere(workers: Executor, groups: Sequence[Sequence[Task]],
-               progress: Callable[[int], None]) -> Iterator[tuple[Task, Outcome]]:
+def _in_workers(workers: Executor, groups: Sequence[Sequence[Task]],
+                progress: Callable[[int], None]) -> Iterator[tuple[Task, Outcome]]:
     # Many recordings keep all workers busy without being split. A cluster reads one up to 16
     # times, so that each of its workers gets a share, however uneven recordings are.
     most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
@@ -199,7 +199,7 @@ class WorkerProcesses(Executor):
 
 def serve() -> None:
     """Run a worker process, which executes what comes on standard input until that is closed."""
-    end_in_peace()
+    exit_on_sigterm()
     answers = os.fdopen(os.dup(1), 'wb')
     # Anything that a library prints must not get among the answers.
     os.dup2(2, 1)

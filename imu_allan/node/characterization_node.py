@@ -57,9 +57,9 @@ QUEUE_MESSAGES = 10_000
 TICK_S = 0.5
 """Time between ticks: a fifth of `QUEUE_S`, so that late ticks lose nothing. Shorter ticks wake up
 needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
-HURRY_S = 0.05
+SHORTEST_TICK_S = 0.05
 """Shortest time between ticks, for rates at which the queue would overflow within `TICK_S`."""
-TICK_MESSAGES = QUEUE_MESSAGES // 4
+MOST_MESSAGES_PER_TICK = QUEUE_MESSAGES // 4
 """Most messages to take in one tick, as far as the latest rate predicts their number."""
 
 
@@ -404,7 +404,7 @@ def queue_messages(expected_rate: float) -> int:
 
 def pace_s(count: int, elapsed_s: float) -> float:
     """Return the seconds until the next tick, after `count` messages in `elapsed_s`."""
-    return min(TICK_S, max(HURRY_S, elapsed_s * TICK_MESSAGES / max(count, 1)))
+    return min(TICK_S, max(SHORTEST_TICK_S, elapsed_s * MOST_MESSAGES_PER_TICK / max(count, 1)))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

@@ -9,9 +9,9 @@ import traceback
 from imu_allan.errors import printable
 from imu_allan.node.rclpy_inside import Logger
 
-OFTEN_S = 10.0
-"""Time between the first two lines of a kind; it doubles with every line, up to `SELDOM_S`."""
-SELDOM_S = 600.0
+FIRST_INTERVAL_S = 10.0
+"""Time between the first two lines of a kind; it doubles up to `LONGEST_INTERVAL_S`."""
+LONGEST_INTERVAL_S = 600.0
 """Longest time between lines of a kind; for tracebacks, which are long, also the shortest."""
 
 
@@ -29,24 +29,24 @@ class Log:
 
     def info(self, text: str, kind: str = '') -> None:
         """Log a normal event; it is rate-limited only with a `kind`, if users can trigger it."""
-        if not kind or self._is_due(kind, OFTEN_S):
+        if not kind or self._is_due(kind, FIRST_INTERVAL_S):
             self._logger.info(printable(text))
 
-    def warning(self, text: str, kind: str, every_s: float = OFTEN_S) -> bool:
+    def warning(self, text: str, kind: str, every_s: float = FIRST_INTERVAL_S) -> bool:
         """Log what the user should look at; return whether it was logged (see the class)."""
         due = self._is_due(kind, every_s)
         if due:
             self._logger.warning(printable(text))
         return due
 
-    def error(self, text: str, kind: str, every_s: float = OFTEN_S) -> None:
+    def error(self, text: str, kind: str, every_s: float = FIRST_INTERVAL_S) -> None:
         """Log what does not work."""
         if self._is_due(kind, every_s):
             self._logger.error(printable(text))
 
     def bug(self, error: BaseException, consequence: str) -> None:
         """Log the traceback of an unforeseen error, and what happens next."""
-        if self._is_due(f'bug {type(error).__name__} {consequence}', SELDOM_S):
+        if self._is_due(f'bug {type(error).__name__} {consequence}', LONGEST_INTERVAL_S):
             trace = ''.join(traceback.format_exception(error))
             self._logger.error(f'{trace}internal error: {consequence}; please report it')
 
@@ -56,6 +56,6 @@ class Log:
         if now - said < pause_s:
             return False
         # After a long enough silence the intervals start over.
-        again = now - said < 2 * max(pause_s, SELDOM_S)
-        self._said[kind] = now, min(2 * pause_s, SELDOM_S) if again else every_s
+        again = now - said < 2 * max(pause_s, LONGEST_INTERVAL_S)
+        self._said[kind] = now, min(2 * pause_s, LONGEST_INTERVAL_S) if again else every_s
         return True

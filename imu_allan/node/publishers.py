@@ -19,7 +19,7 @@ MIXED = -1
 """Key of messages of two publishers whose numbers are too close to be distinguished."""
 _NEAR = 64
 """Numbers this close may belong to another publisher that started in the same second."""
-_HICCUP_NS = 1_000_000_000
+_TAKEOVER_NS = 1_000_000_000
 """Two publishers alternate faster than this, in bundles; a driver takes longer to restart."""
 
 
@@ -94,7 +94,7 @@ class Publishers:
         near = [one for one in before if number - one.number <= _NEAR]
         # One that was silent since another began is considered only if no other fits.
         fitting = [one for one in near or before if one.last_ns >= newest
-                   or now_ns - one.last_ns < _HICCUP_NS] or near or before
+                   or now_ns - one.last_ns < _TAKEOVER_NS] or near or before
         # Any number of messages may be lost, unless a new publisher explains the difference.
         if not fitting or (not near and self._newcomers()):
             return self._begin(number, now_ns), 0
@@ -111,7 +111,7 @@ class Publishers:
         there, known = self._offers(), [one for one in self._known if one.number < 0]
         gone = bool(there and self._own and not there & self._own)
         # The GID of a driver that was killed remains for a while.
-        silent = bool(known) and now_ns - known[-1].last_ns > _HICCUP_NS
+        silent = bool(known) and now_ns - known[-1].last_ns > _TAKEOVER_NS
         if not known or gone or (silent and not there <= self._heard and self._heard):
             self._known = [one for one in self._known if one.number >= 0]
             self._own, known = there - self._heard or there, [self._begin(-1, now_ns)]

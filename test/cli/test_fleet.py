@@ -11,7 +11,7 @@ import shutil
 
 from bags import no_axes
 from imu_allan.analysis import analyze, Choice
-from imu_allan.cli.fleet import Gathering
+from imu_allan.cli.fleet import FleetResults
 from imu_allan.cli.main import main
 from imu_allan.cli.tasks import Task
 from imu_allan.errors import ImuAllanError
@@ -190,7 +190,7 @@ def test_without_a_folder_for_a_page_no_results_are_kept(recording, tmp_path):
     result = analyze(recording)
     kept = []
     for output in (None, tmp_path):
-        gathering = Gathering(output)
+        gathering = FleetResults(output)
         gathering.add(Task('a', Choice(), unit='a'), result)
         gathering.fail('b', 'b', ImuAllanError('it is damaged'))
         kept.append(len(pickle.dumps(gathering)))

@@ -29,7 +29,7 @@ def remove_folder(folder: Path) -> None:
     try:
         shutil.rmtree(folder, ignore_errors=True)
     except BaseException:
-        # `end_in_peace` interrupts a process only once, so the second attempt completes.
+        # `exit_on_sigterm` interrupts a process only once, so the second attempt completes.
         shutil.rmtree(folder, ignore_errors=True)
         raise
 

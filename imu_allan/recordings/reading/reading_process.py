@@ -28,7 +28,7 @@ from typing import Any, IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated_process import end_in_peace, portable, start_python
+from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +154,7 @@ def pays(recording: Recording) -> bool:
 def serve() -> None:
     """Run the reading process."""
     # Let termination from outside still remove temporary files.
-    end_in_peace()
+    exit_on_sigterm()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
     slots, free = _Slots(memory), list(range(SLOTS))
