@@ -15,7 +15,7 @@ from imu_allan.cli.recording_options import (
     choice_of,
 )
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.atomic import JUNIT, PAGE, VERDICTS
+from imu_allan.writers.atomic import CERTIFICATE, JUNIT, VERDICTS
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -63,7 +63,7 @@ def register(verbs: Any) -> None:
     add_timeline_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('source', 'spec'), outputs={
-        'json': VERDICTS, 'junit': JUNIT, 'certificate': PAGE})
+        'json': VERDICTS, 'junit': JUNIT, 'certificate': CERTIFICATE})
 
 
 def run(args: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ CONFIGURATION = 'configuration of a filter'
 """Kind of the files that `imu_allan.writers.filters` writes."""
 RESULT, VERDICTS, TUNING = (
     f'document imu_allan.{name}' for name in ('result', 'check', 'tuning'))
-PAGE, JUNIT, CURVES = 'page', 'JUnit report', 'table of curves'
+PAGE, CERTIFICATE, JUNIT, CURVES = 'page', 'certificate', 'JUnit report', 'table of curves'
 PICTURES = {'png': 'PNG picture', 'svg': 'SVG picture', 'pdf': 'PDF'}
 """Kind of a picture by file name suffix."""
 _KINDS = (
@@ -27,6 +27,8 @@ _KINDS = (
     (PICTURES['pdf'], rb'%PDF-'),
     (PICTURES['svg'], rb'(?s)<\?xml .{,200}?<(?:!DOCTYPE )?svg'),
     (JUNIT, rb'(?s)<\?xml .{,100}?<testsuites'),
+    (CERTIFICATE, rb'(?s)<!DOCTYPE html>.{,2000}?'
+                  rb'<meta name="generator" content="imu_allan [^" ]* certificate"'),
     (PAGE, rb'(?s)<!DOCTYPE html>.{,2000}?<meta name="generator" content="imu_allan '),
     (CURVES, rb'axis,unit,tau_s,'),
     ('table of a fleet', rb'unit,serial,'),

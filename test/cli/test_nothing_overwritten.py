@@ -25,13 +25,15 @@ def folder(tmp_path, recording, result_file, monkeypatch):
     (tmp_path / 'soft.json').symlink_to('a.mcap')
     os.link(tmp_path / 'r.json', tmp_path / 'hard.json')
     (tmp_path / 'index.html').write_text('<!DOCTYPE html><title>my page</title>')
+    (tmp_path / 'report.html').write_text(
+        '<!DOCTYPE html><meta name="generator" content="imu_allan 0.1.0"><title>a report</title>')
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 INPUT = 'is an input of this command, which would be overwritten; name another file'
 OTHER = 'exists and is no {}, so it is not replaced; name another file, or remove this one'
-RESULT, PAGE = 'document imu_allan.result', 'page'
+RESULT = 'document imu_allan.result'
 EMPTY = 'names no file; is a variable of the shell empty?'
 
 
@@ -54,7 +56,9 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'hard.json'],
      f'--json hard.json: {INPUT}'),
     (['check', 'r.json', '--spec', 'spec.yaml', '--certificate', 'index.html'],
-     f'index.html: {OTHER.format(PAGE)}'),
+     f'index.html: {OTHER.format("certificate")}'),
+    (['check', 'r.json', '--spec', 'spec.yaml', '--certificate', 'report.html'],
+     f'report.html: {OTHER.format("certificate")}'),
     (['check', 'r.json', '--spec', 'spec.yaml', '--json', ''], f"--json '': {EMPTY}"),
     (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'new', '--junit', './new'],
      '--junit ./new: is the file of --json, too; name another file'),

@@ -8,10 +8,10 @@ from pathlib import Path
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.atomic import (
+    CERTIFICATE,
     CONFIGURATION,
     JUNIT,
     kind_of,
-    PAGE,
     PICTURES,
     RESULT,
     TUNING,
@@ -43,7 +43,7 @@ def test_every_document_and_page_is_known_by_its_beginning(result: Result) -> No
     verdicts = check(result, specification)
     texts = {RESULT: result.to_json(), VERDICTS: to_json(verdicts, result, specification),
              JUNIT: to_junit(verdicts, result, specification),
-             PAGE: certificate_html(verdicts, result, specification),
+             CERTIFICATE: certificate_html(verdicts, result, specification),
              TUNING: json.dumps(tuning_document(result, 0.1, 60.0, 'random_walk'), indent=2)}
     assert {kind: kind_of(text.encode()) for kind, text in texts.items()} == {
         kind: kind for kind in texts}
