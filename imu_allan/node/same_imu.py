@@ -71,7 +71,7 @@ class Known(Record):
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
             # At 100 Hz fewer samples come at a time than a group has.
-            samples = np.concatenate([self._ungrouped, *(block.samples for block in own)])
+            samples = _changes(self._ungrouped, *(block.samples for block in own))
             levels = _levels(samples)
             self._ungrouped = samples[len(levels) * _GROUP:].copy()
             # 20 s at 200 Hz.
@@ -138,7 +138,8 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        ratio = self._level_ratio(_levels(_samples(blocks)), 5.0) if by_level else None
+        samples = _changes(*(block.samples for block in blocks))
+        ratio = self._level_ratio(_levels(samples), 5.0) if by_level else None
         if ratio is not None:
             return UnusableState('noise', 'another publisher sends messages whose noise is '
                                  f'{ratio:.2f} times as large, as another sensor would')
@@ -152,14 +153,15 @@ class Known(Record):
                  fewest: int = FEWEST_MESSAGES) -> bool:
         """Return whether there are enough messages to decide if they are from this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
+        samples = _changes(*(block.samples for block in blocks))
         if count >= _MOST_MESSAGES:
             return True
         if count < FEWEST_MESSAGES or lasted < seconds:
             return False
         # A small difference may be random, or hide a real one; jitter does not cause 30 %.
         by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
-            by_level and self._level_ratio(_levels(_samples(blocks)), 2.0) is not None)
-        return lasted >= LONGEST_LOOK_S or (count >= fewest and not by_chance)
+            by_level and self._level_ratio(_levels(samples), 2.0) is not None)
+        return lasted >= LONGEST_LOOK_S or (len(samples) >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the seconds that messages span by stamps or by receive times, the longer one."""
@@ -306,8 +308,12 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
         yield part
 
 
-def _samples(blocks: Sequence[ImuBlock]) -> Floats:
-    return np.concatenate([block.samples for block in blocks])
+def _changes(*parts: Floats) -> Floats:
+    """Join samples without those of a polled sensor that repeat the one before."""
+    samples = np.concatenate([np.empty((0, 6)), *parts])
+    changed = np.ones(len(samples), bool)
+    changed[1:] = (samples[1:] != samples[:-1]).any(axis=1)
+    return samples[changed]
 
 
 def _levels(samples: Floats) -> Floats:
@@ -324,7 +330,7 @@ def _level_at_rest(groups: Floats) -> tuple[float, float]:
     if len(groups) < _FEWEST_GROUPS:
         return 0.0, np.inf
     # Higher levels are from motion or knocks.
-    calm = groups[groups < 1.5 * np.percentile(groups, 10)]
+    calm = groups[groups < 2.0 * np.percentile(groups, 10)]
     # The level of 32 samples varies by a seventh, though a few may be closer by chance.
     spread = max(calm.std(), 0.14 * calm.mean())
     return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

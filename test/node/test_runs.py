@@ -400,3 +400,12 @@ def test_a_run_whose_place_two_others_have_taken_goes_on_where_its_imu_returns(
     # What it had before is apart from what comes after it.
     kept = first.lanes[0].characterization.to_state()['memory/power_ons']
     assert len(json.loads(str(kept))) == 1
+
+
+def test_a_polled_sensor_that_is_started_anew_is_no_other() -> None:
+    world = World()
+    for publisher in range(16):
+        world.comes(polled_block(2, 3000, RATE_HZ, 35.0 * publisher, publisher),
+                    publisher=publisher, together=50)
+    assert not [line for line in world.lines if 'another IMU' in line]
+    assert world.samples == pytest.approx(16 * 3000, abs=16)
