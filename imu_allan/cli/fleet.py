@@ -107,16 +107,21 @@ def line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
     from imu_allan.wording import duration, number, SENSORS
-    from imu_allan.writers.verdict import findings_line
+    from imu_allan.writers.verdict import findings_line, SAID, verdicts_of
 
-    parts = [duration(result.timeline.duration_s)]
+    parts, verdicts = [duration(result.timeline.duration_s)], verdicts_of(result)
     for sensor in SENSORS:
         found = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
                  if name.startswith(sensor)]
         values = [c.value for c in found if c.value is not None]
+        if not found:
+            continue
+        said = '' if verdicts[sensor].verdict == 'good' else SAID[verdicts[sensor].verdict]
         if values:
             worst, shown_unit = engineering(max(values), found[0].unit)
-            parts.append(f'{sensor} N {number(worst)} {shown_unit}')
+            parts.append(f'{sensor} N {number(worst)} {shown_unit}{said and f" ({said})"}')
+        else:
+            parts.append(f'{sensor} {said}')
     if findings := findings_line(result):
         parts.append(findings)
     return f'{printable(unit)}: {", ".join(parts)}'

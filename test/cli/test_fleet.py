@@ -50,6 +50,18 @@ def test_a_recording_given_twice_counts_once(tmp_path, output_of):
     assert [unit['name'] for unit in fleet['units']] == ['u1', 'u3']
 
 
+def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, capsys):
+    paths = [write_csv(tmp_path / f'{name}.csv', 0.005, 1, samples, 'xyz')
+             for name, samples in (('good', 7000), ('short', 600))]
+    constant = tmp_path / 'constant.csv'
+    constant.write_text('time_s,gyro_y\n' + ''.join(f'{i / 100},1\n' for i in range(7000)))
+    assert main(['analyze', *paths, str(constant)]) == 1
+    lines = capsys.readouterr().out.splitlines()[:3]
+    assert lines == [Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),
+                     Varying('short: 6 s, gyro N <number> deg/sqrt(h) (not usable), <words>'),
+                     Varying('constant: 70 s, gyro not usable, <words>')]
+
+
 @pytest.fixture(scope='module')
 def units(tmp_path_factory):
     """Six units, of which sn10 is noisy, and a file that is no recording."""
