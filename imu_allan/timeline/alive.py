@@ -25,6 +25,8 @@ import numpy as np
 
 FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
+_FEWEST_POLLED = 0.03
+"""Share of repeats that moves N by a hundredth."""
 
 SPARSE = 16
 """One in this many samples enters the mean acceleration, which needs no more."""
@@ -43,6 +45,8 @@ class Repeats:
         Isolated outliers.
     woke : bool
         Whether the sensor has just started: everything before the window was one frozen value.
+    evenly : bool
+        Whether repeats come evenly, as from polling, and not in place of new samples.
 
     """
 
@@ -50,6 +54,7 @@ class Repeats:
     frozen: Bools
     spikes: Bools
     woke: bool = False
+    evenly: bool = False
 
 
 @dataclass
@@ -181,10 +186,27 @@ class Content(Record):
             return Repeats(none, none, wild)
         woke = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
+        evenly = _come_evenly(same & ~long)
         # One repeat in five is due to polling, not to an occasional double delivery.
-        self.held |= self.repeats > 0.2 * (self.repeats + self.changes)
+        self.held |= evenly or self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
-        return Repeats(same & ~long if self.held else none, long, wild, woke)
+        return Repeats(same & ~long if self.held else none, long, wild, woke, evenly)
+
+
+def _come_evenly(again: Bools) -> bool:
+    """
+    Return whether messages repeat as those of a timer that polls a sensor do.
+
+    New values are then as many messages apart, up to one. Where one is repeated at random, in
+    place of a new one, their places wander off: by 1.5 messages for 32 repeats, which are the
+    fewest.
+    """
+    new = np.flatnonzero(~again)
+    if len(again) - len(new) < max(32, _FEWEST_POLLED * len(again)) or len(new) < 64:
+        return False
+    number = np.arange(len(new)) - (len(new) - 1) / 2
+    residual = new - new.mean() - (number @ new) / (number @ number) * number
+    return float(residual.std()) < 0.7
 
 
 @dataclass

@@ -27,7 +27,7 @@ from imu_allan.timeline.clock import (
     Stamps,
 )
 from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
-from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.memory import FASTEST_NS, Memory
 from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
@@ -35,6 +35,7 @@ from imu_allan.timeline.pace import (
     measure_pace,
     Pace,
     pace_by_numbers,
+    pace_of_each,
     spread_about,
 )
 import numpy as np
@@ -265,7 +266,18 @@ class Intake(Record):
                    else None)
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
+        if repeats.evenly:
+            polls = ~(repeats.frozen | twice)
+            if _none_lost(*(stamps[polls] for stamps in self.stamps(window)), decision.unties):
+                # Time passes on both clocks where repeats are left out, and no sample is lost.
+                return _pace_of(own, None, None, bursts=decision.unties, each=True)
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
+        if (pace is not None and decision.clock == 'header' and self._options.clock == 'auto'
+                and len(own) >= _FEWEST_FOR_RATE and _leaps(own, other, pace)
+                and not flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)):
+            decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
+            decision.remarks['receive_clock'] = {'flaw': 'in leaps'}
+            return _pace_of(other, own, numbers, bursts=True)
         # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
@@ -353,8 +365,8 @@ class Intake(Record):
         return gone | asleep, spoilt
 
 
-def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
-             ) -> tuple[Pace | None, int]:
+def _pace_of(stamps: Stamps, other: Stamps | None, numbers: Ints | None, bursts: bool,
+             each: bool = False) -> tuple[Pace | None, int]:
     """Measure the pace on the longest run at one rate; also return the number of stamps used."""
     since = place_in_burst(stamps, None, 0) if bursts else None
     if since is not None:
@@ -362,13 +374,13 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
     order = order_stamps(stamps, None)
     place = None if numbers is None else np.cumsum(1 + lost_before(numbers, int(numbers[0]) - 1))
     if order is not None:
-        stamps, other = stamps[order.keep], other[order.keep]
+        stamps, other = stamps[order.keep], None if other is None else other[order.keep]
         if place is not None:
             place = (place - np.cumsum(order.duplicate))[order.keep]
         edges = [0, *np.flatnonzero(order.jumps[order.keep]).tolist(), len(stamps)]
         longest = int(np.argmax(np.diff(edges)))
         run = slice(edges[longest], edges[longest + 1])
-        stamps, other = stamps[run], other[run]
+        stamps, other = stamps[run], None if other is None else other[run]
         place = None if place is None else place[run]
     if place is not None:
         # Losses known from the numbers are not a change of rate.
@@ -378,7 +390,32 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
                      or abs(numbered.interval_ns / pace.interval_ns - 1) > _OTHER_GRID)):
             return numbered, len(stamps)
     part = longest_at_one_rate(stamps)
-    return measure_pace(stamps[part], other[part]), len(stamps[part])
+    return (pace_of_each(stamps[part]) if each else
+            measure_pace(stamps[part], None if other is None else other[part])), len(stamps[part])
+
+
+def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
+    """Return whether messages, repeats among them, come without losses."""
+    pace, _ = _pace_of(stamps, other, None, bursts)
+    return pace is not None and (pace.hidden < 0.01 if pace.counting
+                                 else _is_nearly_full(pace, stamps))
+
+
+def _leaps(own: Stamps, other: Stamps, pace: Pace) -> bool:
+    """
+    Return whether stamps crawl and make up for it in leaps, which the other clock does not see.
+
+    So they do where microseconds are written into the field of nanoseconds.
+    """
+    if pace.counting:
+        return False
+    steps, passed = np.diff(own), np.diff(other)
+    near = (steps > 0) & (steps < 1.5 * pace.interval_ns)
+    crawl = float(passed[near].sum()) / max(float(steps[near].sum()), 1.0)
+    whole = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
+    # A replay at another speed has that speed all the time: ten times is a judgment. Within a
+    # leap nothing is seen of the whole.
+    return crawl > 10 and (whole < 0.1 * crawl or pace.interval_ns < FASTEST_NS)
 
 
 def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 Clock = Literal['header', 'receive']
 
+FASTEST_NS = 5e3
+"""No IMU samples at more than 200 kHz."""
 LISTED_GAPS = 1000
 """Gaps that are listed individually; further ones are only counted."""
 
@@ -229,8 +231,7 @@ class Decision(Record):
             If no IMU has such a pace.
 
         """
-        # From a microsecond to a hundred seconds.
-        if not 1e3 < pace.interval_ns < 100.0 * SECOND:
+        if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
             raise ImuAllanError(
                 f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '

@@ -1023,6 +1023,35 @@ def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
         'share': pytest.approx(0.5 - lost / 2, abs=5e-3)}
 
 
+def polled(messages: Messages, rate_hz: float, poll_hz: float, rng: np.random.Generator
+           ) -> Messages:
+    """Give the newest sample at each poll; reception is a third of an interval late."""
+    polls = np.arange(1, int(messages.header[-1] * poll_hz)) / poll_hz
+    newest = messages.pick(np.floor(polls * rate_hz + 1e-6).astype(int))
+    late = rng.exponential(0.3 / poll_hz, len(polls))
+    return replace(newest, header=polls, receive=np.maximum.accumulate(polls + late) + 1e-4)
+
+
+@pytest.mark.parametrize('ratio', [slow(1.05), 1.2, 1.3, slow(1.6), slow(1.8), 2.3])
+def test_a_sensor_polled_somewhat_faster_than_it_samples_has_its_own_rate(ratio):
+    messages, truth, rng = gyro()
+    result = characterized(polled(messages, truth.rate_hz, ratio * truth.rate_hz, rng))
+    assert_right(result, truth, 0.02)
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert result.timeline.missing == 0
+    assert said(result, 'held_values').values == {
+        'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
+
+
+@pytest.mark.parametrize('again', [0.05, 0.15, 0.3])
+def test_a_sample_repeated_in_place_of_a_new_one_leaves_the_rate_as_it_is(again):
+    messages, truth, rng = gyro()
+    rows = np.arange(len(messages.place))
+    rows -= (rng.random(len(rows)) < again) & (rows > 0)
+    summary, _ = run(replace(messages, samples=messages.samples[rows]).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+
+
 @pytest.mark.parametrize('duration_s', [0.65, 1.2, 3.0])
 def test_a_knock_in_a_very_short_record_makes_no_number_wrong(duration_s):
     messages, truth, rng = gyro(4000.0, duration_s)

@@ -314,6 +314,29 @@ def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
     assert summary.start_time.startswith('2023-11-14T22:13:20')
 
 
+@pytest.mark.parametrize('rate_hz', [10, 400, 1000])
+@pytest.mark.parametrize('late', [0.01, 0.2, 1.5])
+def test_microseconds_in_place_of_nanoseconds_make_receive_stamps_the_clock(rate_hz, late):
+    block = still(max(20 * rate_hz, 2000), rate_hz)
+    receive = block.header_ns + np.random.default_rng(0).exponential(
+        late * 1e9 / rate_hz, len(block)).astype(np.int64)
+    summary, _ = run(replace(
+        block, header_ns=block.header_ns // 10**9 * 10**9 + block.header_ns % 10**9 // 1000,
+        receive_ns=np.maximum.accumulate(receive)))
+    assert summary.clock == 'receive'
+    assert 'receive_clock' in codes(summary)
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=1e-3)
+    assert summary.timeline.missing == 0
+
+
+def test_times_that_advance_as_those_of_no_imu_are_refused():
+    block = still(10_000, 400)
+    times = block.header_ns // 10**9 * 10**9 + block.header_ns % 10**9 // 1000
+    with refused('the header stamps advance by 2.5e-06 s from message to message, as those of no '
+                 'IMU do: choose the other clock (analyze --clock)'):
+        run(replace(block, header_ns=times, receive_ns=times))
+
+
 def test_header_stamps_that_stop_hand_over_to_receive_stamps():
     block = still(20_000)
     block.header_ns[12_000:] = block.header_ns[12_000]
