@@ -31,6 +31,7 @@ from imu_allan.timeline.memory import FASTEST_NS, Memory
 from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
+    follow_a_beat,
     longest_at_one_rate,
     measure_pace,
     Pace,
@@ -278,6 +279,9 @@ class Intake(Record):
             decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
             decision.remarks['receive_clock'] = {'flaw': 'in leaps'}
             return _pace_of(other, own, numbers, bursts=True)
+        if pace is not None and pace.counting and follow_a_beat(own):
+            # The other clock is read when the same timer runs.
+            return pace, count
         # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)

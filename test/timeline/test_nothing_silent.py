@@ -1043,6 +1043,20 @@ def test_a_sensor_polled_somewhat_faster_than_it_samples_has_its_own_rate(ratio)
         'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
 
 
+@pytest.mark.parametrize(('rate_hz', 'timer_s'), [
+    (403.1, 0.001), (831.7, 0.001), (951.3, 0.001), (118.7, 0.008), (99.2, 0.016), (208.3, 0.008)])
+def test_samples_read_by_a_timer_at_another_rate_are_not_lost(rate_hz, timer_s):
+    messages, truth, rng = gyro(rate_hz, 30.0)
+    read = np.ceil(messages.header / timer_s) * timer_s
+    read = np.maximum.accumulate(read + rng.exponential(3e-5, len(read)))
+    summary, even = run(replace(messages, header=read, receive=np.maximum.accumulate(
+        read + 1e-4 + rng.exponential(2e-4, len(read))) + 1e-6 * messages.place).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert summary.timeline.missing == 0
+    assert sum(map(len, even)) == len(read)
+    assert codes(summary) <= {'uneven_stamps', 'receive_clock'}
+
+
 @pytest.mark.parametrize('again', [0.05, 0.15, 0.3])
 def test_a_sample_repeated_in_place_of_a_new_one_leaves_the_rate_as_it_is(again):
     messages, truth, rng = gyro()
