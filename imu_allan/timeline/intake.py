@@ -269,7 +269,8 @@ class Intake(Record):
             own = in_order(own, None, float(np.median(np.diff(own))))
         if repeats.evenly:
             polls = ~(repeats.frozen | twice)
-            if _none_lost(*(stamps[polls] for stamps in self.stamps(window)), decision.unties):
+            polled, beside = (stamps[polls] for stamps in self.stamps(window))
+            if _none_lost(polled, beside, decision.unties):
                 # Time passes on both clocks where repeats are left out, and no sample is lost.
                 return _pace_of(own, None, None, bursts=decision.unties, each=True)
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)

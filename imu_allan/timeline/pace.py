@@ -197,10 +197,10 @@ def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
 
 
 def follow_a_beat(stamps: Stamps) -> bool:
-    """Return whether rising stamps are those of a timer that reads a slower sensor."""
+    """Return whether stamps are those of a timer that reads a slower sensor."""
     time = (stamps - stamps[0]).astype(np.float64)
     steps = np.diff(time)
-    if len(steps) < PHASE_GROUP:
+    if len(steps) < PHASE_GROUP or steps.min() < 0:
         return False
     even = _even_with_outages(steps)
     grid = (_best_grid(time, steps, median_interval(time, min(len(steps) // 4, PHASE_GROUP)))
@@ -230,9 +230,9 @@ def _is_beat(time: Floats, grid: Pace) -> bool:
     if np.ptp(residual) > 1.2:
         return False
     apart = np.diff(long)
-    return (np.count_nonzero(apart != np.median(apart)) >= _FEW_SLIPS
-            and all(np.count_nonzero(steps[turn:] != steps[:-turn]) >= _FEW_SLIPS
-                    for turn in range(2, 13)))
+    return int(np.count_nonzero(apart != np.median(apart))) >= _FEW_SLIPS and all(
+        int(np.count_nonzero(steps[turn:] != steps[:-turn])) >= _FEW_SLIPS
+        for turn in range(2, 13))
 
 
 def _in_batches(time: Floats, begins: Bools) -> Pace | None:

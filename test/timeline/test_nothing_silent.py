@@ -11,6 +11,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, takes_turns
+from imu_allan.timeline.pace import follow_a_beat
 from imu_allan.timeline.rest_level import baseline_of
 from imu_allan.writers.words import message_of, presented
 from imu_messages import codes, run, said
@@ -1055,6 +1056,12 @@ def test_samples_read_by_a_timer_at_another_rate_are_not_lost(rate_hz, timer_s):
     assert summary.timeline.missing == 0
     assert sum(map(len, even)) == len(read)
     assert codes(summary) <= {'uneven_stamps', 'receive_clock'}
+
+
+def test_stamps_that_jump_back_follow_no_beat():
+    stamps = np.arange(400) * 8_000_000
+    stamps[300:] -= 10**10
+    assert not follow_a_beat(stamps)
 
 
 @pytest.mark.parametrize('again', [0.05, 0.15, 0.3])
