@@ -38,9 +38,9 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
     # Within a record, a process with a correlation time of 100 records is a random walk.
     slowest = 100.0 * parts * part_s
-    walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
+    slow = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
     covariance = np.zeros(lag.shape)
-    for process in (*model.processes, walk):
+    for process in (*model.processes, slow):
         time = process.correlation_time_s
         covariance += process.sigma**2 * np.where(
             lag == 0, mean_variance(time, part_s),

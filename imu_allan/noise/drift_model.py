@@ -189,8 +189,8 @@ def _shrunk(band: Groups, terms: Solution) -> Groups:
 
 def _most_random_walk(band: Groups, best: Solution) -> Solution:
     """Fit the terms with the random walk at its upper one-sigma limit (likelihood ratio 1)."""
-    def held(walk: float) -> Solution:
-        fixed = {QUANTIZATION: 0.0, RANDOM_WALK: walk**2}
+    def held(random_walk: float) -> Solution:
+        fixed = {QUANTIZATION: 0.0, RANDOM_WALK: random_walk**2}
         return maximise(band, best.theta, fixed=fixed, tolerance=1e-3)
 
     def excess(solution: Solution) -> float:

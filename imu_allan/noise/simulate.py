@@ -150,8 +150,8 @@ class NoiseStream:
         if c['noise_density']:
             total += c['noise_density'] / np.sqrt(dt) * rng.standard_normal(samples)
         if c['rate_random_walk']:
-            walk, self._walk = _random_walk(samples, rng, self._walk)
-            total += c['rate_random_walk'] * np.sqrt(dt) * walk
+            averages, self._walk = _random_walk(samples, rng, self._walk)
+            total += c['rate_random_walk'] * np.sqrt(dt) * averages
         if c['rate_ramp']:
             total += c['rate_ramp'] * dt * (self._index + np.arange(samples))
         if self._fast_flicker:
@@ -177,11 +177,11 @@ def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
                  ) -> tuple[Array, float]:
     """Draw averages of a random walk of unit step per interval; return also its end value."""
     step = rng.standard_normal(samples)
-    walk = start + np.cumsum(step)
+    ends = start + np.cumsum(step)
     # A sample is the mean of the random walk over its interval. It lacks half of the last step,
     # and includes the mean of the Brownian bridge between the ends, of variance 1/12.
     within = rng.standard_normal(samples) / np.sqrt(12) - step / 2
-    return walk + within, float(walk[-1]) if samples else start
+    return ends + within, float(ends[-1]) if samples else start
 
 
 def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Array:

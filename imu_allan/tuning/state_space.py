@@ -140,9 +140,9 @@ def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> State
         cross[i, 0] = variance * a * -np.expm1(-t / time)
         measurement += variance * float(rest_of_mean(time, t))
         initial[i, i] = variance
-    walk = model.rate_random_walk**2 * t
-    process[-1, -1], cross[-1, 0] = walk, walk / 2
-    measurement += walk / 3
+    driven = model.rate_random_walk**2 * t
+    process[-1, -1], cross[-1, 0] = driven, driven / 2
+    measurement += driven / 3
     # In units of the variance of a measurement: one of these removes it, and a double keeps ten
     # digits.
     initial[-1, -1] = 1e6 * (measurement + float(np.trace(initial)))

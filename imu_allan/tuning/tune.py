@@ -235,10 +235,10 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_i
             coast_s: float, correlation_time_s: float | None) -> FilterTuning:
     truth = Truth(axis)
     horizons = _horizons(aiding_interval_s, coast_s)
-    white, walk = np.array([noise_density**2]), np.array([random_walk**2])
-    filters = Filters.with_random_walk(white, walk, aiding_interval_s)
+    white, driving = np.array([noise_density**2]), np.array([random_walk**2])
+    filters = Filters.with_random_walk(white, driving, aiding_interval_s)
     if correlation_time_s is not None:
-        filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
+        filters = Filters.markov(white, np.sqrt(driving * correlation_time_s / 2),
                                  np.array([correlation_time_s]), aiding_interval_s)
     expected, predicted = truth.expected(filters, horizons), filters.predicted(horizons)
     return _tuning(filters, 0, truth, horizons, expected[:, 0], predicted[:, 0], coast_s)
@@ -261,7 +261,7 @@ class Filters:
 
     aiding_s: float
     white: Array    # squared noise density
-    walk: Array    # squared driving density, for filters with a random walk; else 0
+    driving: Array    # squared driving density, for filters with a random walk; else 0
     # Standard deviation and correlation time of the process; 0 and infinite for a random walk
     sigma: Array
     time: Array
@@ -272,12 +272,12 @@ class Filters:
     covariance: Array    # of the state after a correction
 
     @classmethod
-    def with_random_walk(cls, white: Array, walk: Array, aiding_s: float) -> 'Filters':
+    def with_random_walk(cls, white: Array, driving: Array, aiding_s: float) -> 'Filters':
         """Return filters with a random walk."""
-        r, q = white / aiding_s + walk * aiding_s / 3, walk * aiding_s
+        r, q = white / aiding_s + driving * aiding_s / 3, driving * aiding_s
         p = np.sqrt(q * r - q**2 / 4)
         gain = (p + q / 2) / (p + r)
-        return cls(aiding_s, white, walk, np.zeros(len(white)), np.full(len(white), np.inf),
+        return cls(aiding_s, white, driving, np.zeros(len(white)), np.full(len(white), np.inf),
                    gain, gain, p)
 
     @classmethod
@@ -302,7 +302,7 @@ class Filters:
     def predicted(self, horizons: Array) -> Array:
         """Return V(h), the variance that the filters predict for the mean over each horizon."""
         h, weight = horizons[:, None], self.weight(horizons)
-        process = self.sigma**2 * rest_of_mean(self.time, h) + self.walk * h / 3
+        process = self.sigma**2 * rest_of_mean(self.time, h) + self.driving * h / 3
         return np.asarray(weight**2 * self.covariance + process + self.white / h)
 
 
@@ -328,10 +328,10 @@ class Truth:
         model = float(drift_avar(self.model, self.axis.all_tones, interval_s))
         return max(float(measured) - model, 0.0)
 
-    def _shows_s(self, walk: float) -> float:
+    def _shows_s(self, random_walk: float) -> float:
         """Return from which averaging time, at most `to_s`, a random walk exceeds white noise."""
         white = float(np.sqrt(3)) * self.model.noise_density
-        return min(white / walk, self.model.to_s) if walk > 0 else self.model.to_s
+        return min(white / random_walk, self.model.to_s) if random_walk > 0 else self.model.to_s
 
     def expected(self, filters: Filters, horizons: Array) -> Array:
         """Return E(h), the mean square error of the filters, shape (horizons, filters)."""
@@ -363,7 +363,7 @@ class Truth:
         yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
                     + line_power(self.axis.all_tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
-        walk = self.model.rate_random_walk
+        random_walk = self.model.rate_random_walk
         # Over short times a process is a random walk, too. Its Allan variance peaks at 1.89
         # correlation times. It is known by its values over eight times as long as a random walk
         # takes to reach the white noise. A smaller factor makes a conservative filter
@@ -372,15 +372,17 @@ class Truth:
         processes = [(min(1.89 * p.correlation_time_s,
                           8.0 * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
                      for p in self.model.processes]
-        if walk > 0:
-            shows_s = self._shows_s(walk)
+        if random_walk > 0:
+            shows_s = self._shows_s(random_walk)
             if np.isfinite(filters.time).any():
                 # In the end a random walk leaves a forgetting filter behind. It is followed for
                 # only as long as the recording has seen it, by a slow process in its place.
                 time = 10 * self.model.to_s
-                processes.append((shows_s, GaussMarkov(walk * float(np.sqrt(time / 2)), time)))
+                processes.append((
+                    shows_s, GaussMarkov(random_walk * float(np.sqrt(time / 2)), time)))
             else:
-                yield shows_s, walk**2 * (h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
+                yield shows_s, random_walk**2 * (
+                    h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
         for scale_s, process in processes:
             time, variance = process.correlation_time_s, process.sigma**2
             e, a, ah = np.exp(-t / time), on_mean(time, t), on_mean(time, h)
@@ -400,14 +402,15 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
     if np.isfinite(filters.time[at]):
         return replace(base, sigma=float(filters.sigma[at]),
                        correlation_time_s=float(filters.time[at]))
-    return replace(base, random_walk=float(np.sqrt(filters.walk[at])))
+    return replace(base, random_walk=float(np.sqrt(filters.driving[at])))
 
 
 def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
     """Return candidate pairs (N, K): what K does not explain at the aiding interval is N."""
-    more, walk = (part.ravel() for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
-    white = more * _white(s2, walk * aiding_s / 3, aiding_s)
-    return Filters.with_random_walk(white, walk, aiding_s)
+    more, driving = (part.ravel()
+                     for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
+    white = more * _white(s2, driving * aiding_s / 3, aiding_s)
+    return Filters.with_random_walk(white, driving, aiding_s)
 
 
 def _with_gauss_markov(s2: float, aiding_s: float, coast_s: float, excess: Array,

@@ -71,9 +71,9 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
                correlation_time_s=time)
     theirs = own.random_walk if time is None else own.sigma
     assert theirs is not None
-    noise, walk = own.noise_density / tuning.noise_density, theirs / mine
-    return Verification(met, noise, walk, _scaled(noise, other, times[0]),
-                        widened(walk, _scaled(walk, other, times[1]), axis, times[1]),
+    noise, drift = own.noise_density / tuning.noise_density, theirs / mine
+    return Verification(met, noise, drift, _scaled(noise, other, times[0]),
+                        widened(drift, _scaled(drift, other, times[1]), axis, times[1]),
                         _excess(axis, other))
 
 

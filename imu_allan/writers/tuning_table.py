@@ -63,11 +63,12 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     """
     found = [(TUNED, tune(axis, aiding_s, coast_s, bias), False),
              ('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True), False)]
-    noise, walk = (coefficient.value if (coefficient := axis.coefficients[key]).observable
-                   else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
-    if noise and walk:
+    density, random_walk = (
+        coefficient.value if (coefficient := axis.coefficients[key]).observable
+        else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
+    if density and random_walk:
         bound = not axis.coefficients['rate_random_walk'].observable
-        found += [(name, assess(axis, noise, factor * walk, aiding_s, coast_s), bound)
+        found += [(name, assess(axis, density, factor * random_walk, aiding_s, coast_s), bound)
                   for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))]
     return [*(Choice(name, tuning, tuning.consistency[-1][2], bound)
               for name, tuning, bound in found),
@@ -86,11 +87,11 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         f'{duration(coast_s)}:')]
     for title, axes in _by_sensor(known_axes(result)).items():
         axis = next(iter(axes.values()))
-        noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
-                                                               'rate_random_walk'))
+        noise, drift = (axis.coefficients[key].unit for key in ('noise_density',
+                                                                'rate_random_walk'))
         # The rows with measured coefficients give K even if the filter uses a Gauss-Markov bias.
-        second = ('filter K', f'filter K {walk}') if bias == 'random_walk' else (
-            'sigma, Tc', f'sigma {axis.unit}, K {walk}')
+        second = ('filter K', f'filter K {drift}') if bias == 'random_walk' else (
+            'sigma, Tc', f'sigma {axis.unit}, K {drift}')
         parts.append(Text(f'\n{title}: filter N {noise}, {second[1]}, predicted {axis.unit}'))
         table = bare_table('', 'numbers', 'filter N', second[0], 'NIS', 'error', 'predicted')
         for name, axis in axes.items():
@@ -311,7 +312,7 @@ def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Ve
                         bias: Bias = 'random_walk') -> dict[str, Any]:
     """Return the content of the tables on another recording as plain data."""
     axes: dict[str, Any] = {}
-    second = 'walk' if bias == 'random_walk' else 'sigma'
+    second = 'random_walk' if bias == 'random_walk' else 'sigma'
     for name, one in against.items():
         axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
                       f'{second}_factor': one.random_walk_factor,

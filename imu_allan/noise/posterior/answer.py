@@ -311,7 +311,8 @@ def _ramp(posterior: Posterior) -> Estimate:
             errors.append(error[:, 0])
             weights.append(model.weight * share)
             wanders.append(np.full(len(share), bool(model.row.has[0, _WALK])))
-    size, error, weight, walk = map(np.concatenate, (sizes, errors, weights, wanders))
+    size, error, weight, wandering = map(
+        np.concatenate, (sizes, errors, weights, wanders))
     if not np.isfinite([size, error]).all() or not size.any():
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     low, middle, high = quantiles((size[:, None] + error[:, None] * _QUANTILES).ravel(),
@@ -320,7 +321,7 @@ def _ramp(posterior: Posterior) -> Estimate:
     otherwise = ndtr(-size * np.sign(middle) / np.maximum(error, np.finfo(float).tiny))
     # A random walk drifts as well: the ramp must be as certain in the models that contain one.
     other = max(float(weight[own] @ otherwise[own] / weight[own].sum())
-                for own in (np.ones(len(walk), dtype=bool), walk) if own.any())
+                for own in (np.ones(len(wandering), dtype=bool), wandering) if own.any())
     bound = max(abs(low), abs(high))
     return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
 

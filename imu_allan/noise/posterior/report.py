@@ -121,8 +121,8 @@ class AxisReport:
 
     def without_random_walk(self) -> 'AxisReport':
         """Return the report with the random walk as an upper bound: it may have another cause."""
-        walk = replace(self.estimates['rate_random_walk'], observable=False)
-        return replace(self, estimates={**self.estimates, 'rate_random_walk': walk},
+        bound = replace(self.estimates['rate_random_walk'], observable=False)
+        return replace(self, estimates={**self.estimates, 'rate_random_walk': bound},
                        random_walk_unclear=True)
 
 

@@ -136,7 +136,7 @@ def _with(x: Array, **values: float) -> Array:
 
 
 _SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIME, 'low': LOW,
-         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'walk': K, 'smooth': SMOOTH}
+         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'random_walk': K, 'smooth': SMOOTH}
 
 
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
@@ -254,16 +254,16 @@ def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
                 prior)
 
     process, high = spectra.tables.terms[1], spectra.tables.high_pass
-    for walk in ((), (K,)):
+    for random_walk in ((), (K,)):
         for flicker in ((), (B,)):
-            add(*flicker, *walk)
+            add(*flicker, *random_walk)
             for smooth in _SMOOTH_STARTS:
-                add(*flicker, SMOOTH, *walk, smooth=smooth)
+                add(*flicker, SMOOTH, *random_walk, smooth=smooth)
         for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
-            add(PROCESS, TIME, *walk, time=time, process=1.5)
-            add(B, PROCESS, TIME, *walk, time=time, process=1.0)
+            add(PROCESS, TIME, *random_walk, time=time, process=1.5)
+            add(B, PROCESS, TIME, *random_walk, time=time, process=1.0)
         for alpha in (0.55, 0.8, 1.2, 1.5):
-            add(LAW, ALPHA, *walk, alpha=alpha, law=x[B])
+            add(LAW, ALPHA, *random_walk, alpha=alpha, law=x[B])
     for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 7):
         add(HIGH, high=corner)
         add(B, HIGH, high=corner)

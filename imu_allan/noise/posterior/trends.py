@@ -531,8 +531,8 @@ def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
             ((bent, best.x[0], edge, extra_prior(spectra, best)), plain)
             if bent or edge < plain[2] else (((), best.x[0], edge, 0.0),)):
         for more in ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow):
-            for walk in ((), (K,)):
-                slots = (WHITE, *more, *walk, *fast)
+            for random_walk in ((), (K,)):
+                slots = (WHITE, *more, *random_walk, *fast)
                 if (slots := tuple(sorted({*slots}))) in seen:
                     continue
                 seen.add(slots)

@@ -39,7 +39,7 @@ class Gaps:
     # (length,): expected power by index, relative to full cells; None if it is the same
     white: Array | None = None
     flicker: Array | None = None
-    walk: Array | None = None
+    random_walk: Array | None = None
 
 
 NO_GAPS = Gaps()

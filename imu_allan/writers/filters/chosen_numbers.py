@@ -218,8 +218,8 @@ class Numbers:
         found = {key: one[1] for key in get_args(Key)
                  if (one := self.worst(sensor, key)) is not None}
         if self.consumer.share == 'both' and 'K' in found:
-            walks = [one[1] for each in SENSORS if (one := self.worst(each, 'K')) is not None]
-            found['K'] = max(walks, key=lambda number: number.value)
+            measured = [one[1] for each in SENSORS if (one := self.worst(each, 'K')) is not None]
+            found['K'] = max(measured, key=lambda number: number.value)
         return found
 
     def rate(self, sensor: Sensor | None = None) -> float:

@@ -69,7 +69,8 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
     counts = there(np.random.default_rng(1), np.arange(span)).astype(int)
     counts[[0, -1]] = 1
     gaps = noise_through_gaps(cells_with(counts, np.zeros((1, span))), 1)
-    for key, expected in (('bias_instability', gaps.flicker), ('rate_random_walk', gaps.walk)):
+    for key, expected in (('bias_instability', gaps.flicker),
+                          ('rate_random_walk', gaps.random_walk)):
         rows = np.stack([simulate({key: 1.0}, span, 1.0, seed) for seed in range(600)])
         full, found = ((dct(some, norm='ortho')**2).mean(axis=0)
                        for some in (rows, filled(cells_with(counts, rows))))
