@@ -165,7 +165,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
     """Return the result of one recording."""
-    with choice.opened(path) if recording is None else recording.again() as opened:
+    with choice.opened(path) if recording is None else recording.for_another_topic() as opened:
         taken = _taken(opened, choice, progress)
     results = []
     for one in taken:
@@ -388,7 +388,7 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
     """Return the blocks of a stream, and the object that converts them from g if needed."""
-    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
+    blocks: Iterable[ImuBlock] = stream.select(read_blocks(recording, stream.topic, progress))
     unit = AccelerationUnit()
     if recording.options.accel_unit is None and recording.options.accel is None:
         blocks = unit.each(blocks)

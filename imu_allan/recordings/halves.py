@@ -54,7 +54,7 @@ class Stream:
     half: Half | None = None
     only_new: bool = False
 
-    def taken(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
+    def select(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Yield the part of `blocks` that belongs to the stream."""
         last: NDArray[np.float64] | None = None
         for block in blocks:
@@ -106,8 +106,8 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             raise ImuAllanError('--topic names one topic, --gyro-topic and --accel-topic two; '
                                 'give the one or the two')
         return _two(choose_topic(recording, gyro), choose_topic(recording, accel))
-    if topic is None and recording.apart:
-        raise ImuAllanError(f'{printable(recording.path)}: {recording.apart}')
+    if topic is None and recording.reason_not_paired:
+        raise ImuAllanError(f'{printable(recording.path)}: {recording.reason_not_paired}')
     if topic is None and recording.preferred:
         _report_choice(recording)
         if len(recording.preferred) == 2:
@@ -207,8 +207,8 @@ def _alternate(samples: NDArray[np.float64]) -> bool:
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
     """Read the first messages of a topic; damage is reported later, by the actual reading."""
     seen = 0
-    with recording.again() as apart, suppress(ImuAllanError, OSError):
-        for block, _ in apart.decoded(topic):
+    with recording.for_another_topic() as reader, suppress(ImuAllanError, OSError):
+        for block, _ in reader.decoded(topic):
             yield block
             seen += len(block)
             # A few seconds are enough to recognize two rates.
@@ -269,11 +269,11 @@ def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     # band intact. Relative to the mean square, the modulation is 2 (1 - f + f^2) - 1. If f takes
     # all values, its amplitude is 3 / pi^2 = 0.30; at simple ratios of the rates, 0.2 to 0.4. In
     # 4096 samples of white noise the largest amplitude reaches seven times the level by chance.
-    beats = _stands_out(variance, peak, (0.17, 0.43), 16.0)
+    beats = _is_dominant(variance, peak, (0.17, 0.43), 16.0)
     # At twice the rate, f decides whether the variance or the covariance alternates. At least one
     # does so by 0.15, or 0.09 if f drifts; the bounds are for twice that amplitude. Only this one
     # frequency is tested: it exceeds ten times the level by chance once in 100,000.
-    twice = any(_stands_out(each, last, (0.1, 0.8), 10.0) for each in (variance, covariance))
+    twice = any(_is_dominant(each, last, (0.1, 0.8), 10.0) for each in (variance, covariance))
     return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 
@@ -309,8 +309,8 @@ def _spectrum_of_products(noise: NDArray[np.float64], lag: int) -> NDArray[np.co
     return beat
 
 
-def _stands_out(beat: NDArray[np.complex128], at: int, bounds: tuple[float, float],
-                clear: float) -> bool:
+def _is_dominant(beat: NDArray[np.complex128], at: int, bounds: tuple[float, float],
+                 clear: float) -> bool:
     """Return whether one frequency, over all axes, exceeds all others and lies within bounds."""
     total = (np.abs(beat) ** 2).sum(axis=1)
     amplitude = np.abs(beat[at])

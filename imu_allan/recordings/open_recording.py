@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
-from imu_allan.recordings.formats.temporary_folder import unreadable
+from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
@@ -62,7 +62,7 @@ def open_recording(
             return CompressedRecording(path, open_stored, options)
         return open_stored(path, path, options)
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     except ValueError as error:
         if isinstance(error, ImuAllanError):
             raise

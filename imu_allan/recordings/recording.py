@@ -59,7 +59,7 @@ class Recording(ABC):
         if the user has to choose.
     preferred_for : str
         Why they are preferred, in words for the user.
-    apart : str
+    reason_not_paired : str
         Why two topics that look like the halves of an IMU are not read as one; else empty.
     size_bytes : int
         Bytes that `decoded` processes, to report progress.
@@ -85,7 +85,7 @@ class Recording(ABC):
         self.reasons: dict[str, str] = {}
         self.preferred: tuple[str, ...] = ()
         self.preferred_for = 'with the highest rate'
-        self.apart = ''
+        self.reason_not_paired = ''
         self.size_bytes = 0
         self.untimed = False
         self.remarks: list[Finding] = []
@@ -99,7 +99,7 @@ class Recording(ABC):
     def close(self) -> None:  # noqa: B027
         """Release resources; does nothing for formats whose readers close their own files."""
 
-    def again(self) -> 'AbstractContextManager[Recording]':
+    def for_another_topic(self) -> 'AbstractContextManager[Recording]':
         """Return this open recording for reading another topic, with its own remarks."""
         lent = copy(self)
         lent.remarks = [*self.remarks]
@@ -115,7 +115,7 @@ class Recording(ABC):
         """Return the Imu topic or thermometer of this name."""
         known = self.by_name
         return known[name] if name in known else next(
-            heat for heat in self.thermometers if heat.name == name)
+            thermometer for thermometer in self.thermometers if thermometer.name == name)
 
     def list_topic(
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
@@ -148,7 +148,7 @@ class Recording(ABC):
                     type_name, serialization, definition)))
         return bool(found)
 
-    def keeps(self, size: int) -> bool:
+    def reserve_bytes(self, size: int) -> bool:
         """Return whether a description of `size` bytes can be kept; add a remark if not."""
         self._kept_bytes += size
         if self._kept_bytes > _KEPT_BYTES:
@@ -158,10 +158,10 @@ class Recording(ABC):
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Add the temperature that the messages of an Imu topic contain, if any."""
         fields = imu.messages.fields
-        if fields is not None and (heat := fields.thermometer()) is not None:
+        if fields is not None and (thermometer := fields.thermometer()) is not None:
             self.thermometers.append(ImuTopic(
                 f'{imu.name}:{fields.temperature}', imu.count,
-                replace(imu.messages, fields=heat, factors=(1.0, 1.0)), imu.topic))
+                replace(imu.messages, fields=thermometer, factors=(1.0, 1.0)), imu.topic))
 
     def remark(self, code: str, **values: Any) -> None:
         """Add a finding about this recording unless it is already there."""

@@ -36,28 +36,32 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
         If the user names a temperature that does not exist.
 
     """
-    own = [heat for heat in recording.thermometers if heat.name.startswith(f'{topic}:')]
-    apart = [heat for heat in recording.thermometers if heat.name == heat.topic]
+    own = [thermometer for thermometer in recording.thermometers
+           if thermometer.name.startswith(f'{topic}:')]
+    separate = [thermometer for thermometer in recording.thermometers
+                if thermometer.name == thermometer.topic]
     named = recording.options.temperature
     if named is not None:
-        chosen = [heat for heat in apart if heat.name.strip('/') == named.strip('/')] or [
-            heat for heat in own if heat.name == f'{topic}:{named}']
+        chosen = [thermometer for thermometer in separate
+                  if thermometer.name.strip('/') == named.strip('/')] or [
+            thermometer for thermometer in own if thermometer.name == f'{topic}:{named}']
         if not chosen:
-            shown = ', '.join(printable(shorten(heat.name)) for heat in (*apart, *own)[:10])
+            shown = ', '.join(printable(shorten(thermometer.name))
+                              for thermometer in (*separate, *own)[:10])
             raise ImuAllanError(
                 f'{printable(recording.path)}: --temperature {printable(shorten(named))}: no '
                 'topic of type sensor_msgs/Temperature, field or column of this name; there are '
                 + (shown or 'no temperatures in it'))
         return chosen[0]
-    if own or not apart:
+    if own or not separate:
         return own[0] if own else None
     source = recording.imu(topic).topic
-    near = [heat for heat in apart if beside(source, heat.name)]
+    near = [thermometer for thermometer in separate if beside(source, thermometer.name)]
     if len(near) == 1:
         return near[0]
     frame_id = _frame_id(recording, topic)
-    same_frame = [heat for heat in near or apart
-                  if frame_id and _frame_id(recording, heat.name) == frame_id]
+    same_frame = [thermometer for thermometer in near or separate
+                  if frame_id and _frame_id(recording, thermometer.name) == frame_id]
     return same_frame[0] if len(same_frame) == 1 else None
 
 
@@ -106,13 +110,13 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
         As in `thermometer_of`.
 
     """
-    heat = thermometer_of(recording, topic)
-    if heat is None or clock is None:
+    thermometer = thermometer_of(recording, topic)
+    if thermometer is None or clock is None:
         return
     try:
         # Problems of the file were reported when the IMU was read, so remarks are discarded here.
-        with recording.again() as apart:
-            for block, _ in apart.decoded(heat.name):
+        with recording.for_another_topic() as reader:
+            for block, _ in reader.decoded(thermometer.name):
                 usable = clock == 'header' and (block.header_ns > 0).all()
                 yield (block.header_ns if usable else block.receive_ns,
                        in_celsius(block.samples[:, 0]))
@@ -144,5 +148,5 @@ def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _frame_id(recording: Recording, name: str) -> str:
     """Return the frame_id of the first message, or an empty string."""
-    with recording.again() as apart:
-        return next((block.frame_id for block, _ in apart.decoded(name) if len(block)), '')
+    with recording.for_another_topic() as reader:
+        return next((block.frame_id for block, _ in reader.decoded(name) if len(block)), '')

@@ -107,7 +107,7 @@ def test_each_of_many_topics_is_read_as_if_by_itself(tmp_path: Path, name: str) 
     readable = 0
     with open_recording(path) as recording:
         for topic in [f'/imu_{number}' for number in range(25)]:
-            one, frames, remarks = read(recording.again, topic)
+            one, frames, remarks = read(recording.for_another_topic, topic)
             other, other_frames, other_remarks = read(partial(open_recording, path), topic)
             assert frames == other_frames
             assert remarks == other_remarks

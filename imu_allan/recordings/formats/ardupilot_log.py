@@ -72,11 +72,11 @@ class ArduPilotRecording(TableLog):
         for base in _FIELDS:
             for name, records, _ in self._tables(kinds, base):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
-        heat = replace(_FIELDS['IMU'], temperature='T').thermometer()
+        thermometer = replace(_FIELDS['IMU'], temperature='T').thermometer()
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         for name, rate in rates.items():
             base, dot, number = name.partition('.')
-            self.list_at(rate, ImuTopic(name, sum(map(len, times[name])), ImuMessages(
+            self.add_imu(rate, ImuTopic(name, sum(map(len, times[name])), ImuMessages(
                 f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
                 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at '
                 'the full rate')
@@ -85,7 +85,7 @@ class ArduPilotRecording(TableLog):
             source = f'IMU{dot}{number}'
             if source in rates:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
-                    'ArduPilot IMU', fields=heat), source))
+                    'ArduPilot IMU', fields=thermometer), source))
         unbroken = {topic.name: rates[topic.name] for topic in self.topics
                     if not topic.name.startswith('ISBD')}
         self.preferred = fastest(unbroken, _PARTNER) or fastest(

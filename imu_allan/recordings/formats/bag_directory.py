@@ -102,9 +102,10 @@ class BagDirectory(Recording):
                     before = counts.get(topic.name) or 0
                     counts[topic.name] = None if topic.count is None else before + topic.count
                     listed[topic.name] = topic
-                known = {heat.name for heat in self.thermometers}
-                self.thermometers += [replace(heat, count=None) for heat in part.thermometers
-                                      if heat.name not in known]
+                known = {thermometer.name for thermometer in self.thermometers}
+                self.thermometers += [replace(thermometer, count=None)
+                                      for thermometer in part.thermometers
+                                      if thermometer.name not in known]
                 self.other_topics.update(part.other_topics)
                 self.reasons.update(part.reasons)
                 self.keep_remarks_of(part)

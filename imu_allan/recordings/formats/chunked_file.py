@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, ClassVar
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import DamagedData, Effort
+from imu_allan.recordings.formats.decompress import DamagedData, ReadingLimits
 from imu_allan.recordings.formats.gather import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
@@ -75,8 +75,8 @@ class Channel:
 class ChunkedRecording(FileRecording):
     """A chunked file whose channels are described in an index at its end or in the chunks."""
 
-    _effort: ClassVar[tuple[int, ...]]
-    """Arguments of `Effort`: how many records of a chunk may be read one by one."""
+    _limits: ClassVar[tuple[int, ...]]
+    """Arguments of `ReadingLimits`: how many records of a chunk may be read one by one."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -99,7 +99,7 @@ class ChunkedRecording(FileRecording):
 
     @abstractmethod
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
                 ) -> Iterator[list[ImuBlock]]:
         """
         Decode the messages of the channels `wanted`; raise DamagedData after the intact ones.
@@ -112,7 +112,7 @@ class ChunkedRecording(FileRecording):
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        effort = Effort(self.path, *self._effort)
+        limits = ReadingLimits(self.path, *self._limits)
         malformed = MalformedMessages()
         damage, numbers = Damage(), MessageNumbers()
         messages = 0
@@ -131,7 +131,7 @@ class ChunkedRecording(FileRecording):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    for blocks in self._blocks(file, part, wanted, enter, decode, effort):
+                    for blocks in self._blocks(file, part, wanted, enter, decode, limits):
                         for block in blocks:
                             messages += len(block)
                             yield block, part.start
@@ -154,14 +154,14 @@ class ChunkedRecording(FileRecording):
         is not described yet are decompressed.
         """
         counts: Counter[int] = Counter()
-        effort = Effort(self.path, *self._effort)
+        limits = ReadingLimits(self.path, *self._limits)
         damage = Damage()
         for part in self._parts(file, damage):
             counts.update(part.counts)
             if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
                 try:
                     for _ in self._blocks(file, part, frozenset(), lambda _: None, lambda _: [],
-                                          effort):
+                                          limits):
                         pass
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))

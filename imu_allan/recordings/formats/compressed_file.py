@@ -49,7 +49,7 @@ class CompressedRecording(Recording):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with its share of the compressed bytes."""
         share = self.size_bytes / max(self._inner.size_bytes, 1)
-        with self._inner.again() as inner:
+        with self._inner.for_another_topic() as inner:
             try:
                 for block, position in inner.decoded(topic):
                     yield block, int(position * share)

@@ -162,10 +162,10 @@ class CsvRecording(FileRecording):
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
-            header, options, lambda clock: _moves(rows, clock))
+            header, options, lambda clock: _is_plausible_clock(rows, clock))
         below = text.partition('\n')[0]
         with_units = with_units_below(
-            header, below, columns, options, lambda clock: _moves(rows[1:], clock))
+            header, below, columns, options, lambda clock: _is_plausible_clock(rows[1:], clock))
         if with_units is not None:
             columns = with_units
             del rows[:1]
@@ -282,7 +282,7 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
     places, bad = [], []
     for number, line in enumerate(lines):
         if line.strip():
-            cells = _parted(line, delimiter)
+            cells = _split(line, delimiter)
             try:
                 rows.append([float(cells[column].strip(QUOTES) or 'nan') for column in used])
                 places.append(number)
@@ -301,17 +301,17 @@ def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
         if len(numbers) == len(lines):
             return numbers
     with suppress(ValueError, OverflowError):
-        return np.array([int(_parted(line, delimiter)[column].strip(QUOTES)) for line in lines],
+        return np.array([int(_split(line, delimiter)[column].strip(QUOTES)) for line in lines],
                         np.int64)
     return None
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
     """Split a line into cells, without surrounding blanks and quotes."""
-    return [cell.strip(QUOTES) for cell in _parted(line, delimiter)]
+    return [cell.strip(QUOTES) for cell in _split(line, delimiter)]
 
 
-def _parted(line: str, delimiter: str | None) -> list[str]:
+def _split(line: str, delimiter: str | None) -> list[str]:
     """Split a line at the delimiter; an unclosed quote hides no cells."""
     if delimiter is not None and '"' in line:
         with suppress(csv.Error):
@@ -326,7 +326,7 @@ def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:
     return [row[column] for row in rows if len(row) > column and row[column]]
 
 
-def _moves(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
+def _is_plausible_clock(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
     """Return whether a clock changes, or is seconds and nanoseconds in all rows but one."""
     if clock.nanoseconds is None:
         # Some drivers leave the stamps at zero.

@@ -27,7 +27,8 @@ except ImportError:
     from zlib import crc32
 
 __all__ = [
-    'DamagedData', 'Effort', 'crc32', 'declared_size', 'decompress', 'decompressing', 'unpacked']
+    'DamagedData', 'ReadingLimits', 'crc32', 'declared_size', 'decompress', 'decompressing',
+    'unpacked']
 
 PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
 """Any file may expand to this many bytes, plus this many times its size. Real recordings reach
@@ -97,7 +98,7 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
     'bz2': lambda data, size: bz2.BZ2Decompressor().decompress(data, max_length=size)}
 
 
-class Effort:
+class ReadingLimits:
     """
     Remaining bounds on single steps and decompressed bytes while a file is read.
 
@@ -142,7 +143,7 @@ class Effort:
         self._bytes -= size
 
 
-def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[MessageBatch]:
+def unpacked(batches: Iterable[MessageBatch], limits: ReadingLimits) -> Iterator[MessageBatch]:
     """Decompress those messages of `batches` that are compressed."""
     # Serialized messages never begin with the zstd magic number: CDR begins with a zero.
     for compressed, group in groupby(
@@ -155,17 +156,17 @@ def unpacked(batches: Iterable[MessageBatch], effort: Effort) -> Iterator[Messag
         # Decompress 256 messages into one batch, whatever their size.
         while some := list(islice(rows, 256)):
             messages, stamps = zip(*some, strict=True)
-            yield from batches_of([_unpacked_message(message, effort) for message in messages],
+            yield from batches_of([_unpacked_message(message, limits) for message in messages],
                                   np.array(stamps, np.int64))
 
 
-def _unpacked_message(message: bytes, effort: Effort) -> bytes:
+def _unpacked_message(message: bytes, limits: ReadingLimits) -> bytes:
     """Decompress one message; return b'', which is not a valid message, on failure."""
     # 200 times the size of an Imu, which has 324 bytes plus frame_id; this also bounds hostile
     # data.
     most = 1 << 16
     try:
-        effort.expand(declared_size(message) or most)
+        limits.expand(declared_size(message) or most)
         return _unzstd(message, most)
     except (DamagedData, zstandard.ZstdError, MemoryError):
         return b''

@@ -17,7 +17,7 @@ from itertools import chain, pairwise
 from struct import Struct
 
 from imu_allan.cdr import MessageBatch, rows_like_first
-from imu_allan.recordings.formats.decompress import DamagedData, Effort
+from imu_allan.recordings.formats.decompress import DamagedData, ReadingLimits
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ def gather(
     wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object] | None = None,
     index: Callable[[], NDArray[np.int64]] | None = None,
-    effort: Effort | None = None,
+    limits: ReadingLimits | None = None,
 ) -> tuple[Iterator[MessageBatch], int]:
     """
     Gather the messages of the channels `wanted`.
@@ -58,7 +58,7 @@ def gather(
     index : callable, optional
         Returns the offsets of all message records in the buffer, as the file declares them, in any
         order. Called if topics alternate.
-    effort : Effort, optional
+    limits : ReadingLimits, optional
         Bound on the records that are read one by one.
 
     Returns
@@ -72,7 +72,7 @@ def gather(
     Raises
     ------
     DamagedData
-        If `effort` is exhausted.
+        If `limits` is exhausted.
 
     """
     batches: list[Iterable[MessageBatch]] = []
@@ -85,8 +85,8 @@ def gather(
         stride = RECORD_HEAD + length
         if stride > end - at:
             break
-        if effort is not None:
-            effort.step()
+        if limits is not None:
+            limits.step()
         if opcode == _MESSAGE:
             if stride < _MESSAGE_HEAD:
                 break

@@ -34,7 +34,7 @@ from imu_allan.recordings.formats.decompress import (
     crc32,
     DamagedData,
     decompress,
-    Effort,
+    ReadingLimits,
     unpacked,
 )
 from imu_allan.recordings.formats.gather import gather
@@ -71,7 +71,7 @@ class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
     # Records that may be read one by one in a chunk of any size; takes a fifth of a second.
-    _effort = (100_000,)
+    _limits = (100_000,)
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
@@ -79,7 +79,7 @@ class McapRecording(ChunkedRecording):
         super().__init__(path, stored, options)
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
                 ) -> Iterator[list[ImuBlock]]:
         def describe(opcode: int, body: bytes) -> None:
             number = self._describe(opcode, body)
@@ -87,17 +87,17 @@ class McapRecording(ChunkedRecording):
                 enter(number)
 
         def gathered(buffer: bytes, index: Index | None = None) -> tuple[list[ImuBlock], int]:
-            batches, consumed = gather(buffer, wanted, describe, index, effort)
-            return decode(unpacked(batches, effort)), consumed
+            batches, consumed = gather(buffer, wanted, describe, index, limits)
+            return decode(unpacked(batches, limits)), consumed
 
         file.seek(part.start)
-        effort.begin(part.length)
+        limits.begin(part.length)
         if not part.is_chunk:
             yield from _stream(file, part.length, gathered)
             return
         # Hold no buffer while the caller works. Memory freed before the next buffer is allocated
         # is reused, which saves a quarter of the decompression time.
-        blocks, rest = _chunk(file, part, gathered, effort)
+        blocks, rest = _chunk(file, part, gathered, limits)
         yield blocks
         if rest:
             raise DamagedData(f'{rest} bytes at its end are not whole records')
@@ -155,7 +155,7 @@ class McapRecording(ChunkedRecording):
             return None
         self._described += 1
         # There are 65,536 ids each for channels and schemas.
-        if self._described > 1 << 18 or not self.keeps(len(body)):
+        if self._described > 1 << 18 or not self.reserve_bytes(len(body)):
             return None
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)
@@ -212,7 +212,7 @@ class McapRecording(ChunkedRecording):
             yield part
 
 
-def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
+def _chunk(file: BinaryIO, part: Part, gathered: Gathered, limits: ReadingLimits,
            ) -> tuple[list[ImuBlock], int]:
     """Decode a chunk; also return the number of bytes at its end that are not records."""
     head = file.read(min(_CHUNK_HEAD.size, part.length))
@@ -229,7 +229,7 @@ def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
     if max(size, stored) > LARGEST_CHUNK:
         raise DamagedData(f'{max(size, stored)} bytes are more than a chunk may have')
     if compression not in ('', 'none'):
-        effort.expand(size)
+        limits.expand(size)
     data = decompress(compression, file.read(stored), size)
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')

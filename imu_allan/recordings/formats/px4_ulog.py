@@ -83,7 +83,7 @@ class UlogRecording(TableLog):
                     temperature=fields.temperature if fields.temperature in names else None)))
             rates[name] = (samples - 1) * 1e9 / (last - first) if last > first else 0.0
             # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
-            self.list_at(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
+            self.add_imu(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
                          'bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
             self.list_own_thermometer(imu)
         self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, _PARTNER)
@@ -103,7 +103,7 @@ class UlogRecording(TableLog):
                     at += len(more)
                     data = rest + more
                     rest = data[reader.through(data):]
-                    for name, table in reader.taken(data):
+                    for name, table in reader.extract(data):
                         yield name, table, at
                 reader.left = len(rest)
 
@@ -166,7 +166,7 @@ class _LogReader:
             at = after
         return at
 
-    def taken(self, data: bytes) -> Iterator[tuple[str, Records]]:
+    def extract(self, data: bytes) -> Iterator[tuple[str, Records]]:
         """Yield the records found so far, by topic."""
         content = np.frombuffer(data, np.uint8)
         for number, places in self._found.items():

@@ -30,7 +30,7 @@ from imu_allan.recordings.formats.chunked_file import (
     LARGEST_CHUNK,
     Part,
 )
-from imu_allan.recordings.formats.decompress import DamagedData, decompress, Effort
+from imu_allan.recordings.formats.decompress import DamagedData, decompress, ReadingLimits
 from imu_allan.recordings.formats.gather import collect, equal_records, in_lists
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
@@ -53,13 +53,13 @@ class Ros1Recording(ChunkedRecording):
 
     # Records that may be read one by one in any chunk, and bytes that allow one more. A step takes
     # 10 to 20 us; a chunk of 768 kB, as rosbag writes them, has at most 13,000 records.
-    _effort = (20_000, 4)
+    _limits = (20_000, 4)
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
                 ) -> Iterator[list[ImuBlock]]:
         for batches in in_lists(self._gather(
-                _chunk_data(file, part, effort), wanted, enter, effort)):
+                _chunk_data(file, part, limits), wanted, enter, limits)):
             yield decode(batches)
 
     def _read_index(self, file: BinaryIO) -> bool:
@@ -111,7 +111,7 @@ class Ros1Recording(ChunkedRecording):
             if number in self._channels:
                 return None
             topic = _text(fields, 'topic')
-            if not self.keeps(len(topic) + len(data)):
+            if not self.reserve_bytes(len(topic) + len(data)):
                 return None
             if len(self._channels) == _MOST_CONNECTIONS:
                 self.remark('many_topics', what='connections', listed=_MOST_CONNECTIONS)
@@ -151,11 +151,11 @@ class Ros1Recording(ChunkedRecording):
             at = record.start + record.length
 
     def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
-                effort: Effort) -> Iterator[MessageBatch]:
+                limits: ReadingLimits) -> Iterator[MessageBatch]:
         """
         Gather the messages of the connections `wanted` from a chunk, and store new connections.
 
-        Raises DamagedData, after the messages before it, at an incomplete record or when `effort`
+        Raises DamagedData, after the messages before it, at an incomplete record or when `limits`
         is exhausted.
         """
         heads: list[_MessageHead] = []
@@ -165,7 +165,7 @@ class Ros1Recording(ChunkedRecording):
         at, end = 0, len(buffer)
         while at < end:
             try:
-                effort.step()
+                limits.step()
                 head = _head_at(buffer, at, heads)
                 if head is None:
                     at, number = self._gather_connection(buffer, at)
@@ -303,9 +303,9 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
     return None
 
 
-def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
-    """Decompress a chunk and start its `effort`; raise DamagedData if damaged."""
-    effort.begin(part.length)
+def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
+    """Decompress a chunk within `limits`; raise DamagedData if damaged."""
+    limits.begin(part.length)
     record = _record(file, part.start, part.start + part.length)
     if record is None:
         raise DamagedData('no header')
@@ -314,7 +314,7 @@ def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
     if max(size, record.length) > LARGEST_CHUNK:
         raise DamagedData(f'{max(size, record.length)} bytes are more than a chunk may have')
     if compression != 'none':
-        effort.expand(size)
+        limits.expand(size)
     return decompress(compression, file.read(record.length), size)
 
 

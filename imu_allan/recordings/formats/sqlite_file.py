@@ -24,7 +24,7 @@ import tempfile
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import Effort, unpacked
+from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
@@ -71,11 +71,11 @@ class SqliteRecording(FileRecording):
         """Read blocks in the order of recording, each with the number of bytes consumed so far."""
         imu = self.imu(topic)
         decode, malformed = imu.messages.decoder(), MalformedMessages()
-        effort = Effort(self.path, 0)
+        limits = ReadingLimits(self.path, 0)
         with self._database() as (database, budget):
             for stamps, messages, position in self._fetched(database, budget, imu, malformed):
                 batches = batches_of(messages, np.array(stamps, np.int64))
-                for block in decode(unpacked(batches, effort), malformed):
+                for block in decode(unpacked(batches, limits), malformed):
                     yield block, position
         malformed.report(imu, self.remark)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
-from imu_allan.recordings.messages.columns import taken, time_of
+from imu_allan.recordings.messages.columns import extract, time_of
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
@@ -24,7 +24,7 @@ Records = NDArray[np.void]
 class TableLog(FileRecording):
     """The log of an autopilot."""
 
-    def list_at(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
+    def add_imu(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
         """Add an IMU to `topics`, or note why it is not read and what to do."""
         # No IMU is this slow; such messages are only for monitoring.
         if rate_hz < 20.0:
@@ -47,7 +47,7 @@ class TableLog(FileRecording):
             if name == imu.topic:
                 # The timeline rejects values of a damaged log that are not finite.
                 with np.errstate(invalid='ignore', over='ignore'):
-                    columns = taken(fields, (), records, times_of(records, fields), malformed)
+                    columns = extract(fields, (), records, times_of(records, fields), malformed)
                     samples = columns['samples'] * np.repeat(imu.messages.factors, 3)
                 times = columns['receive_ns']
                 yield ImuBlock(times, times, samples, columns['absent'], ''), position

@@ -54,8 +54,8 @@ class TableFolder(Recording):
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
         gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:
-            self.apart = self._why_apart(gyro, accel)
-            if not self.apart:
+            self.reason_not_paired = self._why_not_paired(gyro, accel)
+            if not self.reason_not_paired:
                 self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -90,7 +90,7 @@ class TableFolder(Recording):
         names = sorted(self.reasons, key=lambda name: not re.search('gyr|acc|imu', name.lower()))
         return '; '.join([said, *(self.reasons[name] for name in names[:_REPORTED])])
 
-    def _why_apart(self, gyro: str, accel: str) -> str:
+    def _why_not_paired(self, gyro: str, accel: str) -> str:
         """Explain why two tables are not one recording; return '' if their times overlap."""
         spans = []
         for name in (gyro, accel):

@@ -10,7 +10,7 @@ import tempfile
 from imu_allan.errors import ImuAllanError, printable
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-SPARED_DISK = 1 << 28
+RESERVED_DISK_BYTES = 1 << 28
 """Bytes on the disk of the temporary folder that are always left free."""
 
 
@@ -21,7 +21,7 @@ def make_folder() -> Path:
 
 def room_in(folder: Path | str) -> int:
     """Return the bytes that may be written to a folder; negative if its disk is nearly full."""
-    return shutil.disk_usage(folder).free - SPARED_DISK
+    return shutil.disk_usage(folder).free - RESERVED_DISK_BYTES
 
 
 def remove_folder(folder: Path) -> None:
@@ -34,7 +34,7 @@ def remove_folder(folder: Path) -> None:
         raise
 
 
-def unreadable(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
+def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
     """Return the error to report; lack of disk space concerns the temporary copy."""
     reason = error.strerror or printable(error)
     if error.errno in _NO_ROOM:

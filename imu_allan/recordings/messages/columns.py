@@ -13,7 +13,7 @@ from typing import Any
 
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import shorten
-from imu_allan.recordings.messages.forms import OnMalformed, Place, together
+from imu_allan.recordings.messages.forms import joint_field, OnMalformed, Place
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ Columns = dict[str, NDArray[Any]]
 bursts, 'message', the index of its message."""
 
 
-def taken(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
-          receive_ns: NDArray[np.int64], on_malformed: OnMalformed | None) -> Columns:
+def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
+            receive_ns: NDArray[np.int64], on_malformed: OnMalformed | None) -> Columns:
     """
     Extract samples and stamps from records.
 
@@ -112,7 +112,7 @@ def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]
 
 def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
     """Write the values of a vector, in SI units, to `out` of shape (n, 3)."""
-    side_by_side = together(vector)
+    side_by_side = joint_field(vector)
     if side_by_side not in (messages.dtype.names or ()):
         for axis, path in enumerate(vector.paths):
             out[:, axis] = messages[path]

@@ -21,9 +21,9 @@ from imu_allan.cdr import (
     rows_like_first,
     Serialization,
 )
-from imu_allan.recordings.messages.columns import Columns, frames_of, taken
+from imu_allan.recordings.messages.columns import Columns, extract, frames_of
 from imu_allan.recordings.messages.definitions import Types
-from imu_allan.recordings.messages.forms import Form, Forms, OnMalformed
+from imu_allan.recordings.messages.forms import OnMalformed, RecordLayout, RecordLayouts
 from imu_allan.recordings.messages.imu_fields import ImuFields
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +109,8 @@ class FieldsDecoder:
         assert messages.fields is not None
         assert messages.types is not None
         self._fields = messages.fields
-        self._forms = Forms(messages.types, messages.type_name, messages.serialization,
-                            messages.fields)
+        self._layouts = RecordLayouts(messages.types, messages.type_name, messages.serialization,
+                                      messages.fields)
         self._clock: int | None = None
         self._frames: dict[str, int] = {'': 0}
         self._step_ns = 0.0
@@ -142,10 +142,10 @@ class FieldsDecoder:
             # Fast path for by far the most frequent case, in which nothing has to be sorted.
             [batch] = batches
             with suppress(MalformedImu):
-                form = self._forms.of(batch.rows[0].data)
-                if rows_like_first(batch.rows, form.keys_and_frame) is None:
-                    columns = self._taken(batch.rows, batch.receive_ns, form, on_malformed)
-                    columns['frames'] = frames_of(batch.rows[:1], form.frame_id, self._frames)
+                layout = self._layouts.of(batch.rows[0].data)
+                if rows_like_first(batch.rows, layout.keys_and_frame) is None:
+                    columns = self._extract(batch.rows, batch.receive_ns, layout, on_malformed)
+                    columns['frames'] = frames_of(batch.rows[:1], layout.frame_id, self._frames)
                     return columns
         bounds = np.cumsum([0, *(len(batch.rows) for batch in batches)])
         by_size: dict[int, list[int]] = {}
@@ -156,10 +156,10 @@ class FieldsDecoder:
             rows = np.concatenate([batches[number].rows for number in numbers])
             receive_ns = np.concatenate([batches[number].receive_ns for number in numbers])
             index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
-            for which, form in self._forms.groups(rows, on_malformed):
+            for which, layout in self._layouts.groups(rows, on_malformed):
                 same = rows if len(which) == len(rows) else rows[which]
-                part = self._taken(same, receive_ns[which], form, on_malformed)
-                frames = frames_of(same, form.frame_id, self._frames)
+                part = self._extract(same, receive_ns[which], layout, on_malformed)
+                frames = frames_of(same, layout.frame_id, self._frames)
                 of = part.get('message', np.arange(len(same)))
                 part['frames'], part['message'] = frames[of], index[which][of]
                 decoded.append(part)
@@ -169,11 +169,11 @@ class FieldsDecoder:
         return {name: np.concatenate([part[name] for part in decoded])[order]
                 for name in decoded[0]}
 
-    def _taken(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], form: Form,
-               on_malformed: OnMalformed | None) -> Columns:
+    def _extract(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64],
+                 layout: RecordLayout, on_malformed: OnMalformed | None) -> Columns:
         stamps = self._fields.stamps
-        return taken(self._fields, stamps if self._clock is None else [stamps[self._clock]],
-                     rows.view(form.record)[:, 0], receive_ns, on_malformed)
+        return extract(self._fields, stamps if self._clock is None else [stamps[self._clock]],
+                       rows.view(layout.record)[:, 0], receive_ns, on_malformed)
 
     # ------------------------------------------------------------------------------------- clock
 

@@ -165,7 +165,7 @@ class MessageLayout:
 
 
 @dataclass(frozen=True)
-class Form:
+class RecordLayout:
     """
     Layout shared by messages that have their fields at the same positions.
 
@@ -189,7 +189,7 @@ class Form:
     frame_id: Place | None
 
 
-class Forms:
+class RecordLayouts:
     """The layouts that occur among messages of one type."""
 
     def __init__(self, types: Types, type_name: str, serialization: Serialization,
@@ -198,85 +198,85 @@ class Forms:
         self._serialization: Serialization = serialization
         self._fields = fields
         self._wanted = fields.paths()
-        self._known: dict[int, list[tuple[bytes, Form]]] = {}
+        self._known: dict[int, list[tuple[bytes, RecordLayout]]] = {}
 
-    def of(self, message: memoryview) -> Form:
+    def of(self, message: memoryview) -> RecordLayout:
         """Return the layout of a message, from memory or by traversal; may raise MalformedImu."""
-        for key, form in self._known.get(len(message), ()):
-            if key == _key(message, form):
-                return form
-        layout = MessageLayout(
+        for key, layout in self._known.get(len(message), ()):
+            if key == _key(message, layout):
+                return layout
+        parsed = MessageLayout(
             self._types, self._type_name, message, self._serialization, self._wanted)
-        form = self._described(layout, len(message))
+        layout = self._described(parsed, len(message))
         if len(self._known) < _REMEMBERED:
             known = self._known.setdefault(len(message), [])
             if len(known) < _REMEMBERED:
-                known.append((_key(message, form), form))
-        return form
+                known.append((_key(message, layout), layout))
+        return layout
 
     def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
-               ) -> list[tuple[NDArray[np.intp], Form]]:
+               ) -> list[tuple[NDArray[np.intp], RecordLayout]]:
         """Group rows, messages of equal size, by layout."""
-        found: list[tuple[NDArray[np.intp], Form]] = []
+        found: list[tuple[NDArray[np.intp], RecordLayout]] = []
         left = np.arange(len(rows))
         while len(left):
             first = rows[left[0]]
             try:
-                form = self.of(first.data)
+                layout = self.of(first.data)
             except MalformedImu as error:
                 if on_malformed is None:
                     raise
                 on_malformed(1, error)
                 left = left[1:]
                 continue
-            like = rows_like_first(rows if len(left) == len(rows) else rows[left], form.keys)
+            like = rows_like_first(rows if len(left) == len(rows) else rows[left], layout.keys)
             if like is None:
-                found.append((left, form))
+                found.append((left, layout))
                 break
-            found.append((left[like], form))
+            found.append((left[like], layout))
             left = left[~like]
             # If this layout covers less than a sixteenth of the rest, there may be many of them.
             if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // 16:
                 # Comparing each of many with all other messages would take quadratic time.
                 for start in range(0, len(left), _WINDOW):
                     part = left[start:start + _WINDOW]
-                    found += [(part[chosen], form) for chosen, form in self.groups(
+                    found += [(part[chosen], layout) for chosen, layout in self.groups(
                         rows[part], on_malformed)]
                 break
         return found
 
-    def _described(self, layout: MessageLayout, size: int) -> Form:
+    def _described(self, parsed: MessageLayout, size: int) -> RecordLayout:
         """Create a record type from the field positions; raise MalformedImu if one is missing."""
-        for path in self._wanted - layout.places.keys():
+        for path in self._wanted - parsed.places.keys():
             raise MalformedImu(f'it has no field {path}')
         fields: dict[str, tuple[Any, int]] = {}
         for path in self._fields.numbers():
             field, element = split_path(path)
-            place = layout.places[field]
+            place = parsed.places[field]
             if element >= place.count:
                 raise MalformedImu(f'{field} has {place.count} elements')
-            number = np.dtype(layout.byte_order + place.kind)
+            number = np.dtype(parsed.byte_order + place.kind)
             fields[path] = (number, place.at + element * number.itemsize)
         for _, vector in self._fields.vectors():
             first, at = fields[vector.paths[0]]
             if self._fields.burst is not None:
                 for path in vector.paths:
-                    fields[path] = ((fields[path][0], layout.places[path].count), fields[path][1])
+                    fields[path] = ((fields[path][0], parsed.places[path].count), fields[path][1])
             elif [fields[path] for path in vector.paths] == [
                     (first, at + axis * first.itemsize) for axis in range(3)]:
                 # Copying three doubles as one opaque item is several times faster.
-                fields[together(vector)] = ('V24' if first == np.float64 else (first, 3), at)
+                fields[joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
-        frame = None if frame_id is None else layout.places[frame_id]
-        keys = tuple(layout.keys)
-        return Form(keys, keys if frame is None else _joined(
+        frame = None if frame_id is None else parsed.places[frame_id]
+        keys = tuple(parsed.keys)
+        return RecordLayout(keys, keys if frame is None else _joined(
             keys, (frame.at, frame.at + frame.count)), np.dtype({
                 'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
                 'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
 
 
-def _key(message: memoryview, form: Form) -> bytes:
-    return b''.join(message[start:stop] for start, stop in form.keys)
+def _key(message: memoryview, layout: RecordLayout) -> bytes:
+    return b''.join(message[start:stop] for start, stop in layout.keys)
 
 
 def _joined(keys: Spans, text: tuple[int, int]) -> Spans:
@@ -285,6 +285,6 @@ def _joined(keys: Spans, text: tuple[int, int]) -> Spans:
     return (*(key for key in keys if key[1] != text[0]), (start, text[1]))
 
 
-def together(vector: Vector) -> str:
+def joint_field(vector: Vector) -> str:
     """Return the field name for three adjacent numbers; paths themselves contain no blank."""
     return ' '.join(vector.paths)

@@ -182,7 +182,7 @@ def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
 
 def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
             frame_id: str | None, found: list[ImuFields], depth: int, visits: Iterator[int],
-            heat: str | None = None) -> None:
+            temperature: str | None = None) -> None:
     if next(visits, None) is None:
         if found:
             return
@@ -191,16 +191,16 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
     fields = {field.name: field for field in types.get(type_name, ())}
     own, own_frame_id = own_clock(types, type_name, path)
     stamps, frame_id = own + stamps, own_frame_id or frame_id
-    heat = next((f'{path}{name}'
-                 for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
-                 if name in fields and _is_number(fields[name])), heat)
+    temperature = next((f'{path}{name}'
+                        for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
+                        if name in fields and _is_number(fields[name])), temperature)
     if all(_is_vector(types, fields.get(name)) for name in _HALVES):
         gyro, accel = (Vector(
             _components(f'{path}{name}'),
             covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
                 fields.get(f'{name}_covariance')) else None)) for name in _HALVES)
         what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
-        found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=heat))
+        found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=temperature))
         return
     # Real messages are not nested this deep; a hostile definition may be nested endlessly.
     if depth == 8:
@@ -213,7 +213,7 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
         for name in names:
             if len(found) < _MOST_IMUS:
                 _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found,
-                        depth + 1, visits, heat)
+                        depth + 1, visits, temperature)
 
 
 _HALVES = ('angular_velocity', 'linear_acceleration')

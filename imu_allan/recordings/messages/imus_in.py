@@ -96,13 +96,14 @@ def imus_in(
 
     """
     found = _imus_in(topic, normal_name(type_name), serialization, definition, options)
-    heat = options.temperature
+    temperature = options.temperature
     for name, messages in found.items():
-        if heat is not None and messages.fields is not None and messages.types is not None:
+        if temperature is not None and messages.fields is not None and messages.types is not None:
             # The temperature may be a topic instead of a field.
             with suppress(ImuAllanError):
-                number_at(messages.types, messages.type_name, heat, '--temperature')
-                found[name] = replace(messages, fields=replace(messages.fields, temperature=heat))
+                number_at(messages.types, messages.type_name, temperature, '--temperature')
+                found[name] = replace(
+                    messages, fields=replace(messages.fields, temperature=temperature))
     return found
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
-from imu_allan.recordings.formats.temporary_folder import unreadable
+from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.reading.reading_process import pays, ReadingProcess
 from imu_allan.recordings.recording import Recording
@@ -77,7 +77,7 @@ def _taken(
                 progress(position)
             yield block
     except OSError as error:
-        raise unreadable(recording.path, error, 'reading failed') from error
+        raise unreadable_error(recording.path, error, 'reading failed') from error
     if empty:
         what = ('no line of samples: see what it holds with imu_allan info' if topic == NO_TOPIC
                 else f'topic {printable(topic)} holds no readable message; --topic names another')

@@ -178,7 +178,7 @@ def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
 
 
 def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr('imu_allan.recordings.formats.temporary_folder.SPARED_DISK', 2**60)
+    monkeypatch.setattr('imu_allan.recordings.formats.temporary_folder.RESERVED_DISK_BYTES', 2**60)
     path = compress(write_db3(tmp_path / 'a.db3', block(10)))
     with refused(f'{path}: no room to decompress it in {gettempdir()}; name a larger folder with '
                  'TMPDIR'):

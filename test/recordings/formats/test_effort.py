@@ -200,7 +200,7 @@ def test_the_messages_before_a_damaged_place_are_handed_on():
 
     def batches():
         yield from gather(data, {1})[0]
-        decompress.Effort(Path(__file__), 0).expand(1 << 40)
+        decompress.ReadingLimits(Path(__file__), 0).expand(1 << 40)
 
     held = []
     with refused('the file expands to more than 1000 times its size', ValueError):
