@@ -128,8 +128,8 @@ def test_a_node_that_starts_on_a_moving_robot_learns_from_stops_and_an_axis_fall
     driver.publish(5000, rate_hz=50.0, shaken=[5.0, 1, 1, 1, 1, 1])
     driver.publish(9000, rate_hz=50.0)
     assert driver.publisher.wait_for_all_acked()
-    line = Varying('the noise changed for good: <number> times at about <number> s; call ~/reset '
-                   'to characterize the present level alone')
+    line = Varying('the noise changed for good: <number> times at about <number> s. -> call '
+                   '~/reset to characterize the present level alone')
     ros.until(lambda: driver.publish(100, rate_hz=50.0) or line in node.lines)
     driver.until_taken()
     assert ros.saved()['timeline']['samples'] == driver.next - before
