@@ -16,7 +16,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.run_folder import try_folder
 from imu_allan.writers import output_path
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.output_path import turn_in
+from imu_allan.writers.output_path import folder_lock
 import pytest
 from shared_places import planted, shared_folder, SOMEBODY_ELSE
 from whole_lines import refused, unwritable, Varying
@@ -123,8 +123,8 @@ def test_a_node_leaves_nothing_in_its_folder_and_makes_none_behind_a_link_of_ano
 
 
 def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording, monkeypatch):
-    monkeypatch.setattr(output_path, 'PATIENCE_S', 0.1)
-    with turn_in(tmp_path / 'out'):
+    monkeypatch.setattr(output_path, 'LOCK_TIMEOUT_S', 0.1)
+    with folder_lock(tmp_path / 'out'):
         result, error = characterize(Task(str(short_recording), Choice(), folder=tmp_path / 'out'))
     assert result.axes
     assert str(error) == KEPT.format(tmp_path / 'out')
@@ -135,10 +135,10 @@ def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
     took = []
 
     def second():
-        with turn_in(tmp_path / 'out'):
+        with folder_lock(tmp_path / 'out'):
             took.append('second')
 
-    with turn_in(tmp_path / 'out'):
+    with folder_lock(tmp_path / 'out'):
         thread = threading.Thread(target=second)
         thread.start()
         time.sleep(0.2)

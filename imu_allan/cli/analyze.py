@@ -152,12 +152,12 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None:
-                from imu_allan.writers.filters import left_from_earlier
+                from imu_allan.writers.filters import stale_files_note
 
                 if len(tasks) == 1:
                     print(_written(task))
                 # A cluster may have written to another disk.
-                if args.dask is None and (old := left_from_earlier(task.folder, task.exports)):
+                if args.dask is None and (old := stale_files_note(task.folder, task.exports)):
                     print(f'imu_allan: {old}', file=sys.stderr)
             topic = task.choice.topic
             source = task.path if not args.all_topics or topic is None else (

@@ -132,7 +132,7 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
     """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import fitted_of, growing
     from imu_allan.wording import duration as said
-    from imu_allan.writers.datasheet.live import next_look, standing
+    from imu_allan.writers.datasheet.live import check_state, next_look
     from imu_allan.writers.result_file import is_result
 
     if is_result(source):
@@ -140,9 +140,9 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
     with closing(growing(source, choice_of(args), next_look)) as looks:
         for taken in looks:
             result, fits = fitted_of(taken)
-            found = standing({one.stream.half or '': one.characterization for one in taken},
-                             specification, margin=args.margin / 100,
-                             shortest_s=args.min_duration, result=result, fits=fits)
+            found = check_state({one.stream.half or '': one.characterization for one in taken},
+                                specification, margin=args.margin / 100,
+                                shortest_s=args.min_duration, result=result, fits=fits)
             if found.decided:
                 break
         print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')

@@ -64,7 +64,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import CONSUMERS, export, left_from_before, Wishes
+    from imu_allan.writers.filters import CONSUMERS, existing_file_note, export, ExportOptions
     from imu_allan.writers.filters.from_datasheet import result_of_datasheet
     from imu_allan.writers.result_file import load_result
 
@@ -76,13 +76,13 @@ def run(args: argparse.Namespace) -> int:
     if path is not None and (path.is_dir() or args.output.endswith(os.sep)):
         path = path / CONSUMERS[args.consumer].file
     try:
-        text = export(result, args.consumer, None, Wishes(
+        text = export(result, args.consumer, None, ExportOptions(
             args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
             args.inflate)).text
     except ImuAllanError as error:
         # The user knows the options, not the names of the library's arguments.
         said = re.sub(rf'\b({"|".join(_OPTIONS)})\b', lambda name: _OPTIONS[name[1]], str(error))
-        older = '' if path is None else left_from_before(path)
+        older = '' if path is None else existing_file_note(path)
         raise ImuAllanError(f'{said}{older}') from error
     if path is None:
         print(text, end='')

@@ -107,7 +107,7 @@ def line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
     from imu_allan.wording import duration, number, SENSORS
-    from imu_allan.writers.verdict import findings_line, SAID, verdicts_of
+    from imu_allan.writers.verdict import findings_line, VERDICT_TEXT, verdicts_of
 
     parts, verdicts = [duration(result.timeline.duration_s)], verdicts_of(result)
     for sensor in SENSORS:
@@ -116,7 +116,7 @@ def line(unit: str, result: 'Result') -> str:
         values = [c.value for c in found if c.value is not None]
         if not found:
             continue
-        said = '' if verdicts[sensor].verdict == 'good' else SAID[verdicts[sensor].verdict]
+        said = '' if verdicts[sensor].verdict == 'good' else VERDICT_TEXT[verdicts[sensor].verdict]
         if values:
             worst, shown_unit = engineering(max(values), found[0].unit)
             parts.append(f'{sensor} N {number(worst)} {shown_unit}{said and f" ({said})"}')

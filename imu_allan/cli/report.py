@@ -35,7 +35,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
     from imu_allan.writers import folder
-    from imu_allan.writers.output_path import turn_in
+    from imu_allan.writers.output_path import folder_lock
     from imu_allan.writers.result_file import load_result
 
     results = [load_result(path) for path in args.results]
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if len(results) > 1 and args.width is not None:
         raise ImuAllanError('--width takes one result')
     if len(results) == 1:
-        with turn_in(args.output):
+        with folder_lock(args.output):
             paths = folder.save_report(results[0], args.output, pictures)
             if pictures != args.format:
                 paths += folder.save_latex(results[0], args.output)
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
         names = names_of([Path(path) for path in args.results])
         named = dict(zip(names, results, strict=True))
-        with turn_in(args.output):
+        with folder_lock(args.output):
             paths = folder.save_comparison(named, args.output, pictures)
         console = console_of()
         if len(named) > folder.MOST_COMPARED:

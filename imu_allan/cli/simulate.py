@@ -75,11 +75,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _make_folder_above(output: Path) -> None:
     """Make the parent folder of the recording, without following links of another user."""
-    from imu_allan.writers.output_path import followed, open_folder
+    from imu_allan.writers.output_path import open_folder, resolved
     if os.name != 'posix':
         return
     try:
-        os.close(open_folder(followed(output.parent)))
+        os.close(open_folder(resolved(output.parent)))
     except OSError as error:
         reason = str(error.strerror or error)
         if error.filename is not None and error.filename not in reason:

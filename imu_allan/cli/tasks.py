@@ -68,9 +68,9 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
         result = replace(result, inspection=task.inspection)
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
-        from imu_allan.writers.output_path import turn_in
+        from imu_allan.writers.output_path import folder_lock
         try:
-            with turn_in(task.folder):
+            with folder_lock(task.folder):
                 save_folder(result, task.folder, task.exports)
         except ImuAllanError as error:
             return result, error

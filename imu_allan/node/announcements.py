@@ -21,7 +21,7 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
-from imu_allan.writers.words import message_of, presented
+from imu_allan.writers.words import for_display, message_of
 
 PAUSE_S = 1.0
 """Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
@@ -91,7 +91,7 @@ class Announcements:
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
                            f'{summary.clock or "no"} stamps')
-        for remark in presented(summary.remarks):
+        for remark in for_display(summary.remarks):
             self._say_once(remark.code, message_of(remark, live=True))
         self._see(timeline_conditions(facts, summary))
 

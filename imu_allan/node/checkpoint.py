@@ -23,7 +23,7 @@ import zipfile
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import at_home
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.output_path import followed
+from imu_allan.writers.output_path import resolved
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,7 +101,7 @@ class StateFile:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         try:
-            self.path = followed(at_home(path, 'state_file'))
+            self.path = resolved(at_home(path, 'state_file'))
         except OSError as error:
             raise ImuAllanError(f'state_file {path}: cannot be used ({error.strerror}); choose '
                                 'another folder') from error

@@ -20,7 +20,7 @@ from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
-from imu_allan.writers.words import message_of, presented
+from imu_allan.writers.words import for_display, message_of
 
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
@@ -239,7 +239,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
     """Return what may be wrong with the samples and their stamps, the worst first."""
     rate, expected = _rate(summary) or 0.0, facts.expected_rate
     remarks = [(remark.code, message_of(remark, live=True))
-               for remark in presented(summary.remarks)]
+               for remark in for_display(summary.remarks)]
     lasting = [message for code, message in remarks if code not in _PASSED]
     faults = [f'{counted(count, what)}{why}' for key, what, why in (
         ('missing', 'sample', ' missing'), ('duplicates', 'duplicate', ''),

@@ -13,7 +13,7 @@ import tempfile
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
-from imu_allan.writers.output_path import followed, open_folder
+from imu_allan.writers.output_path import open_folder, resolved
 
 
 def try_folder(output_dir: str) -> None:
@@ -21,7 +21,7 @@ def try_folder(output_dir: str) -> None:
     expanded = at_home(output_dir, 'output_dir')
     try:
         with contextlib.ExitStack() as undone:
-            folder, name = open_folder(followed(expanded)), f'.imu_allan.{secrets.token_hex(4)}'
+            folder, name = open_folder(resolved(expanded)), f'.imu_allan.{secrets.token_hex(4)}'
             undone.callback(os.close, folder)
             handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
             undone.callback(os.unlink, name, dir_fd=folder)

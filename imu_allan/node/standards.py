@@ -15,7 +15,7 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import check, summary
-from imu_allan.writers.datasheet.live import next_look, Standing, standing
+from imu_allan.writers.datasheet.live import check_state, CheckState, next_look
 from imu_allan.writers.datasheet.measured import zero_bias
 from imu_allan.writers.datasheet.verdicts import Verdict
 from imu_allan.writers.result_file import load_result
@@ -42,15 +42,15 @@ class Looks:
 
     def __init__(self) -> None:
         self._next = next_look(0)
-        self._decided: Standing | None = None
+        self._decided: CheckState | None = None
 
     def decided(self, stream: Stream, specification: NoiseModel, result: Result,
-                fits: Mapping[str, AxisFit | None] | None = None) -> Standing | None:
+                fits: Mapping[str, AxisFit | None] | None = None) -> CheckState | None:
         """Look again if it is time to; return the verdict once it is certain, else None."""
         samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
-            now = standing(stream, specification, result=result, fits=fits)
+            now = check_state(stream, specification, result=result, fits=fits)
             self._decided = now if now.decided else None
         return self._decided
 
@@ -88,7 +88,7 @@ class Standards:
         return findings
 
 
-def _against_specification(verdicts: Sequence[Verdict], decided: Standing | None) -> Finding:
+def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | None) -> Finding:
     outcome, sentences = summary(verdicts)
     if decided is None:
         about = sentences or ['no limit is broken so far']

@@ -23,7 +23,7 @@ from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
-from imu_allan.writers.output_path import turn_in
+from imu_allan.writers.output_path import folder_lock
 
 
 class NothingToSave(ImuAllanError):
@@ -228,7 +228,7 @@ class Storage:
             own = run_folder(folder, name, result, run.mark)
             self._saved = run, result
             try:
-                with turn_in(own):
+                with folder_lock(own):
                     return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
                 # Only an empty folder is removed: nothing could be written.

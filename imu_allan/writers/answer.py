@@ -36,7 +36,7 @@ UNCERTAIN = f'not known to a factor of {_VAGUE:g}'
 
 
 @dataclass(frozen=True)
-class Answer:
+class KeyFigures:
     """
     The key figures of one sensor.
 
@@ -74,7 +74,8 @@ class Answer:
     extrapolated: bool
 
 
-def answers(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[Answer]:
+def key_figures(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S
+                ) -> list[KeyFigures]:
     """Return the key figures of each sensor in the result of one recording."""
     found = []
     for sensor in sensors_of(result):
@@ -86,7 +87,7 @@ def answers(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S
             # An axis that cannot be tuned is omitted.
             with suppress(ImuAllanError):
                 tunings[name] = tune(axis, aiding_s, coast_s)
-        found.append(Answer(
+        found.append(KeyFigures(
             sensor, wording.SENSORS[sensor], all(axis.constant for axis in axes.values()),
             {key: (worst[-1], axes[worst].coefficients[key])
              for key in ('noise_density', 'rate_random_walk')
@@ -146,31 +147,31 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
 
 
-def filter_lines(result: Result, found: Sequence[Answer], width: int = 80,
+def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
                  aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[str]:
     """Say what to give a filter, in SI, and how far off the sensor is unaided."""
     lines = []
-    if any(answer.for_filter for answer in found):
+    if any(figures.for_filter for figures in found):
         lines.append(f'For a filter corrected every {aiding_s:g} s, up to '
                      f'{wording.duration(coast_s)} unaided (imu_allan export, tune)')
-    for answer in found:
-        if answer.for_filter:
+    for figures in found:
+        if figures.for_filter:
             pair = [f'filter {symbol} {number} {unit}'
-                    for symbol, number, unit in answer.for_filter]
-            beside = f'  {answer.sensor:<5}  {"  ".join(pair)}'
+                    for symbol, number, unit in figures.for_filter]
+            beside = f'  {figures.sensor:<5}  {"  ".join(pair)}'
             lines += [beside] if len(beside) <= width else [
-                f'  {answer.sensor:<5}  {pair[0]}', f'{"":9}{pair[1]}']
-        elif not answer.constant and 'noise_density' in answer.worst:
-            lines += [f'  {answer.sensor:<5}  worst axis {axis}: '
+                f'  {figures.sensor:<5}  {pair[0]}', f'{"":9}{pair[1]}']
+        elif not figures.constant and 'noise_density' in figures.worst:
+            lines += [f'  {figures.sensor:<5}  worst axis {axis}: '
                       f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
-                      for axis, worst in answer.worst.values()]
-    drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
-              if answer.forecast}
+                      for axis, worst in figures.worst.values()]
+    drifts = {figures.sensor: _unaided(figures, result.timeline.rest_s) for figures in found
+              if figures.forecast}
     head = f'Unaided drift after {wording.duration(coast_s)}:'
     beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
     # Their units say which is of which sensor, where each has one.
-    unknown = [not answer.forecast_interval and answer.extrapolated for answer in found
-               if answer.forecast]
+    unknown = [not figures.forecast_interval and figures.extrapolated for figures in found
+               if figures.forecast]
     if drifts and len(beside) <= width and len(set(unknown)) == 1:
         return [*lines, beside]
     for place, (sensor, text) in enumerate(drifts.items()):
@@ -178,17 +179,17 @@ def filter_lines(result: Result, found: Sequence[Answer], width: int = 80,
     return lines
 
 
-def _unaided(answer: Answer, rest_s: float) -> str:
-    if answer.forecast_interval:
-        low, _, high, _ = answer.forecast_interval.split()
-        beyond = ', extrapolated' if answer.extrapolated else ''
-        return f'{answer.forecast} rms ({low} to {high}){beyond}'
-    if answer.extrapolated:
+def _unaided(figures: KeyFigures, rest_s: float) -> str:
+    if figures.forecast_interval:
+        low, _, high, _ = figures.forecast_interval.split()
+        beyond = ', extrapolated' if figures.extrapolated else ''
+        return f'{figures.forecast} rms ({low} to {high}){beyond}'
+    if figures.extrapolated:
         return f'not known from {wording.duration(rest_s)}'
-    return f'{answer.forecast} rms, {UNCERTAIN}'
+    return f'{figures.forecast} rms, {UNCERTAIN}'
 
 
-def outlook_of(result: Result) -> str:
+def longer_recording_note(result: Result) -> str:
     """State what a longer recording would bring, by the Fisher information of the fitted model."""
     halves = [c.ci_halves_in_s for axis in result.axes.values()
               for c in axis.coefficients.values() if c.ci_halves_in_s]

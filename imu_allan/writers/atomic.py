@@ -13,7 +13,7 @@ import secrets
 import stat
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.output_path import followed, open_folder
+from imu_allan.writers.output_path import open_folder, resolved
 
 CONFIGURATION = 'configuration of a filter'
 """Kind of the files that `imu_allan.writers.filters` writes."""
@@ -57,7 +57,7 @@ def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
         return
     # If the file cannot be read, the attempt to write reports the reason.
     with contextlib.suppress(OSError):
-        _require_kind(str(path), str(followed(path)), kind)
+        _require_kind(str(path), str(resolved(path)), kind)
 
 
 def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, str]) -> None:
@@ -99,7 +99,7 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
         if _is_stream(path):
             _write_through(path, data)
             return
-        target = followed(path)
+        target = resolved(path)
         if os.name == 'posix':
             folder = open_folder(target.parent)
             try:

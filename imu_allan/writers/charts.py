@@ -248,7 +248,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
              if not axis.constant and len(curves.over_time(axis.signal)[0])}
     if not known:
         return None
-    moved = {name: curves.wander(axis) for name, axis in known.items()}
+    moved = {name: curves.mean_over_time(axis) for name, axis in known.items()}
     unit = next(iter(known.values())).unit
     shown = MEAN_UNITS[unit]
     factor = convert(1.0, unit, shown)

@@ -270,7 +270,7 @@ def over_time(signal: Signal | None) -> tuple[Array, Array]:
     return np.asarray((np.arange(rows.shape[1]) + 0.5) * signal.step_s), rows
 
 
-def wander(axis: AxisResult) -> tuple[Array, Array]:
+def mean_over_time(axis: AxisResult) -> tuple[Array, Array]:
     """
     Return the mean of each segment of an axis, minus the overall mean.
 
@@ -321,7 +321,7 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
     return found
 
 
-def law_instead(axis: AxisResult, key: str) -> str:
+def power_law_note(axis: AxisResult, key: str) -> str:
     """Return briefly which power law replaces a term of an axis; '' if none does."""
     law = axis.power_law
     return f'no flicker, 1/f^{law.exponent:.2f}' if law and key == 'bias_instability' else ''

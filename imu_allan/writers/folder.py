@@ -11,7 +11,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.writers.atomic import CONFIGURATION, CURVES, PAGE, PICTURES, RESULT, write_in
 from imu_allan.writers.curves import sensors_of
-from imu_allan.writers.filters import CONSUMERS, export, left_from_before
+from imu_allan.writers.filters import CONSUMERS, existing_file_note, export
 from imu_allan.writers.plot import (
     FORMATS,
     overview_figure,
@@ -61,7 +61,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         try:
             config = export(result, consumer)
         except ImuAllanError as error:
-            left_out.append(f'{error}{left_from_before(folder / CONSUMERS[consumer].file)}')
+            left_out.append(f'{error}{existing_file_note(folder / CONSUMERS[consumer].file)}')
             continue
         paths.append(write_in(folder, config.name, config.text.encode()))
     if report:

@@ -8,7 +8,7 @@ from imu_allan.result import AxisResult
 from imu_allan.wording import about, duration, listed, named
 
 
-def included(axes: Mapping[str, AxisResult]) -> list[str]:
+def trend_notes(axes: Mapping[str, AxisResult]) -> list[str]:
     """
     Describe the trends of the mean in the numbers from the drift model, and the remedy.
 

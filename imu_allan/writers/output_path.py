@@ -26,12 +26,12 @@ from imu_allan.errors import ImuAllanError, printable
 _STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
 _ONLY_PASSED = getattr(os, 'O_PATH', 0)
 """Folders on the path may permit traversal without permitting listing."""
-PATIENCE_S = 30.0
+LOCK_TIMEOUT_S = 30.0
 """Seconds to wait for the lock of a folder. Writing takes seconds; a longer lock is not
 transient."""
 
 
-def followed(path: str | os.PathLike[str]) -> Path:
+def resolved(path: str | os.PathLike[str]) -> Path:
     """
     Return the absolute path without symbolic links, like ``os.path.realpath``.
 
@@ -51,7 +51,7 @@ def followed(path: str | os.PathLike[str]) -> Path:
             current = str(Path(current).parent)
             continue
         step = os.path.join(current, part)  # noqa: PTH118
-        shared = shared or _is_everybodys(current)
+        shared = shared or _is_world_writable(current)
         if not Path(step).is_symlink():
             current = step
             continue
@@ -96,7 +96,7 @@ def open_folder(path: Path) -> int:
     """
     Open a folder without following a link at any step; create it if missing.
 
-    `path` is absolute and without links, as returned by `followed`. Use the descriptor as
+    `path` is absolute and without links, as returned by `resolved`. Use the descriptor as
     ``dir_fd``. Raises OSError if a step is not a folder, cannot be created or traversed, or has
     become a link.
     """
@@ -121,13 +121,13 @@ def open_folder(path: Path) -> int:
 
 
 @contextlib.contextmanager
-def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
+def folder_lock(folder: str | os.PathLike[str]) -> Iterator[None]:
     """
     Lock a folder against concurrent writers of this package; wait while it is locked.
 
     The lock is on the folder itself, so it leaves no file and ends with the process. A missing
     folder is created. Without file system locks nobody waits. Raises ImuAllanError if another
-    process holds the lock for longer than `PATIENCE_S`.
+    process holds the lock for longer than `LOCK_TIMEOUT_S`.
     """
     try:
         # Not available on Windows.
@@ -139,11 +139,11 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
         handle = None
         # Problems of the folder are reported by the writing itself.
         with contextlib.suppress(OSError):
-            passed = open_folder(followed(folder))
+            passed = open_folder(resolved(folder))
             stack.callback(os.close, passed)
             handle = os.open('.', os.O_RDONLY, dir_fd=passed)
             stack.callback(os.close, handle)
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + LOCK_TIMEOUT_S
         while handle is not None:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -160,7 +160,7 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
         yield
 
 
-def _is_everybodys(folder: str) -> bool:
+def _is_world_writable(folder: str) -> bool:
     try:
         return bool(os.stat(folder).st_mode & stat.S_IWOTH)  # noqa: PTH116
     except OSError:

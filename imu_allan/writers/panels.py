@@ -217,7 +217,7 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
             width = max(span.duration_s / scale, length * 1.5e-3)
             panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
                           linewidth=0)
-    moved = {name: curves.wander(axis) for name, axis in axes.items()}
+    moved = {name: curves.mean_over_time(axis) for name, axis in axes.items()}
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
         shown = MEAN_UNITS[quantity]

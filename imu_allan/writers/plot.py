@@ -206,7 +206,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
     panel.text(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold', color=ink,
                va='center')
     terms = [term for key, term in TERMS.items()
-             if any(axis.coefficients[key].observable or curves.law_instead(axis, key)
+             if any(axis.coefficients[key].observable or curves.power_law_note(axis, key)
                     for axis in axes.values())]
     # If no term is observable, show the bounds of the most important ones.
     terms = terms or [TERMS[key] for key in LASTING_TERMS]
@@ -229,7 +229,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
                            fontsize=6.5, color=soft)
             else:
                 panel.text(right, height, ', '.join([
-                    curves.law_instead(axis, term.key) or 'not observable', *said]), ha='right',
+                    curves.power_law_note(axis, term.key) or 'not observable', *said]), ha='right',
                     va='center', fontsize=7, color=soft)
     for row, name in enumerate(axes):
         colour = COLOURS[name[-1]]

@@ -23,10 +23,10 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.writers.answer import (
     AIDING_S,
-    answers,
     CALIBRATION_S,
     COAST_S,
-    outlook_of,
+    key_figures,
+    longer_recording_note,
     UNCERTAIN,
     written_mean,
 )
@@ -42,36 +42,36 @@ from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.pages import filled, text_of
-from imu_allan.writers.verdict import findings_line, SAID, verdict_lines, verdicts_of
-from imu_allan.writers.words import message_of, presented, title_of
+from imu_allan.writers.verdict import findings_line, verdict_lines, VERDICT_TEXT, verdicts_of
+from imu_allan.writers.words import for_display, message_of, title_of
 
 
 def report_html(result: Result) -> str:
     """Return the report of one result."""
-    found, timeline = answers(result), result.timeline
-    own = [(answer.sensor, axes_of(result, answer.sensor), answer) for answer in found]
+    found, timeline = key_figures(result), result.timeline
+    own = [(figures.sensor, axes_of(result, figures.sensor), figures) for figures in found]
     # Group the charts by kind, each for both sensors.
     charts = [*(signal_chart(result, sensor, axes) for sensor, axes, _ in own),
               *(density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
-              *(drift_chart(sensor, axes, answer.tunings) for sensor, axes, answer in own),
+              *(drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own),
               *(segment_chart(sensor, axes) for sensor, axes, _ in own)]
     remarks = [{'title': title_of(one), 'severity': one.severity,
-                'text': _typeset(message_of(one))} for one in presented(result.warnings)]
+                'text': _typeset(message_of(one))} for one in for_display(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
         'report.html', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
-        words={sensor: SAID[one.verdict] for sensor, one in verdicts_of(result).items()},
-        answers=found, remarks=remarks, remark_count=findings_line(result),
+        words={sensor: VERDICT_TEXT[one.verdict] for sensor, one in verdicts_of(result).items()},
+        key_figures=found, remarks=remarks, remark_count=findings_line(result),
         allan=[*filter(None, (allan_chart(sensor, axes, timeline) for sensor, axes, _ in own))],
         charts=[*filter(None, charts)], rest=wording.duration(timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes for sensor, axes, _ in own},
-        outlook=outlook_of(result), cell=_cell, density=_density_of, drift=_drift_of,
+        outlook=longer_recording_note(result), cell=_cell, density=_density_of, drift=_drift_of,
         mean=written_mean, rest_s=timeline.rest_s,
-        tunings=[(name, result.axes[name], tuning) for answer in found
-                 for name, tuning in answer.tunings.items()],
+        tunings=[(name, result.axes[name], tuning) for figures in found
+                 for name, tuning in figures.tunings.items()],
         parts={sensor: known for sensor, axes, _ in own if (known := {
             name: axis for name, axis in axes.items()
             if axis.stationarity is not None and axis.stationarity.segments})},

@@ -20,16 +20,16 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.writers.answer import (
-    Answer,
-    answers,
     filter_lines,
-    outlook_of,
+    key_figures,
+    KeyFigures,
+    longer_recording_note,
     written_mean,
 )
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.terminal import console_of, wrapped
 from imu_allan.writers.verdict import COLUMNS, good_to_know, Units, verdict_lines
-from imu_allan.writers.words import in_full, presented
+from imu_allan.writers.words import for_display, in_full
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -74,14 +74,14 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    found = answers(result)
-    findings = presented(result.warnings)
+    found = key_figures(result)
+    findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     head = [list(wrapped(verdict_lines(result, units), width, 'bold')),
             list(wrapped(filter_lines(result, found, width), width)), _heading(result, width)]
-    rows = [list(_rows(axes_of(result, answer.sensor), units, result.timeline.rest_s,
-                       verbose=verbose)) for answer in found]
+    rows = [list(_rows(axes_of(result, figures.sensor), units, result.timeline.rest_s,
+                       verbose=verbose)) for figures in found]
     tables = _tables(found, rows, width, tuned=units != 'si', named=verbose)
     notes = list(wrapped(_notes(result), width, 'dim')) if verbose else []
     said = [line for severity, text in in_full(full, together=not verbose)
@@ -179,18 +179,18 @@ def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
     return _Cell(value, ' .. '.join(ends) if in_full or half > 0.1 else f'+-{100 * half:.2g} %')
 
 
-def _tables(found: Sequence[Answer], rows: Sequence[Sequence[_Row]], width: int, *,
+def _tables(found: Sequence[KeyFigures], rows: Sequence[Sequence[_Row]], width: int, *,
             tuned: bool, named: bool) -> 'list[list[Text]]':
     """Arrange the axes side by side in the widest layout that fits, or else stacked."""
     for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
                    _Layout(named=True, tall=True)):
         if named and not layout.named:
             continue
-        tables = [_columns(answer, own, layout) if own else []
-                  for answer, own in zip(found, rows, strict=True)]
+        tables = [_columns(figures, own, layout) if own else []
+                  for figures, own in zip(found, rows, strict=True)]
         if all(len(line) <= width for table in tables for line in table):
             return tables
-    return [_stacked(answer.title, own, width) for answer, own in zip(found, rows, strict=True)]
+    return [_stacked(figures.title, own, width) for figures, own in zip(found, rows, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -208,16 +208,16 @@ class _Layout:
         return f'{row.symbol} {row.name}' + ('\n  ' if self.tall else '  ') + row.unit
 
 
-def _columns(answer: Answer, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
+def _columns(figures: KeyFigures, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
     from rich.text import Text
 
-    columns = [[Text(answer.title, 'bold'), *(Text(layout.head(row), 'dim' if row.dim else '')
-                                              for row in rows)]]
+    columns = [[Text(figures.title, 'bold'), *(Text(layout.head(row), 'dim' if row.dim else '')
+                                               for row in rows)]]
     columns += [[Text(name[-1], 'bold'),
                  *(row.cells[name].text(tall=layout.tall) for row in rows)]
                 for name in rows[0].cells]
-    if layout.tuned and answer.tunings:
-        tunings = answer.tunings.values()
+    if layout.tuned and figures.tunings:
+        tunings = figures.tunings.values()
         filters = {'N': max(tuning.noise_density for tuning in tunings),
                    'K': max(tuning.random_walk or 0.0 for tuning in tunings)}
         columns.append([Text('filter', 'bold'), *(
@@ -260,7 +260,7 @@ def _notes(result: Result) -> list[str]:
     words = []
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
-    if longer := outlook_of(result):
+    if longer := longer_recording_note(result):
         words.append(longer)
     return [' '.join(words)]
 

@@ -21,9 +21,9 @@ from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, up
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import axes_of, of_sensor
-from imu_allan.writers.included import included, why_left_out
+from imu_allan.writers.included import trend_notes, why_left_out
 from imu_allan.writers.terminal import bare_table
-from imu_allan.writers.words import presented, says
+from imu_allan.writers.words import for_display, sentence_of
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -141,7 +141,7 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
     """
     said = [*_left_out(result), *_forecast(result, calibration_s), *(
         f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
-        for sentence in included(result.axes)), *_steadiness(result, coast_s)]
+        for sentence in trend_notes(result.axes)), *_steadiness(result, coast_s)]
     for time_s, what in ((coast_s, 'unaided'),
                          (calibration_s, 'of averaging the bias')):
         if (known := known_less_than(result.axes, time_s)) is not None:
@@ -170,7 +170,7 @@ def _steadiness(result: Result, coast_s: float) -> list[str]:
                      if by < 100.0 else f'any number of times ({title.lower()})')
     return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
             'as large as here (95 %): sensors change, and a recording is short.',
-            *(f'Not steady: {says(found)}.' for found in presented(result.warnings)
+            *(f'Not steady: {sentence_of(found)}.' for found in for_display(result.warnings)
               if found.code == 'not_steady')]
 
 

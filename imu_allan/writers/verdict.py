@@ -10,14 +10,14 @@ from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
 from imu_allan.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
-from imu_allan.writers.answer import answers, filter_lines
+from imu_allan.writers.answer import filter_lines, key_figures
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.sentences import WORDS
 from imu_allan.writers.words import (
     brief,
+    for_display,
     in_full,
     of_sensor,
-    presented,
     title_of,
     together,
 )
@@ -25,7 +25,7 @@ from imu_allan.writers.words import (
 Units = Literal['datasheet', 'si']
 COLUMNS = 80
 """Of the narrowest terminal that has a whole screen."""
-SAID = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
+VERDICT_TEXT = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
 
 
 def verdicts_of(result: Result) -> dict[str, SensorVerdict]:
@@ -46,7 +46,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
         if verdict.verdict == 'good':
             lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
         else:
-            said = [f'{title}: {SAID[verdict.verdict]}: {reason}.' for reason in _reasons(
+            said = [f'{title}: {VERDICT_TEXT[verdict.verdict]}: {reason}.' for reason in _reasons(
                 result, sensor, verdict.because)]
             # Figures where they leave it a line.
             lines.append(next((line for line in said if len(line) <= COLUMNS), said[-1]))
@@ -55,7 +55,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
 
 def findings_line(result: Result) -> str:
     """Return ``6 findings: low-pass, poor fit, ...``, in the order of all front ends, or ''."""
-    found = presented(result.warnings)
+    found = for_display(result.warnings)
     titles = dict.fromkeys(map(title_of, found))
     return f'{counted(len(found), "finding")}: {", ".join(titles)}' if found else ''
 
@@ -73,10 +73,10 @@ def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:
     The verdicts, numbers for a filter that is corrected every `aiding_s` and unaided for `coast_s`
     at most, what is to be acted upon, and the names of the other findings.
     """
-    found = presented(result.warnings)
+    found = for_display(result.warnings)
     act = [one for one in found if one.severity == 'act']
     return [*verdict_lines(result),
-            *filter_lines(result, answers(result, aiding_s, coast_s), 200, aiding_s, coast_s),
+            *filter_lines(result, key_figures(result, aiding_s, coast_s), 200, aiding_s, coast_s),
             *(text for _, text in in_full(act, together=True, live=True)),
             *filter(None, [good_to_know([one for one in found if one.severity != 'act'])])]
 
@@ -111,7 +111,7 @@ def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str
     if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
         return f'{duration(rest_s)} at rest',
     found: dict[str, list[Finding]] = {code: [] for code in because}
-    for one in presented(result.warnings):
+    for one in for_display(result.warnings):
         if one.code in found and concerns(one, sensor):
             found[one.code].append(of_sensor(one, sensor))
     faulty: dict[str, set[str]] = {}

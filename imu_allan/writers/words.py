@@ -32,7 +32,7 @@ def brief(found: Finding) -> str:
     return (_made(words.brief, found) if words is not None else '') or title_of(found)
 
 
-def says(found: Finding) -> str:
+def sentence_of(found: Finding) -> str:
     """Return the sentence with the values of a finding, preceded by what it is about."""
     if _counts_others(found):
         return f'{_about(found)}{found.values["more"]} more like these'
@@ -97,7 +97,7 @@ def is_of_axes(found: Finding, name: str) -> bool:
 def message_of(found: Finding, *, live: bool = False) -> str:
     """Return finding and advice on one line."""
     do = advice(found, live=live)
-    return f'{_ended(says(found))} -> {do}' if do else says(found)
+    return f'{_ended(sentence_of(found))} -> {do}' if do else sentence_of(found)
 
 
 def in_full(findings: Iterable[Finding], *, together: bool, live: bool = False
@@ -106,7 +106,7 @@ def in_full(findings: Iterable[Finding], *, together: bool, live: bool = False
     for (severity, title, do), same in groupby(
             findings, key=lambda found: (found.severity, title_of(found),
                                          advice(found, live=live))):
-        sentences = [says(found) for found in same]
+        sentences = [sentence_of(found) for found in same]
         for said in [' '.join(map(_ended, sentences))] if together else sentences:
             yield severity, f'{title}: {_ended(said)}{f" -> {do}" if do else ""}'
 
@@ -163,7 +163,7 @@ def together(same: Sequence[Finding]) -> Finding:
         name: value for name, value in found.values.items() if name in names}) for found in each])
 
 
-def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def for_display(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """
     Return findings in the form in which all front ends show them.
 
@@ -179,7 +179,7 @@ def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def with_words(result: Result) -> Result:
     """Return a result whose findings and verdicts are in the form that all front ends show."""
-    shown = replace(result, warnings=presented(result.warnings))
+    shown = replace(result, warnings=for_display(result.warnings))
     return replace(shown, sensors=verdicts(shown))
 
 

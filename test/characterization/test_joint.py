@@ -12,7 +12,7 @@ from imu_allan.noise.uncertainty import widened_interval
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import check
-from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
 from repeated import slow
@@ -360,7 +360,7 @@ def test_a_moment_without_one_sensor_in_one_recording_costs_nothing():
     limits = parse_model('gyro: {x: {noise_density: 0.01 deg/s/sqrt(Hz)}, '
                          'y: {noise_density: 0.01 deg/s/sqrt(Hz)}}\n'
                          'accel: {x: {noise_density: 200 ug/sqrt(Hz)}}')
-    look = standing(streams[1], limits, result=streams[1].result())
+    look = check_state(streams[1], limits, result=streams[1].result())
     assert look.decided
     assert {verdict.axis: verdict.verdict for verdict in look.verdicts} == dict.fromkeys(
         joint.axes, 'pass')

@@ -7,7 +7,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
-from imu_allan.writers.words import presented
+from imu_allan.writers.words import for_display
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -150,7 +150,7 @@ def slammed(night, result):
 def same(live, recorded):
     """Hold the axes and the remarks of two results against each other."""
     assert live.axes == recorded.axes
-    assert presented(live.warnings) == presented(recorded.warnings)
+    assert for_display(live.warnings) == for_display(recorded.warnings)
     return True
 
 

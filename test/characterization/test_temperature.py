@@ -12,7 +12,7 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.state import state_of
-from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -79,10 +79,10 @@ def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hou
     limits = parse_model(
         'name: Limits\ngyro: {x: {rate_random_walk: 1e-4 rad/s^2/sqrt(Hz)}}\n')
     stream = taken(seconds, rows)
-    [without] = standing(stream, limits).verdicts
+    [without] = check_state(stream, limits).verdicts
     assert without.verdict in ('cannot tell', 'pass')
     stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
-    [beside] = standing(stream, limits).verdicts
+    [beside] = check_state(stream, limits).verdicts
     assert beside.verdict == 'pass'
 
 

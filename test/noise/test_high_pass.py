@@ -12,7 +12,7 @@ from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
-from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.datasheet.live import check_state
 from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 import pytest
@@ -162,7 +162,7 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good(
 
     limits = parse_model('gyro: {x: {noise_density: 1 deg/s/sqrt(Hz), zero_bias: 1 deg/s, band_'
                          'limit: 1 s, turn_on_bias: 1 deg/s, lines: 1 deg/s}}')
-    for verdicts in (check(behind, limits), standing(stream, limits, result=behind).verdicts):
+    for verdicts in (check(behind, limits), check_state(stream, limits, result=behind).verdicts):
         assert len(verdicts) == 5
         assert {verdict.verdict for verdict in verdicts} == {'cannot tell'}
         assert all(verdict.reason.endswith('a filter has taken out the slow part of this axis; '

@@ -7,7 +7,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.noise.sequential import SMALLEST_RECORD
 from imu_allan.noise.simulate import flicker
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet.live import next_look, standing
+from imu_allan.writers.datasheet.live import check_state, next_look
 import numpy as np
 import pytest
 
@@ -18,7 +18,7 @@ DENSITY = 1e-3
 def look(stream, limit, margin=0.1):
     """Say how a gyroscope stands against a limit of its density: a word, and whether done."""
     model = parse_model(f'gyro: {{x: {{noise_density: {limit} rad/s/sqrt(Hz)}}}}')
-    found = standing(stream, model, margin=margin)
+    found = check_state(stream, model, margin=margin)
     [verdict] = found.verdicts
     return verdict.verdict, found.decided
 

@@ -11,7 +11,7 @@ from imu_allan.finding import Finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import TemperatureDependence
 from imu_allan.tuning.tune import tune
-from imu_allan.writers.included import included
+from imu_allan.writers.included import trend_notes
 import numpy as np
 import pytest
 
@@ -86,7 +86,7 @@ def test_the_advice_fits_the_length_of_the_record_and_numbers_for_a_filter_have_
     # The shortest of several recordings is over before.
     assert start(long, several=True) is None
     assert tune(short, 0.1, 60.0).random_walk > 10 * tune(cold, 0.1, 60.0).random_walk
-    assert included({'gyro_x': cold}) == []
+    assert trend_notes({'gyro_x': cold}) == []
     heated = replace(long, trend=replace(long.trend, warm_up=None, temperature=(
         TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
     cycling = replace(cold, trend=replace(cold.trend, cycle_s=1200.0))
@@ -98,7 +98,7 @@ def test_the_advice_fits_the_length_of_the_record_and_numbers_for_a_filter_have_
             (cycling, "The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
              'numbers, unlike in the coefficients. That is right where the filter will meet it, '
              'too; else record without it.')):
-        assert included({'gyro_x': cold, 'gyro_y': axis})[0] == said
+        assert trend_notes({'gyro_x': cold, 'gyro_y': axis})[0] == said
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.finding import Finding
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
-from imu_allan.writers.words import presented
+from imu_allan.writers.words import for_display
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +71,7 @@ def codes(seen: Result | TimelineSummary) -> set[str]:
 
 def said(seen: Result | TimelineSummary, code: str) -> Finding:
     """Give a finding as it is shown: of all its axes in one."""
-    return next(one for one in presented(findings_of(seen)) if one.code == code)
+    return next(one for one in for_display(findings_of(seen)) if one.code == code)
 
 
 def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

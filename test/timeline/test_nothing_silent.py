@@ -13,7 +13,7 @@ from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, takes_turns
 from imu_allan.timeline.pace import follow_a_beat
 from imu_allan.timeline.rest_level import baseline_of
-from imu_allan.writers.words import message_of, presented
+from imu_allan.writers.words import for_display, message_of
 from imu_messages import codes, run, said
 import numpy as np
 import pytest
@@ -568,7 +568,7 @@ def test_two_sensors_too_much_alike_to_be_two_are_a_line_at_half_the_rate():
     found = [one for one in characterized(messages).warnings if one.code == 'tones']
     assert len(found) == 3
     assert all(one.values['half_rate'] for one in found)
-    assert 'or two sensors publish in turn' in message_of(presented(found)[0])
+    assert 'or two sensors publish in turn' in message_of(for_display(found)[0])
 
 
 @pytest.mark.parametrize(('speed', 'back_s'), [
@@ -690,7 +690,7 @@ def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_b
     # To rounding: numpy before 2.0 adds in another order where an array lies elsewhere in memory.
     assert numbers(result, 'gyro') == pytest.approx(numbers(whole, 'gyro'), rel=1e-14)
     assert numbers(result, 'accel') != numbers(whole, 'accel')
-    [found] = [one for one in presented(result.warnings) if one.code == 'axis_absent_in_part']
+    [found] = [one for one in for_display(result.warnings) if one.code == 'axis_absent_in_part']
     assert found == finding('axis_absent_in_part', ('accel_x', 'accel_y', 'accel_z'),
                             absent=int(np.count_nonzero(gone)), messages=15_000)
 

@@ -9,7 +9,7 @@ import imu_allan
 from imu_allan.result import Result
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.tuning.tune import optimum
-from imu_allan.writers.filters import Wishes
+from imu_allan.writers.filters import ExportOptions
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -36,13 +36,13 @@ TIMES = {
     'step_s': [lambda time: imu_allan.state_space(AXIS, time)],
     'horizons_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0, time])],
     'calibration_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0], time)],
-    'aiding_s': [lambda time: Wishes(aiding_s=time)],
+    'aiding_s': [lambda time: ExportOptions(aiding_s=time)],
 }
 NUMBERS = {
     'noise_density': [lambda number: imu_allan.assess(AXIS, number, 1e-5)],
     'random_walk': [lambda number: imu_allan.assess(AXIS, 1e-3, number)],
-    'inflate N': [lambda number: Wishes(inflate={'N': number})],
-    'rate_hz': [lambda number: Wishes(rate_hz=number)],
+    'inflate N': [lambda number: ExportOptions(inflate={'N': number})],
+    'rate_hz': [lambda number: ExportOptions(rate_hz=number)],
 }
 # These may be left out.
 OPTIONAL = {'correlation_time_s', 'aiding_s', 'rate_hz'}
@@ -96,7 +96,7 @@ def test_what_is_no_axis_is_reported(function, axis, kind):
     ([('N', 2.0)], ", such as {'K': 5.0}, not [('N', 2.0)]"), ({'B': 2.0}, ", not of 'B'")])
 def test_factors_are_a_mapping(inflate, wrong):
     with refused(f'inflate takes factors of N and K{wrong}'):
-        Wishes(inflate=inflate)
+        ExportOptions(inflate=inflate)
 
 
 @pytest.mark.filterwarnings('error')

@@ -22,7 +22,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.state_space import state_space
 from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import consumer_called, CONSUMERS, FAMILIES
-from imu_allan.writers.filters import export as export_as_wished, Wishes
+from imu_allan.writers.filters import export as export_as_wished, ExportOptions
 from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def near(value: float) -> object:
 
 def export(result, consumer, rate_hz=None):
     """Write the coefficients as they are, so that the hand can follow."""
-    return export_as_wished(result, consumer, rate_hz, Wishes(as_measured=True))
+    return export_as_wished(result, consumer, rate_hz, ExportOptions(as_measured=True))
 
 
 @pytest.fixture
@@ -619,8 +619,8 @@ def drifting(build) -> Result:
 
 
 def test_numbers_are_tuned_unless_the_measured_ones_are_asked_for(drifting):
-    tuned, measured = (yaml.safe_load(export_as_wished(drifting, 'kalibr', None, wishes).text)
-                       for wishes in (Wishes(), Wishes(as_measured=True)))
+    tuned, measured = (yaml.safe_load(export_as_wished(drifting, 'kalibr', None, options).text)
+                       for options in (ExportOptions(), ExportOptions(as_measured=True)))
     assert tuned['gyroscope_random_walk'] > 1.1 * measured['gyroscope_random_walk']
     assert measured['gyroscope_random_walk'] == GYRO_K
 
@@ -681,13 +681,14 @@ def test_slow_noise_that_differs_between_recordings_is_named_as_left_out(driftin
 
 
 def test_wishes_are_followed_and_written_down(drifting):
-    wishes = Wishes(aiding_s=1.0, coast_s=300.0, conservative=True, inflate={'N': 2.0, 'K': 5.0})
-    text = export_as_wished(drifting, 'kalibr', None, wishes).text
+    options = ExportOptions(aiding_s=1.0, coast_s=300.0, conservative=True,
+                            inflate={'N': 2.0, 'K': 5.0})
+    text = export_as_wished(drifting, 'kalibr', None, options).text
     for line in ('# Conservatively tuned for a correction every 1 s and 5 min unaided.',
                  '# INFLATED on request: K times 5, N times 2.'):
         assert line in text.splitlines()
     plain = yaml.safe_load(export_as_wished(drifting, 'kalibr', None,
-                                            replace(wishes, inflate={})).text)
+                                            replace(options, inflate={})).text)
     inflated = yaml.safe_load(text)
     assert inflated['gyroscope_noise_density'] == near(2 * plain['gyroscope_noise_density'])
     assert inflated['gyroscope_random_walk'] == near(5 * plain['gyroscope_random_walk'])
@@ -702,7 +703,7 @@ def test_wishes_are_followed_and_written_down(drifting):
     ({'inflate': {'Q': 2.0}}, "inflate takes factors of N and K, not of 'Q'")])
 def test_wishes_that_make_no_sense_are_refused(wish, words):
     with refused(words):
-        Wishes(**wish)
+        ExportOptions(**wish)
 
 
 @pytest.mark.skipif(OCTAVE is None, reason='octave-cli is not installed')
@@ -747,7 +748,7 @@ def test_files_for_matlab_run_in_octave(easy, tmp_path):
 def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
     def expected(factor):
         text = export_as_wished(drifting, consumer, None,
-                                Wishes(inflate={'K': factor} if factor > 1 else {})).text
+                                ExportOptions(inflate={'K': factor} if factor > 1 else {})).text
         nis, coast = re.search(r'gyro: expected NIS (\S+)(?: to \S+)?; squared error after \S+ '
                                r's unaided (\S+)', text).groups()
         return float(nis), float(coast)
@@ -758,10 +759,10 @@ def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
 
 
 def test_an_outage_beyond_what_the_recording_knows_is_said_where_it_widens_something(drifting):
-    wishes = Wishes(as_measured=True, coast_s=7200.0)
+    options = ExportOptions(as_measured=True, coast_s=7200.0)
     widened = '# WARNING: this recording knows 60 min at most; beyond it {} widened, and K may be'
     tuned, measured = (export_as_wished(drifting, 'kalibr', None, one).text for one in (
-        replace(wishes, as_measured=False), wishes))
+        replace(options, as_measured=False), options))
     assert widened.format('the numbers are') in tuned.splitlines()
     assert widened.format('what is expected is') in measured.splitlines()
     assert 'expected NIS' in measured
@@ -769,7 +770,7 @@ def test_an_outage_beyond_what_the_recording_knows_is_said_where_it_widens_somet
     unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
         axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
         upper95=None)}) for name, axis in drifting.axes.items()}
-    text = export_as_wished(replace(drifting, axes=unbounded), 'kalibr', None, wishes).text
+    text = export_as_wished(replace(drifting, axes=unbounded), 'kalibr', None, options).text
     assert 'expected' not in text
 
 
@@ -826,10 +827,10 @@ def test_the_state_space_is_no_tuned_number(drifting):
         assert 'The whole drift model, as measured: NIS and' in text
         assert 'uned for' not in text
         assert not said(text)
-        for wishes in (Wishes(conservative=True), Wishes(inflate={'K': 2.0})):
+        for options in (ExportOptions(conservative=True), ExportOptions(inflate={'K': 2.0})):
             with refused(f'{consumer} is the drift model as measured: neither --conservative nor '
                          '--inflate applies; scale its matrices yourself'):
-                export_as_wished(drifting, consumer, None, wishes)
+                export_as_wished(drifting, consumer, None, options)
 
 
 def test_one_process_for_three_axes_is_that_of_one_of_them(build):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from imu_allan.result import Timeline
-from imu_allan.writers.filters import CONSUMERS, export, left_from_earlier
+from imu_allan.writers.filters import CONSUMERS, export, stale_files_note
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import load_result
 from whole_lines import refused
@@ -37,11 +37,11 @@ def test_a_folder_holds_the_result_its_configurations_picture_and_report(result,
 def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, tmp_path):
     save_folder(result, tmp_path, ('px4', 'basalt', 'kalibr'), report=False)
     (tmp_path / CONSUMERS['gazebo'].file).write_text('<imu>of somebody else</imu>')
-    assert left_from_earlier(tmp_path, ('px4', 'basalt', 'kalibr')) == ''
-    assert left_from_earlier(tmp_path, ('basalt',)) == (
+    assert stale_files_note(tmp_path, ('px4', 'basalt', 'kalibr')) == ''
+    assert stale_files_note(tmp_path, ('basalt',)) == (
         f'{tmp_path}: imu.yaml and px4_imu.params are of an earlier result and were not replaced; '
         '--for kalibr --for px4 writes them anew')
-    assert left_from_earlier(tmp_path, ('px4', 'kalibr')) == (
+    assert stale_files_note(tmp_path, ('px4', 'kalibr')) == (
         f'{tmp_path}: basalt_imu.json is of an earlier result and was not replaced; '
         '--for basalt writes it anew')
 
@@ -50,7 +50,7 @@ def test_the_configurations_of_all_consumers_go_into_one_folder_and_say_whose_th
         result, tmp_path):
     paths = save_folder(result, tmp_path, tuple(CONSUMERS), report=False)
     assert len(set(paths)) == len(paths) == len(CONSUMERS) + 3
-    said = left_from_earlier(tmp_path)
+    said = stale_files_note(tmp_path)
     assert all(consumer.file in said for consumer in CONSUMERS.values())
 
 

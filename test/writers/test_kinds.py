@@ -20,7 +20,7 @@ from imu_allan.writers.atomic import (
     write_in,
 )
 from imu_allan.writers.datasheet import certificate_html, check, to_json, to_junit
-from imu_allan.writers.filters import CONSUMERS, export, Wishes
+from imu_allan.writers.filters import CONSUMERS, export, ExportOptions
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.folder import save_comparison, save_folder, save_latex, save_report
 from imu_allan.writers.tuning_table import tuning_document
@@ -32,9 +32,9 @@ from whole_lines import refused
 def test_every_configuration_is_known_by_its_beginning(consumer: str, result: Result) -> None:
     # Much is written above the numbers where much is to be said of them.
     model = consumer.startswith('state_space')
-    for wishes in (Wishes(), *(() if model else (
-            Wishes(as_measured=True), Wishes(inflate={'N': 2.0, 'K': 5.0})))):
-        text = export(result, consumer, None, wishes).text
+    for options in (ExportOptions(), *(() if model else (
+            ExportOptions(as_measured=True), ExportOptions(inflate={'N': 2.0, 'K': 5.0})))):
+        text = export(result, consumer, None, options).text
         assert kind_of(text.encode()[:1 << 14]) == CONFIGURATION
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
 
@@ -15,7 +15,7 @@ def test_slow_noise_beside_white_noise_leaves_a_good_and_a_bad_unit_on_the_bench
                       + density * np.sqrt(rate * (2 * np.pi / rate)**0.7) * slow, rate)
     limits = {share: parse_model(f'gyro: {{x: {{noise_density: {density / share} '
                                  'rad/s/sqrt(Hz)}}') for share in (0.7, 1.5)}
-    found = {share: standing(stream, limit) for share, limit in limits.items()}
+    found = {share: check_state(stream, limit) for share, limit in limits.items()}
     assert {share: one.verdicts[0].verdict for share, one in found.items()} == {
         0.7: 'pass', 1.5: 'fail'}
 
@@ -29,6 +29,6 @@ def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench(streamed, s
          'gauss_markov': {'sigma': 3 * flicker_size, 'correlation_time_s': 60.0}},
         25_000, 10.0, seed), 10.0)
     limit = parse_model('gyro: {x: {rate_random_walk: 4.0e-6 rad/s^2/sqrt(Hz)}}')
-    found = standing(stream, limit).verdicts[0]
+    found = check_state(stream, limit).verdicts[0]
     assert stream.result().axes['gyro_x'].coefficients['rate_random_walk'].upper95 is not None
     assert found.verdict == 'cannot tell'

@@ -3,7 +3,7 @@
 from imu_allan.noise.simulate import flicker
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
-from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
 from repeated import slow
@@ -23,7 +23,7 @@ def test_flicker_that_is_none_is_judged_by_the_curve_live_and_afterwards(streame
     bound = axis.coefficients['bias_instability'].upper95
     for limit, outcome in ((2 * bound, 'pass'), (bound / 2, 'cannot tell')):
         model = parse_model(f'gyro: {{x: {{bias_instability: {limit} rad/s}}}}')
-        found = standing(stream, model)
+        found = check_state(stream, model)
         assert [one.verdict for one in found.verdicts] == [outcome]
         assert found.decided == (outcome == 'pass')
 
@@ -37,7 +37,7 @@ def verdicts_of(streamed):
         stream = streamed(rows, RATE_HZ)
         unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
         model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
-        (said,), (live,) = check(stream.result(), model), standing(stream, model).verdicts
+        (said,), (live,) = check(stream.result(), model), check_state(stream, model).verdicts
         assert live.verdict == said.verdict
         return said
     return verdicts_of

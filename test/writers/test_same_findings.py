@@ -23,7 +23,7 @@ from imu_allan.writers.fleet.written import fleet_html, fleet_json
 from imu_allan.writers.report import report_html
 from imu_allan.writers.table import print_result
 from imu_allan.writers.verdict import findings_line
-from imu_allan.writers.words import advice, says, title_of, with_words
+from imu_allan.writers.words import advice, sentence_of, title_of, with_words
 import numpy as np
 import pytest
 from repeated import slow
@@ -261,7 +261,7 @@ def test_every_front_end_shows_the_same_findings_in_the_same_order_on_one_screen
     shown = ' '.join(' '.join(lines).split())
     for found in result.warnings:
         if found.severity == 'act':
-            assert says(found) in shown
+            assert sentence_of(found) in shown
             assert advice(found) in shown
         elif several not in faults:
             assert title_of(found) in shown

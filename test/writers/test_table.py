@@ -12,7 +12,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.result import Curve, Saturation, Source, Span, Timeline
 from imu_allan.writers.table import print_result, result_text
 from imu_allan.writers.terminal import wrapped
-from imu_allan.writers.words import advice, says, with_words
+from imu_allan.writers.words import advice, sentence_of, with_words
 import pytest
 from rich.console import Console
 
@@ -233,7 +233,7 @@ def test_what_to_act_upon_is_in_full_and_what_has_no_room_beside_it_is_left_out(
         lines = printed(result, 80).splitlines()
         assert len(lines) <= 23
         shown = ' '.join(' '.join(lines).split())
-        assert all(says(one) in shown and advice(one) in shown
+        assert all(sentence_of(one) in shown and advice(one) in shown
                    for one in result.warnings if one.severity == 'act')
         assert ('\nGyroscope  ' in printed(result, 80)) == in_the_table
         assert ('Coefficients of each axis: --verbose.' in lines) == (not in_the_table)

@@ -14,7 +14,7 @@ import sys
 import imu_allan
 from imu_allan.finding import CODES, Finding, finding, is_optional
 from imu_allan.writers.sentences import WORDS
-from imu_allan.writers.words import advice, brief, message_of, of_axis, presented, says
+from imu_allan.writers.words import advice, brief, for_display, message_of, of_axis, sentence_of
 import pytest
 
 PACKAGE = Path(imu_allan.__file__).parent
@@ -153,19 +153,19 @@ def test_no_module_makes_or_reads_the_message_of_a_finding() -> None:
 def test_axes_of_one_kind_are_one_finding_with_a_figure_each() -> None:
     found = [finding('band_limited', (f'gyro_{letter}',), window_s=window)
              for letter, window in zip('xyz', (0.0148, 0.02, 0.0152), strict=True)]
-    [one] = presented(found)
+    [one] = for_display(found)
     assert one == Finding('band_limited', 'know', ('gyro_x', 'gyro_y', 'gyro_z'),
                           {'window_s': [0.0148, 0.02, 0.0152]})
     assert one.message.endswith('Its effective window is 0.0148 to 0.02 s')
-    assert says(of_axis(one, 'gyro_y')).endswith('Its effective window is 0.02 s')
-    assert presented([one]) == (one,)
+    assert sentence_of(of_axis(one, 'gyro_y')).endswith('Its effective window is 0.02 s')
+    assert for_display([one]) == (one,)
 
 
 def test_other_units_and_other_facts_are_findings_of_their_own() -> None:
     found = [finding('bias_step', (name,), size=0.1, unit=unit, after_s=60.0)
              for name, unit in (('gyro_x', 'rad/s'), ('accel_x', 'm/s^2'), ('gyro_y', 'rad/s'))]
-    assert [one.axes for one in presented(found)] == [('gyro_x', 'gyro_y'), ('accel_x',)]
-    assert len(presented([found[0], found[0]])) == 2
+    assert [one.axes for one in for_display(found)] == [('gyro_x', 'gyro_y'), ('accel_x',)]
+    assert len(for_display([found[0], found[0]])) == 2
 
 
 @pytest.mark.parametrize(('times', 'said'), [
@@ -173,15 +173,15 @@ def test_other_units_and_other_facts_are_findings_of_their_own() -> None:
     ((9.5, 12.0, 12.0), '9.5 s to 12 s'), ((184.0, 184.0, 184.0), '3 min 4 s')])
 def test_lengths_of_time_are_said_from_the_shortest_to_the_longest(
         times: tuple[float, ...], said: str) -> None:
-    [one] = presented([finding('stood_still', (f'gyro_{letter}',), start_s=0.0, duration_s=time)
-                       for letter, time in zip('xyz', times, strict=True)])
+    [one] = for_display([finding('stood_still', (f'gyro_{letter}',), start_s=0.0, duration_s=time)
+                         for letter, time in zip('xyz', times, strict=True)])
     assert f'the same value for {said} from 0 s on' in one.message
 
 
 def test_what_is_to_be_acted_upon_comes_first() -> None:
     found = [finding('motion', count=1, excluded_s=3.0), finding('gravity', mean=1.0),
              finding('unknown_rate'), Finding('future_code')]
-    assert [one.code for one in presented(found)] == [
+    assert [one.code for one in for_display(found)] == [
         'unknown_rate', 'gravity', 'motion', 'future_code']
 
 
@@ -223,9 +223,9 @@ def test_the_page_of_findings_is_made_from_the_table() -> None:
 
 def of_all(code: str, name: str, figures: list[float], **values: object) -> Finding:
     """Return a finding about three axes, of which one figure differs."""
-    [one] = presented([finding(code, (axis,), severity=None, recording=None,
-                               **{name: figure}, **values)
-                       for axis, figure in zip(ALL, figures, strict=True)])
+    [one] = for_display([finding(code, (axis,), severity=None, recording=None,
+                                 **{name: figure}, **values)
+                         for axis, figure in zip(ALL, figures, strict=True)])
     return one
 
 
@@ -372,7 +372,7 @@ def test_sentences_are_short_and_plain(code: str) -> None:
     assert isinstance(words.general or words.do, str)
     texts = [words.title, words.means, words.found, words.live or '', words.general]
     texts += [text for found in SAID if found.code == code
-              for text in (says(found), advice(found))]
+              for text in (sentence_of(found), advice(found))]
     # The verdict is a line.
     assert all(len(brief(found).split()) <= 12 for found in SAID if found.code == code)
     assert words.brief or CODES[code].severity == 'know'

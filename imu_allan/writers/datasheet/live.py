@@ -23,7 +23,7 @@ GROWTH = 1.15
 
 
 @dataclass(frozen=True)
-class Standing:
+class CheckState:
     """
     State of a check.
 
@@ -43,10 +43,10 @@ class Standing:
     recorded_s: float
 
 
-def standing(stream: Characterization | Mapping[str, Characterization],
-             specification: NoiseModel, *, margin: float = 0.1, error: float = 0.05,
-             shortest_s: float = 0.0, result: Result | None = None,
-             fits: Mapping[str, AxisFit | None] | None = None) -> Standing:
+def check_state(stream: Characterization | Mapping[str, Characterization],
+                specification: NoiseModel, *, margin: float = 0.1, error: float = 0.05,
+                shortest_s: float = 0.0, result: Result | None = None,
+                fits: Mapping[str, AxisFit | None] | None = None) -> CheckState:
     """
     Compare a unit with its datasheet while it is recorded.
 
@@ -73,7 +73,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
 
     Returns
     -------
-    Standing
+    CheckState
 
     Raises
     ------
@@ -90,8 +90,8 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     recorded = float('inf')
     for record in records.values():
         if record is None or record.samples < SMALLEST_RECORD:
-            return Standing(False, tuple(_open(verdict) for verdict in verdicts),
-                            result.timeline.duration_s)
+            return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
+                              result.timeline.duration_s)
         recorded = min(recorded, record.samples / record.rate_hz)
     if fits is None:
         fits = _fits(records)
@@ -111,13 +111,13 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     found = [verdict for verdict, _ in settled]
     if recorded < shortest_s:
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
-        return Standing(overall(found) == 'fail', tuple(found), recorded)
+        return CheckState(overall(found) == 'fail', tuple(found), recorded)
     if overall(found) == 'fail':
         # One failure decides. Other limits may be exceeded as well, but need more data to show it.
         why = 'left open, as the unit fails already'
         found = [verdict if done else _open(verdict, why) for verdict, done in settled]
-        return Standing(True, tuple(found), recorded)
-    return Standing(all(done for _, done in settled), tuple(found), recorded)
+        return CheckState(True, tuple(found), recorded)
+    return CheckState(all(done for _, done in settled), tuple(found), recorded)
 
 
 def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | None]:

@@ -14,7 +14,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
-from imu_allan.writers.words import says
+from imu_allan.writers.words import sentence_of
 
 DEAD = 1e-3
 """Share of the noise density limit below which an axis is dead. No sensor is a thousand times
@@ -83,7 +83,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
 
 def stopped(result: Result) -> str | None:
     """Return a sentence if the whole sensor gave no new samples for a part of the recording."""
-    return next((f'the sensor was dead for a part of the recording: {says(remark)}'
+    return next((f'the sensor was dead for a part of the recording: {sentence_of(remark)}'
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
 

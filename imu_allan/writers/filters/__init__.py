@@ -13,13 +13,13 @@ A consumer with one value per sensor gets that of the worst axis; comments give 
 """
 
 from imu_allan.writers.consumers import CONSUMERS
-from imu_allan.writers.filters.chosen_numbers import Wishes
+from imu_allan.writers.filters.chosen_numbers import ExportOptions
 from imu_allan.writers.filters.export import (
+    existing_file_note,
     export,
     FilterConfig,
-    left_from_before,
-    left_from_earlier,
+    stale_files_note,
 )
 
-__all__ = ['CONSUMERS', 'FilterConfig', 'Wishes', 'export', 'left_from_before',
-           'left_from_earlier']
+__all__ = ['CONSUMERS', 'ExportOptions', 'FilterConfig', 'existing_file_note', 'export',
+           'stale_files_note']

@@ -35,11 +35,11 @@ def times(factor: float) -> Scale:
     return lambda value: value * factor
 
 
-AS_IT_IS = times(1.0)
+UNSCALED = times(1.0)
 
 
 @dataclass(frozen=True)
-class Wishes:
+class ExportOptions:
     """
     The user's options for a configuration.
 
@@ -112,7 +112,7 @@ class Number:
     by_curve: bool = False
     of_flicker: bool = False
 
-    def measured(self, scale: Scale = AS_IT_IS) -> str:
+    def measured(self, scale: Scale = UNSCALED) -> str:
         """Return the measured value as text, scaled as in the file."""
         if self.bound:
             return f'not observable, below {scale(self.value):.4g}'
@@ -133,7 +133,7 @@ class Numbers:
         Name of the consumer in the command.
     consumer : Consumer
         Its usual corrections and its model of the bias.
-    wishes : Wishes
+    options : ExportOptions
 
     Raises
     ------
@@ -142,18 +142,19 @@ class Numbers:
 
     """
 
-    def __init__(self, result: Result, name: str, consumer: Consumer, wishes: Wishes) -> None:
-        self.result, self.name, self.consumer, self.wishes = result, name, consumer, wishes
-        self.aiding_s = wishes.aiding_s or consumer.aiding.interval_s
-        self.coast_s = wishes.coast_s or max(consumer.aiding.coast_s, self.aiding_s or 0.0)
+    def __init__(self, result: Result, name: str, consumer: Consumer,
+                 options: ExportOptions) -> None:
+        self.result, self.name, self.consumer, self.options = result, name, consumer, options
+        self.aiding_s = options.aiding_s or consumer.aiding.interval_s
+        self.coast_s = options.coast_s or max(consumer.aiding.coast_s, self.aiding_s or 0.0)
         self.tunings: dict[str, FilterTuning] = {}
-        if not wishes.as_measured and self.aiding_s is not None:
+        if not options.as_measured and self.aiding_s is not None:
             self._tune(self.aiding_s)
         self.coefficients = {axis: _measured(found, consumer.bias)
                              for axis, found in result.axes.items()}
         self.k_of_flicker = False
         if (self.of_datasheet and consumer.bias == 'random_walk' and self.aiding_s is not None
-                and not wishes.as_measured):
+                and not options.as_measured):
             self._let_the_bias_follow_flicker()
         self.of_axis: dict[str, dict[Key, Number]] = {
             axis: {} if found.high_passed_hz is not None else self._numbers(axis)
@@ -191,7 +192,7 @@ class Numbers:
         name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
         return name, known[name]
 
-    def measured(self, name: str, key: Key, scale: Scale = AS_IT_IS) -> str:
+    def measured(self, name: str, key: Key, scale: Scale = UNSCALED) -> str:
         """Return the measured value and interval, or the bound, of an axis as text."""
         found = self.coefficients[name].get(key)
         if found is None:
@@ -231,7 +232,7 @@ class Numbers:
         of_messages = None if sensor is None or not self.consumer.per_message else next(
             (axis.sample_rate_hz for axis in self.axes(sensor).values()
              if axis.sample_rate_hz is not None), None)
-        rate = (self.wishes.rate_hz or of_messages or self.consumer.predicts_hz
+        rate = (self.options.rate_hz or of_messages or self.consumer.predicts_hz
                 or self.result.timeline.sample_rate_hz)
         if rate is None:
             raise ImuAllanError(f'the configuration for {self.name} needs the sample rate, '
@@ -244,7 +245,7 @@ class Numbers:
 
         def tuned(axis: AxisResult, time_s: float | None) -> FilterTuning:
             return tune(axis, aiding_s, self.coast_s, self.consumer.bias,
-                        self.wishes.conservative, time_s)
+                        self.options.conservative, time_s)
 
         common: float | None = None
         if self.consumer.one_time and axes:
@@ -271,8 +272,8 @@ class Numbers:
 
     def _numbers(self, name: str) -> dict[Key, Number]:
         found = _tuned(self.tunings[name]) if name in self.tunings else self.coefficients[name]
-        k = self.wishes.inflate.get('K', 1.0)
-        factors = {'N': self.wishes.inflate.get('N', 1.0), 'K': k, 'sigma': k, 'Tc': 1.0}
+        k = self.options.inflate.get('K', 1.0)
+        factors = {'N': self.options.inflate.get('N', 1.0), 'K': k, 'sigma': k, 'Tc': 1.0}
         return {key: replace(number, value=number.value * factors[key])
                 for key, number in found.items()}
 

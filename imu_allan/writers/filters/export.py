@@ -12,7 +12,7 @@ from imu_allan.result import Result
 from imu_allan.wording import listed
 from imu_allan.writers.atomic import CONFIGURATION, kind_of
 from imu_allan.writers.consumers import CONSUMERS
-from imu_allan.writers.filters.chosen_numbers import Numbers, Wishes
+from imu_allan.writers.filters.chosen_numbers import ExportOptions, Numbers
 from imu_allan.writers.filters.structured import WRITERS
 from imu_allan.writers.filters.template import filled
 
@@ -35,7 +35,7 @@ class FilterConfig:
 
 
 def export(result: Result, consumer: str, rate_hz: float | None = None,
-           wishes: Wishes = Wishes()) -> FilterConfig:  # noqa: B008
+           options: ExportOptions = ExportOptions()) -> FilterConfig:  # noqa: B008
     """
     Return the configuration of a filter.
 
@@ -46,20 +46,20 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
     if not isinstance(result, Result):
         raise TypeError('expected a result, such as imu_allan.load_result gives, not '
                         f'{type(result).__name__}')
-    if not isinstance(wishes, Wishes):
-        raise TypeError(f'expected Wishes, not {type(wishes).__name__}')
+    if not isinstance(options, ExportOptions):
+        raise TypeError(f'expected ExportOptions, not {type(options).__name__}')
     if not isinstance(consumer, str) or consumer not in CONSUMERS:
         raise ImuAllanError(f'no configuration is known for '
                             f'{shorten(printable(repr(consumer)), 60)}; '
                             f'known are {", ".join(CONSUMERS)}')
     if rate_hz is not None:
-        wishes = replace(wishes, rate_hz=rate_hz)
-    numbers = Numbers(result, consumer, CONSUMERS[consumer], wishes)
+        options = replace(options, rate_hz=rate_hz)
+    numbers = Numbers(result, consumer, CONSUMERS[consumer], options)
     text = WRITERS.get(consumer, filled)(numbers)
     return FilterConfig(CONSUMERS[consumer].file, text)
 
 
-def left_from_before(path: str | os.PathLike[str]) -> str:
+def existing_file_note(path: str | os.PathLike[str]) -> str:
     """
     Return a note on an existing file in place of a configuration that cannot be made.
 
@@ -71,7 +71,7 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
     return f'; {printable(path)} stands there from before and was not replaced'
 
 
-def left_from_earlier(folder: str | os.PathLike[str], exports: Sequence[str] = ()) -> str:
+def stale_files_note(folder: str | os.PathLike[str], exports: Sequence[str] = ()) -> str:
     """
     Return a note on configurations in a folder that belong to an earlier result.
 

@@ -7,7 +7,7 @@ from imu_allan.tuning.tune import assess
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration, ranged
 from imu_allan.writers.filters.chosen_numbers import Numbers, Sensor, SENSORS
-from imu_allan.writers.included import included, why_left_out
+from imu_allan.writers.included import trend_notes, why_left_out
 
 
 def provenance(numbers: Numbers) -> list[str]:
@@ -40,21 +40,21 @@ def _choice(numbers: Numbers, expected: bool) -> list[str]:
         lines += [f'{name}: ' + ', '.join(
             f'{key} {numbers.measured(name, key)}' for key in numbers.coefficients[name])
             for name in numbers.result.axes if numbers.coefficients[name]]
-        lines += included(numbers.result.axes)
+        lines += trend_notes(numbers.result.axes)
     elif numbers.aiding_s is None:
         lines.append(f'Noise densities as measured: {numbers.consumer.aiding.reason}.')
-    elif numbers.wishes.as_measured:
+    elif numbers.options.as_measured:
         lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
         lines += _beyond(numbers, 'what is expected is') if expected else []
     elif not numbers.tunings:
         lines.append('Coefficients as measured: this result has no drift model to tune from.')
     else:
-        why = f' ({numbers.consumer.aiding.reason})' if numbers.wishes.aiding_s is None else ''
-        kind = 'Conservatively tuned' if numbers.wishes.conservative else 'Tuned'
+        why = f' ({numbers.consumer.aiding.reason})' if numbers.options.aiding_s is None else ''
+        kind = 'Conservatively tuned' if numbers.options.conservative else 'Tuned'
         lines.append(f'{kind} for a correction every {duration(numbers.aiding_s)}{why} and '
                      f'{duration(numbers.coast_s)} unaided.')
         lines += _beyond(numbers, 'the numbers are')
-        lines += included({name: numbers.result.axes[name] for name in numbers.tunings})
+        lines += trend_notes({name: numbers.result.axes[name] for name in numbers.tunings})
     return lines + _left_out(numbers) + _inflated(numbers)
 
 
@@ -79,7 +79,7 @@ def _left_out(numbers: Numbers) -> list[str]:
     if not laws or numbers.consumer.share == 'model':
         return []
     each = ', '.join(f'{name} {law}' for name, law in laws.items())
-    instead = '; tuned numbers have it in them' if numbers.wishes.as_measured else ''
+    instead = '; tuned numbers have it in them' if numbers.options.as_measured else ''
     return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
 
 
@@ -92,7 +92,7 @@ def _of_flicker(numbers: Numbers) -> list[str]:
 def _inflated(numbers: Numbers) -> list[str]:
     """Return the factors that the user applied to the numbers."""
     factors = ', '.join(f'{key} times {factor:g}' for key, factor
-                        in sorted(numbers.wishes.inflate.items()))
+                        in sorted(numbers.options.inflate.items()))
     return [f'INFLATED on request: {factors}.'] if factors else []
 
 

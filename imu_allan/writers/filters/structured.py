@@ -273,13 +273,13 @@ def state_space_cpp(numbers: Numbers) -> str:
 
 
 def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
-    if numbers.wishes.conservative or numbers.wishes.inflate:
+    if numbers.options.conservative or numbers.options.inflate:
         raise ImuAllanError(f'{numbers.name} is the drift model as measured: neither '
                             '--conservative nor --inflate applies; scale its matrices yourself')
     known = {name: axis for name, axis in numbers.result.axes.items()
              if axis.drift_model is not None}
     # Without a request, use the shortest step for which the models of all axes are valid.
-    step = numbers.wishes.aiding_s or max(
+    step = numbers.options.aiding_s or max(
         [numbers.aiding_s or 0.0, *(axis.drift_model.from_s for axis in known.values()
                                     if axis.drift_model is not None)])
     spaces = {}

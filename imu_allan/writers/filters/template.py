@@ -30,13 +30,13 @@ from imu_allan.errors import printable
 from imu_allan.sensor.units import convert
 from imu_allan.wording import is_table
 from imu_allan.writers.filters.chosen_numbers import (
-    AS_IT_IS,
     Key,
     Numbers,
     Scale,
     Sensor,
     SENSORS,
     times,
+    UNSCALED,
 )
 from imu_allan.writers.filters.provenance import provenance
 
@@ -183,7 +183,7 @@ def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
     return (lambda value: value**power * factor), f'({unit})^2' if power == 2 else unit
 
 
-def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
+def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
           ) -> tuple[float | None, list[str]]:
     """Return the largest number of the axes, scaled, with remarks on all axes."""
     found = numbers.worst(sensor, key)
@@ -202,7 +202,7 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
     return scale(chosen.value), [first, *others]
 
 
-def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = AS_IT_IS
+def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
          ) -> tuple[list[float] | None, list[str]]:
     """Return the numbers of x, y and z, or None if one is missing, with remarks."""
     known = numbers.known(sensor, key)

@@ -31,12 +31,12 @@ from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
-from imu_allan.writers.output_path import turn_in
+from imu_allan.writers.output_path import folder_lock
 from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.plot import render
 from imu_allan.writers.terminal import bare_table, wrapped
 from imu_allan.writers.verdict import findings_line
-from imu_allan.writers.words import presented
+from imu_allan.writers.words import for_display
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -166,7 +166,7 @@ def _link(fleet: Fleet, unit: str) -> str | None:
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``."""
-    with turn_in(folder):
+    with folder_lock(folder):
         return [write_in(folder, name, writer(fleet).encode()) for name, writer in (
             ('fleet.json', fleet_json), ('fleet.csv', fleet_csv), ('fleet.html', fleet_html))]
 
@@ -187,7 +187,7 @@ def fleet_json(fleet: Fleet) -> str:
             'path': fleet.results[unit].source.path, 'folder': fleet.folders.get(unit),
             'duration_s': fleet.results[unit].timeline.duration_s, 'odd': unit in odd,
             'reasons': fleet.reasons(unit),
-            'findings': [found.code for found in presented(
+            'findings': [found.code for found in for_display(
                 fleet.results[unit].warnings)]} for unit in population.units],
         'traits': [{**asdict(trait), 'percentiles': {
             str(percent): value for percent, value in trait.percentiles.items()}}

@@ -4,7 +4,7 @@
 
 from characterized import axes_of, characterized, holds, taken_in, together
 from imu_allan.noise.simulate import simulate
-from imu_allan.writers.included import included
+from imu_allan.writers.included import trend_notes
 import numpy as np
 import pytest
 from repeated import combined
@@ -61,7 +61,7 @@ def test_a_cycle_of_a_few_times_the_flicker_is_named_and_where_the_mean_stands_o
     else:
         assert not remarks.keys() & {'warm_up', 'slow_cycle', 'trend_or_walk'}
         assert axis.trend.cycle_s is None
-        assert included({'gyro_y': axis}) == []
+        assert trend_notes({'gyro_y': axis}) == []
     assert axis.trend.warm_up is None
     assert axis.coefficients[K].observable == (walk > 0)
 
