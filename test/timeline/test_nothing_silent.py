@@ -1045,7 +1045,8 @@ def test_a_sensor_polled_somewhat_faster_than_it_samples_has_its_own_rate(ratio)
 
 
 @pytest.mark.parametrize(('rate_hz', 'timer_s'), [
-    (403.1, 0.001), (831.7, 0.001), (951.3, 0.001), (118.7, 0.008), (99.2, 0.016), (208.3, 0.008)])
+    (400.0, 0.001), (403.1, 0.001), (831.7, 0.001), (951.3, 0.001), (25.0, 0.016), (118.7, 0.008),
+    (99.2, 0.016), (208.3, 0.008)])
 def test_samples_read_by_a_timer_at_another_rate_are_not_lost(rate_hz, timer_s):
     messages, truth, rng = gyro(rate_hz, 30.0)
     read = np.ceil(messages.header / timer_s) * timer_s
@@ -1056,6 +1057,20 @@ def test_samples_read_by_a_timer_at_another_rate_are_not_lost(rate_hz, timer_s):
     assert summary.timeline.missing == 0
     assert sum(map(len, even)) == len(read)
     assert codes(summary) <= {'uneven_stamps', 'receive_clock'}
+
+
+@pytest.mark.parametrize('late', [0.4, 0.6, 1.4])
+@pytest.mark.parametrize('lost', [0.0, 0.1])
+def test_messages_that_are_late_by_half_an_interval_do_not_double_the_rate(late, lost):
+    messages, truth, rng = gyro()
+    count = len(messages.place)
+    delay = (rng.random(count) < 0.2) * late + rng.exponential(0.02, count)
+    header = np.maximum.accumulate(messages.header + delay / truth.rate_hz) + 1e-7 * messages.place
+    late_messages = replace(messages, header=header, receive=np.maximum.accumulate(
+        header + 1e-4 + rng.exponential(2e-4, count)))
+    summary, _ = run(keep(late_messages, rng.random(count) >= lost).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert summary.timeline.missing == pytest.approx(lost * count, rel=0.1, abs=3)
 
 
 def test_stamps_that_jump_back_follow_no_beat():
