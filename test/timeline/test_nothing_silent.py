@@ -1044,6 +1044,19 @@ def test_a_sensor_polled_somewhat_faster_than_it_samples_has_its_own_rate(ratio)
         'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
 
 
+@pytest.mark.parametrize('ratio', [1.6, 2.4])
+def test_polls_that_are_late_by_a_tenth_leave_the_rate_of_the_sensor_as_it_is(ratio):
+    messages, truth, rng = gyro()
+    polls = np.arange(1, int(messages.header[-1] * ratio * truth.rate_hz) - 3) + 0.0
+    polls = np.maximum.accumulate(polls + rng.exponential(0.1, len(polls)))
+    polls = polls / ratio / truth.rate_hz + 1e-7 * np.arange(len(polls))
+    newest = messages.pick(np.floor(polls * truth.rate_hz).astype(int))
+    summary, _ = run(replace(newest, header=polls, receive=np.maximum.accumulate(
+        polls + 1e-4 + rng.exponential(2e-4, len(polls)))).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert summary.timeline.missing == 0
+
+
 @pytest.mark.parametrize(('rate_hz', 'timer_s'), [
     (400.0, 0.001), (403.1, 0.001), (831.7, 0.001), (951.3, 0.001), (25.0, 0.016), (118.7, 0.008),
     (99.2, 0.016), (208.3, 0.008)])
