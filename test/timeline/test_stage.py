@@ -378,7 +378,7 @@ def test_without_any_usable_stamps_a_stated_rate_counts_samples():
     assert np.array_equal(rows_by_place(even)[1], block.samples)
 
 
-OTHER_RATE = ('the stated rate is 200 Hz, but the header stamps advance at 100 Hz: leave out the '
+OTHER_RATE = ('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave out the '
               'rate, choose the other clock (analyze --clock), or force the stated rate '
               '(analyze --clock none)')
 
