@@ -26,7 +26,7 @@ import numpy as np
 FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
 _FEWEST_POLLED = 0.03
-"""Share of repeats that moves N by a hundredth."""
+"""Smallest share of repeats that matters: it changes N by 1 %."""
 
 SPARSE = 16
 """One in this many samples enters the mean acceleration, which needs no more."""
@@ -195,11 +195,10 @@ class Content(Record):
 
 def _come_evenly(again: Bools) -> bool:
     """
-    Return whether messages repeat as those of a timer that polls a sensor do.
+    Return whether messages repeat as regularly as those of a timer that polls a sensor.
 
-    New values are then as many messages apart, up to one. Where one is repeated at random, in
-    place of a new one, their places wander off: by 1.5 messages for 32 repeats, which are the
-    fewest.
+    The number of messages between new values then varies by at most one. If repeats replace new
+    samples at random, the positions drift: by 1.5 messages for 32 repeats, the fewest considered.
     """
     new = np.flatnonzero(~again)
     if len(again) - len(new) < max(32, _FEWEST_POLLED * len(again)) or len(new) < 64:

@@ -205,7 +205,7 @@ class Intake(Record):
                                     or not _is_nearly_full(decision.pace, clocks[0])):
             seen += [takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
         if any(seen):
-            # By a clock that is read in batches, a vibration seems to be apart.
+            # With a clock that is read in batches, a vibration looks like two publishers.
             two = 'noise' in seen or ('apart' in seen and 'half' not in seen)
             decision.remarks['several_publishers' if two else 'alternating'] = {}
 
@@ -271,7 +271,7 @@ class Intake(Record):
             polls = ~(repeats.frozen | twice)
             polled, beside = (stamps[polls] for stamps in self.stamps(window))
             if _none_lost(polled, beside, decision.unties):
-                # Time passes on both clocks where repeats are left out, and no sample is lost.
+                # Removed repeats leave gaps on both clocks, but no sample is lost.
                 return _pace_of(own, None, None, bursts=decision.unties, each=True)
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
         if (pace is not None and decision.clock == 'header' and self._options.clock == 'auto'
@@ -281,7 +281,7 @@ class Intake(Record):
             decision.remarks['receive_clock'] = {'flaw': 'in leaps'}
             return _pace_of(other, own, numbers, bursts=True)
         if pace is not None and pace.counting and follow_a_beat(own):
-            # The other clock is read when the same timer runs.
+            # The other clock is read by the same timer, so it shows no more.
             return pace, count
         # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
@@ -411,9 +411,9 @@ def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
 
 def _leaps(own: Stamps, other: Stamps, pace: Pace) -> bool:
     """
-    Return whether stamps crawl and make up for it in leaps, which the other clock does not see.
+    Return whether stamps advance too slowly and catch up in leaps that the other clock lacks.
 
-    So they do where microseconds are written into the field of nanoseconds.
+    This happens if microseconds are written into the nanoseconds field.
     """
     if pace.counting:
         return False
@@ -421,8 +421,8 @@ def _leaps(own: Stamps, other: Stamps, pace: Pace) -> bool:
     near = (steps > 0) & (steps < 1.5 * pace.interval_ns)
     crawl = float(passed[near].sum()) / max(float(steps[near].sum()), 1.0)
     whole = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-    # A replay at another speed has that speed all the time: ten times is a judgment. Within a
-    # leap nothing is seen of the whole.
+    # A replay at another speed keeps that speed throughout. The factor of ten is a judgment.
+    # Stamps between two leaps do not show the overall speed, but an impossible rate.
     return crawl > 10 and (whole < 0.1 * crawl or pace.interval_ns < FASTEST_NS)
 
 

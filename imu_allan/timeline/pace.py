@@ -30,7 +30,7 @@ FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 _FEW_LOSSES = 8
 """Fewer losses change the rate by no more than its error."""
 _FEW_SLIPS = 4
-"""Of messages dropped in turn, so few are lost besides or come late."""
+"""Irregularities, by other losses or lateness, below which messages count as dropped in turn."""
 _STRAIGHT = 0.75
 """Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
@@ -135,8 +135,8 @@ def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
         return None
     # Take the lowest rate, as a grid of half the interval fits exact stamps equally well.
     rate = float(rates[peaks[power[peaks] > 0.9 * power[peaks].max()][0]])
-    # If some messages are half an interval late, half the interval fits best, but most lie at
-    # every other place. The places of what random losses leave are odd as often as even.
+    # If some messages are half an interval late, half the interval fits best, but most messages
+    # lie at every other place. Random losses leave odd and even places equally often.
     circle = np.exp(1j * pi * rate * (groups - groups[:, :1]))
     if rate > 1.8 / overall and np.mean(np.abs(circle.mean(axis=1))) > 0.4:
         rate /= 2
@@ -215,11 +215,11 @@ def follow_a_beat(stamps: Stamps) -> bool:
 
 def _is_beat(time: Floats, grid: Pace) -> bool:
     """
-    Return whether the empty places of a grid come as those of a timer that reads a slower sensor.
+    Return whether the empty places of a grid are those of a timer that reads a slower sensor.
 
-    Time passes there on every clock that is read when the timer runs. As many messages always
-    take as many places, up to one; of 16 random losses one in 100,000 does. Messages dropped in
-    turn repeat exactly, which a beat of two frequencies does not.
+    Clocks that are read when the timer fires show that time, although no sample is lost. The
+    places per message then vary by at most one, as 16 random losses do once in 100,000 times.
+    Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
     """
     n = len(time)
     steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
@@ -231,7 +231,7 @@ def _is_beat(time: Floats, grid: Pace) -> bool:
         return False
     place, number = np.concatenate([[0], np.cumsum(steps)]), np.arange(n) - (n - 1) / 2
     residual = place - place.mean() - (number @ place) / (number @ number) * number
-    # Even over one place, and nothing is late on top of that.
+    # The places stay within one of a straight line, with a small allowance for lateness.
     if np.ptp(residual) > 1.2:
         return False
     apart = np.diff(long)
@@ -273,7 +273,7 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     short = steps < PHASE_GROUP
     lost = float(np.sum(steps[short & (steps > 1)] - 1))
     n = len(time)
-    # Messages that waited for a late one share a place with it, and fill the empty ones before it.
+    # Messages that waited for a late one share its place; they belong into the empty places before.
     waited = np.count_nonzero(steps == 0)
     if np.count_nonzero(steps > 1) < _FEW_LOSSES or lost - waited < _FEW_LOSSES:
         return grid
@@ -284,8 +284,8 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
-    # Of what is dropped in turn, two would sometimes follow each other; a timer that finds one
-    # sample at every second or third reading shows time passing on both clocks.
+    # A timer that finds a sample only at every second or third reading shows time passing on both
+    # clocks. Of messages dropped in turn, two would sometimes be neighbours.
     truly = (None if other is None or np.percentile(steps, 1) > 1 else
              _lost_by(other, np.diff(time), steps, grid.interval_ns))
     if truly is not None:
@@ -309,8 +309,8 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
             or np.max(np.abs(passed - own)) < 0.02 * interval
             or np.mean(passed == 0) > 0.1):
-        # A clock that stops, jumps, or copies the first one shows nothing, nor does one whose
-        # ticks are longer than the interval: they may keep step with regular losses.
+        # A clock that stops, jumps, or copies the first one shows nothing. Nor does a clock whose
+        # ticks are longer than the interval, as they may coincide with regular losses.
         return None
     # Losses may always come in twos, so the two most common numbers of steps decide.
     counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
