@@ -30,7 +30,7 @@ FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 _FEW_LOSSES = 8
 """Fewer losses change the rate by no more than its error."""
 _FEW_SLIPS = 4
-"""Irregularities, by other losses or lateness, below which messages count as dropped in turn."""
+"""With fewer irregularities, from other losses or lateness, messages are dropped in turn."""
 _STRAIGHT = 0.75
 """Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
@@ -273,7 +273,7 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     short = steps < PHASE_GROUP
     lost = float(np.sum(steps[short & (steps > 1)] - 1))
     n = len(time)
-    # Messages that waited for a late one share its place; they belong into the empty places before.
+    # Messages that waited for a late one share its place; they fill the empty ones before.
     waited = np.count_nonzero(steps == 0)
     if np.count_nonzero(steps > 1) < _FEW_LOSSES or lost - waited < _FEW_LOSSES:
         return grid
