@@ -63,7 +63,7 @@ CODES: Mapping[str, Code] = {
     'copied_axis': _act(opposite=Flag),
     'high_passed': _act(corner_hz=Hertz),
     'filtered': _act(by=Literal['autopilot', 'orientation'], topic=Text | None, raw=Text | None),
-    'axis_not_finite': _act(),
+    'axis_not_finite': _act(no_column=Flag | None),
     'frozen': _act(messages=Count, since_s=Seconds | None),
     'unknown_rate': _act(),
     # the sensor was not at rest or not steady

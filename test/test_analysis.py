@@ -129,3 +129,15 @@ def test_what_reads_is_there_before_scipy_is_imported():
         [sys.executable, '-c', 'import sys, imu_allan.analysis; print("scipy" in sys.modules)'],
         capture_output=True, text=True, check=True)
     assert done.stdout.strip() == 'False'
+
+
+@pytest.mark.parametrize(('header', 'cells', 'values'), [
+    ('gyro_z', '', {'no_column': True}), ('gyro_x,gyro_y,gyro_z', 'nan,nan,', {})])
+def test_a_missing_column_is_not_reported_as_missing_numbers(
+        tmp_path, header, cells, values):
+    path = tmp_path / 'imu.csv'
+    noise = np.random.default_rng(5).normal(0, 1e-3, 2000)
+    path.write_text(f'time_s,{header}\n' + ''.join(
+        f'{number / 100},{cells}{value}\n' for number, value in enumerate(noise)))
+    [found] = [one for one in analyze(path).warnings if one.code == 'axis_not_finite']
+    assert (found.axes, found.values) == (('gyro_x', 'gyro_y'), values)

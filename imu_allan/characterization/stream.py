@@ -290,10 +290,14 @@ class Characterization:
                 'choose a still part with --start and --duration, or keep everything with '
                 f'--motion keep{mixed}')
         record = twin._record(summary)
+        # The reader may know why an axis has no values.
+        given = [*remarks]
+        known = {(remark.code, remark.axes) for remark in given}
+        given += [own for own in summary.remarks if (own.code, own.axes) not in known]
         result = Result(
             __version__, Source(self._memory.kind, self.path, self.topic, summary.frame_id,
                                 summary.start_time, summary.clock),
-            summary.timeline, {}, (*remarks, *summary.remarks))
+            summary.timeline, {}, tuple(given))
         if record is None:
             unknown = (finding('unknown_rate'),) if twin._memory.groups else ()
             return replace(result, warnings=(*result.warnings, *unknown)), {}

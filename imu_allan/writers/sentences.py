@@ -394,8 +394,11 @@ WORDS: Mapping[str, Words] = {
     'axis_not_finite': Words(
         'no numbers', 'The axis holds no numbers and is left out.',
         'All values are NaN or infinite, or a table has no such column.',
-        says='left out: the table has no such column, or all values are NaN or infinite',
-        do='name its column, or look whether the driver fills in this axis',
+        says=lambda f: 'left out: the table has no such column' if 'no_column' in f else
+        'left out: all values are NaN or infinite',
+        do=lambda f: 'name its column with --columns' if 'no_column' in f else
+        'look whether the driver fills in this axis',
+        general='name its column, or look whether the driver fills in this axis',
         brief='no numbers'),
     'frozen': Words(
         'frozen sensor',

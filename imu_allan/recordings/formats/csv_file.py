@@ -19,6 +19,8 @@ import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.finding import finding
+from imu_allan.noise.terms import AXES
 from imu_allan.recordings.formats.csv_header import (
     cells_of,
     Clock,
@@ -219,6 +221,11 @@ class CsvRecording(FileRecording):
                 # Ten names keep the remark to a line or two.
                 self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
                             columns=[printable(cell[:40]) for cell in cells[:10]])
+        axes = {axis for _, axis, _ in columns.axes}
+        sensors = {axis // 3 for axis in axes}
+        for axis, name in enumerate(AXES):
+            if axis // 3 in sensors and axis not in axes:
+                self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
 
 
 def _parse(lines: list[str], columns: Columns,
