@@ -16,7 +16,8 @@ from imu_allan.writers.words import values_of
 HEAD = """\
 # Findings
 
-Made by `docs/make_findings.py`. `imu_allan explain CODE` prints one of them.
+What findings mean, how they are detected, and what to do. `imu_allan explain CODE` prints one of
+them. Made by `docs/make_findings.py`.
 
 A result lists them as `warnings`:
 
@@ -25,13 +26,13 @@ A result lists them as `warnings`:
  "values": {"window_s": [0.0148, 0.0152]}, "message": "..."}
 ```
 
-`severity` is `act` where the numbers are not what you want until you do something, else `know`.
-Scripts may rely on all but `message`. `values` are in SI units, a list where axes differ.
-Those with "?" may be absent. The end of a name is its unit, else the value `unit` has it.
-`recording` is one of several, `more` counts what is left out.
+`severity` is `act` if you should do something before using the numbers, otherwise `know`.
+Scripts may rely on all fields but `message`. `values` are in SI units, as a list if axes differ.
+Those marked "?" may be absent. The suffix of a name is its unit, otherwise the value `unit` has
+it. `recording` names one of several; `more` counts what is left out.
 
-In italics: how it is found. *Do* is for a recording, *live* at a running node where that differs;
-without either, nothing is to be done.
+Italics say how a finding is detected. *Do* is for a recording, *live* for a running node if that
+differs. Without either, nothing needs to be done.
 """
 
 

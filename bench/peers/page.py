@@ -20,8 +20,8 @@ HOW = ('nearer', 'as near')
 _MARKS = {'nearer': '**', 'as near': '*', '': ''}
 _HEAD = """# Allan tools compared
 
-`make bench-peers` wrote this page, with pinned versions, in about an hour.
-`bench/peers/figures.json` has every figure.
+How other Allan tools do on the same data. `make bench-peers` writes this page, with pinned
+versions, in about an hour; `bench/peers/figures.json` has all figures.
 """
 
 
@@ -70,8 +70,8 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
                         title, []).append(SYMBOLS[key])
     yield '## Where another tool is better, or as good\n'
     if rows:
-        yield ('Terms by case, below in bold and italic. Nearer is an error more than '
-               f'{_AS_GOOD - 1:.0%} smaller than ours, as near one at most {_AS_GOOD - 1:.0%} '
+        yield ('Terms by case; below in bold and italic. "Nearer" means an error more than '
+               f'{_AS_GOOD - 1:.0%} smaller than ours, "as near" at most {_AS_GOOD - 1:.0%} '
                'larger.\n')
         yield table(['tool', *HOW], [
             [name, *('; '.join(f'{", ".join(terms)} of `{title}`' for title, terms in found.get(
@@ -81,7 +81,7 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
     others = {
         'share of axes, if near': reported_more(figures),
         'false terms': fewer_false(figures),
-        'halves of the telephone (of unknown truth)': repeats(figures),
+        'halves of the phone record (truth unknown)': repeats(figures),
         'time or memory': smaller(figures.get('speed', {}))}
     if any(others.values()):
         yield table(['better in', 'tools'], [
@@ -178,9 +178,9 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     yield '## Tools\n'
     yield '\n'.join(f'- {tool["name"]}: {tool["origin"]}'
                     for tool in figures['tools'].values()) + '\n'
-    yield ('Adapters are our own (`bench/peers/adapters/`), with each '
-           'tool at its defaults. One number a sensor is compared with each of its axes.\n')
-    yield ('GMWM was not run, with CRAN out of reach; in R: '
+    yield ('The adapters (`bench/peers/adapters/`) are ours and leave each tool at its '
+           'defaults. A number for a whole sensor is compared with each axis.\n')
+    yield ('GMWM was not run, as CRAN was not reachable; in R: '
            '`install.packages("simts"); library(simts); gmwm_imu(WN() + RW(), samples)`. '
            'N is `sqrt(SIGMA2 / rate)`, K `sqrt(GAMMA2 * rate)`.\n')
 
@@ -190,12 +190,12 @@ def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
     called = names(figures)
     some = next(iter(figures['accuracy'].values()))
     yield '## Accuracy\n'
-    yield (f'{some["records"]} records of six axes each a case (`bench/peers/simulated.py`). A '
-           'cell is the root mean square error over the Cramér-Rao bound, term by term, of the '
-           'axes of which a tool reports the coefficient. Brackets give that share where it is '
-           f'not all, a dash none. An error is known to about '
-           f'{100 / math.sqrt(12 * some["records"]):.0f} %. The bound of a low-pass is that of a '
-           'tool that knows the filter.\n')
+    yield (f'{some["records"]} records of six axes for each case (`bench/peers/simulated.py`). '
+           'Cells give the root mean square error over the Cramér-Rao bound, term by term, on '
+           'axes where a tool reports the coefficient. Their share is in brackets unless it is '
+           'all; a dash means none. Errors are known to about '
+           f'{100 / math.sqrt(12 * some["records"]):.0f} %. Behind a low-pass, the bound is that '
+           'for a known filter.\n')
     rows = [[f'`{name}`: {case["title"]}',
              ', '.join(f'{SYMBOLS[key]} {100 * bound:.2g}'
                        for key, bound in case['bound'].items()),
@@ -236,9 +236,9 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
 def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show coverage and interval score of the tools that have intervals."""
     yield '## Intervals\n'
-    yield ('Share of 95 % intervals that contain the truth, and the interval score. That is width '
-           'plus 40 times the miss, over the width of the best interval, median and worst case. '
-           'A bound counts as an interval from zero.\n')
+    yield ('Share of 95 % intervals that contain the truth, and interval score, median and worst '
+           'case. The score is width plus 40 times the miss, over the width of the best '
+           'interval. An upper bound counts as an interval from zero.\n')
     rows = []
     for tool, name in names(figures).items():
         for key, symbol in SYMBOLS.items():
@@ -269,12 +269,11 @@ def refusals(figures: Mapping[str, Any]) -> Iterator[str]:
 def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
-    yield '## Two recordings that anybody can fetch\n'
-    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, of which '
-           'nobody knows the truth. Both are fetched with the wheel of scikit-diveMove 0.4.0 '
-           '(AGPL) from PyPI.\n')
-    yield ('**Halves of the telephone**: median over the axes of the ratio of both halves. NIS '
-           'is that of a filter that is corrected every ten seconds, six axes both ways.\n')
+    yield '## Two public recordings\n'
+    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz. The truth '
+           'is unknown. Both are in the wheel of scikit-diveMove 0.4.0 (AGPL) on PyPI.\n')
+    yield ('**Halves of the phone record**: ratio between the results of both halves, median over '
+           'axes. NIS is that of a filter corrected every ten seconds, six axes both ways.\n')
     rows = []
     for tool, name in called.items():
         of = found['tools'][tool]['filter']
@@ -286,22 +285,23 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
                      f'{short(min(nis))} to {short(max(nis))}, median {short(median(nis))}'
                      if nis else '–'])
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
-    yield ('**What each says** of the gyroscope, the quietest axis to the noisiest: N in '
-           'deg/√h, B in deg/h, K in deg/h/√h. The telephone smooths near 0.2 Hz; the tag is '
-           f'coarse, and {_warmth(found["rests"])}. imu_allan alone reads its '
+    yield ('**Results for the gyroscopes**, quietest to noisiest axis: N in '
+           'deg/√h, B in deg/h, K in deg/h/√h. The phone has a low-pass near 0.2 Hz; the tag has '
+           f'coarse steps, and {_warmth(found["rests"])}. Only imu_allan uses its '
            'thermometer.\n')
-    yield table(['tool', *(f'{where}: {symbol}' for where in ('telephone', 'tag')
+    yield table(['tool', *(f'{where}: {symbol}' for where in ('phone', 'tag')
                            for symbol in ('N', 'B', 'K'))],
                 [[name, *_said(found['tools'][tool]['answers'])] for tool, name in called.items()])
     for of in ('telephone', 'tag'):
         codes = dict.fromkeys(one.partition(':')[0] for part, said in found['findings'].items()
                               for one in said if (part == 'telephone') == (of == 'telephone'))
-        yield f'imu_allan warns of the {of}: {", ".join(codes) or "nothing"}.\n'
+        where = 'phone' if of == 'telephone' else of
+        yield f'Findings of imu_allan on the {where}: {", ".join(codes) or "none"}.\n'
 
 
 def _warmth(rests: Sequence[Mapping[str, float]]) -> str:
     """Say between which temperatures the tag was."""
-    return (f'its {len(rests)} rests go from {min(rest["coldest_c"] for rest in rests):.0f} to '
+    return (f'its {len(rests)} rests span {min(rest["coldest_c"] for rest in rests):.0f} to '
             f'{max(rest["warmest_c"] for rest in rests):.0f} °C')
 
 
@@ -324,8 +324,8 @@ def _said(answers: Mapping[str, Any]) -> Iterator[str]:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield ('The whole process on an MCAP with zstd chunks at 1 kHz: medians of wall / processor '
-           'time and memory, by messages.\n')
+    yield ('Whole process on an MCAP with zstd chunks at 1 kHz, by number of messages: medians of '
+           'wall / processor time and memory.\n')
     tools = dict.fromkeys(tool for found in rows.values() for tool in found)
     yield table(['tool', *(f'{int(messages):,}' for messages in rows)], [
         [tool, *(f'{row["wall_s"]:.1f} / {row["cpu_s"]:.1f} s, {row["memory_mb"]:.0f} MB'
@@ -336,7 +336,7 @@ def speed(rows: Mapping[str, Any]) -> Iterator[str]:
 def repeating() -> Iterator[str]:
     """Say how a row is made again."""
     yield '## Repeating it\n'
-    yield ('One row, with these versions the same to the digit, and to twelve digits on another '
-           'kind of processor:\n')
+    yield ('One row. With these versions all digits are the same, on another kind of processor '
+           'twelve:\n')
     yield ('```text\nmake .venv-peers/.installed\n.venv-peers/bin/python bench/peers/run.py '
            '--row b wavelets\n```\n')
