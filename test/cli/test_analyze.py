@@ -161,26 +161,27 @@ def test_all_topics_are_analyzed_as_each_alone_and_none_leads_out_of_the_output_
         assert json.loads((folder / 'result.json').read_text()) == alone.to_dict()
 
 
-def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_with):
-    path = tmp_path / 'a.mcap'
+def written(path, topics):
+    """Write a recording of topics with the samples that are given for each."""
     with mcap_written(path) as write:
-        for topic, count in (('/imu', 3000), ('/short', 20)):
-            for number in range(count):
+        for topic, rows in topics.items():
+            for number, row in enumerate(rows):
                 stamp = START_NS + number * 10**7
-                write(topic, stamp, encode_imu(
-                    stamp, np.random.default_rng(number).normal(size=6), 'imu'))
+                write(topic, stamp, encode_imu(stamp, row, 'imu'))
+    return path
+
+
+def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_with):
+    rows = np.random.default_rng(1).normal(size=(3000, 6))
+    path = written(tmp_path / 'a.mcap', {'/imu': rows, '/short': rows[:20]})
     fails_with(f'{path}, topic /short: no coefficient: 20 samples are too few; record for longer',
                'analyze', path, '--all-topics')
 
 
 def test_of_all_topics_the_first_that_is_shown_is_on_line_one_and_even_a_constant_one_is_not_saved(
         tmp_path, capsys):
-    path = tmp_path / 'a.mcap'
-    with mcap_written(path) as write:
-        for topic, value in (('/a', float('nan')), ('/b', 1.0)):
-            for number in range(3000):
-                stamp = START_NS + number * 10**7
-                write(topic, stamp, encode_imu(stamp, np.full(6, value), 'imu'))
+    path = written(tmp_path / 'a.mcap', {
+        topic: np.full((3000, 6), value) for topic, value in (('/a', np.nan), ('/b', 1.0))})
     assert main(['analyze', str(path), '--all-topics']) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith('Gyroscope: not usable')

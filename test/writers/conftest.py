@@ -186,6 +186,16 @@ def with_edf() -> Callable[[Result, float], Result]:
 
 
 @pytest.fixture(scope='session')
+def known_for() -> Callable[[Result, float], Result]:
+    """Return a function that makes drift models known up to a time only."""
+    def known(result: Result, to_s: float) -> Result:
+        return replace(result, axes={
+            name: replace(axis, drift_model=replace(axis.drift_model, to_s=to_s))
+            for name, axis in result.axes.items() if axis.drift_model})
+    return known
+
+
+@pytest.fixture(scope='session')
 def streamed() -> Callable[..., Characterization]:
     """Return a function that feeds a characterization with gyro x, or with axes in columns."""
     def streamed(samples: np.ndarray, rate_hz: float) -> Characterization:

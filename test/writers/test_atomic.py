@@ -7,16 +7,12 @@ import pytest
 from whole_lines import refused, unwritable
 
 
-def test_a_file_is_made_with_the_folders_it_needs(tmp_path):
-    write_atomically(tmp_path / 'a' / 'b' / 'file', b'content')
-    assert (tmp_path / 'a' / 'b' / 'file').read_bytes() == b'content'
-
-
-def test_nothing_but_the_file_is_left_behind(tmp_path):
+def test_a_file_is_made_with_the_folders_it_needs_and_nothing_else_is_left(tmp_path):
+    target = tmp_path / 'a' / 'b' / 'file'
     for content in (b'one', b'two'):
-        write_atomically(tmp_path / 'file', content)
-    assert [path.name for path in tmp_path.iterdir()] == ['file']
-    assert (tmp_path / 'file').read_bytes() == b'two'
+        write_atomically(target, content)
+        assert [path.name for path in target.parent.iterdir()] == ['file']
+        assert target.read_bytes() == content
 
 
 def test_a_failure_leaves_the_old_content_and_no_debris(tmp_path, monkeypatch):

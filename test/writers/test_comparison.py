@@ -1,7 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
-import io
 from math import sqrt
 from pathlib import Path
 
@@ -15,8 +14,8 @@ from imu_allan.writers.comparison import (
     verdicts,
 )
 from imu_allan.writers.plot import render
+from on_terminal import shown
 import pytest
-from rich.console import Console
 from whole_lines import refused, Varying
 
 
@@ -43,9 +42,6 @@ def test_every_result_is_compared_with_the_first(result, make_result):
     assert {d.reference for d in differences} == {'a'}
     assert [d.other for d in differences[:4]] == ['b', 'c', 'b', 'c']
     assert differences[0].ratio == pytest.approx(1.1)
-
-
-def test_equal_results_do_not_differ(result):
     assert all(d.in_intervals in (0.0, None) for d in compare({'a': result, 'b': result}))
 
 
@@ -76,16 +72,11 @@ def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
     assert names_of([Path(path) for path in paths]) == names
 
 
-def printed(differences, width):
-    out = io.StringIO()
-    Console(file=out, width=width).print(difference_table(differences))
-    return out.getvalue()
-
-
 def test_the_table_has_a_row_for_each_difference(result, make_result):
-    shown = printed(compare({'a': result, '[bold]\x1b[2J': make_result(2.0)}), 140)
-    assert shown.count('[bold]\\x1b[2J') == 1
-    assert '\x1b' not in shown
+    differences = compare({'a': result, '[bold]\x1b[2J': make_result(2.0)})
+    text = shown(difference_table(differences), 140)
+    assert text.count('[bold]\\x1b[2J') == 1
+    assert '\x1b' not in text
 
 
 def test_the_figure_is_drawn_for_many_results_and_missing_axes(result, make_result):
@@ -118,7 +109,7 @@ def test_no_row_is_wrapped_at_eighty_columns(make_result, others):
     names = [f'a_unit_with_a_name_of_many_letters_{number}' for number in range(1 + others)]
     differences = compare({name: make_result(scale=1 + 0.1 * place)
                            for place, name in enumerate(names)})
-    lines = printed(differences, 80).splitlines()
+    lines = shown(difference_table(differences), 80).splitlines()
     assert sum(line.startswith(('gyro ', 'accel ')) for line in lines) == len(differences)
     assert len(lines) == len(differences) + 1
     assert max(map(len, lines)) <= 80

@@ -51,8 +51,9 @@ def test_every_document_and_page_is_known_by_its_beginning(result: Result) -> No
 
 def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path: Path, result: Result
                                                                   ) -> None:
+    # One axis is drawn in a sixth of the time.
+    result = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=())
     other = replace(result, source=replace(result.source, path='other'))
-
     for path in {*save_folder(result, tmp_path, ['kalibr']), *save_report(result, tmp_path),
                  *save_latex(result, tmp_path),
                  *save_comparison({'a': result, 'b': other}, tmp_path),
@@ -65,17 +66,6 @@ def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path: Path
         assert path.read_text() == 'of the user'
         path.write_bytes(before)
         write_in(tmp_path, path.name, before)
-
-
-def test_a_link_in_an_output_folder_is_not_followed(tmp_path: Path, result: Result) -> None:
-    (tmp_path / 'elsewhere.json').write_text(result.to_json())
-    (tmp_path / 'out').mkdir()
-    (tmp_path / 'out' / 'result.json').symlink_to(tmp_path / 'elsewhere.json')
-    before = (tmp_path / 'elsewhere.json').stat().st_mtime_ns
-    with refused(f'{tmp_path}/out/result.json: is a link, which is not followed in an output '
-                 'folder; remove it'):
-        save_folder(result, tmp_path / 'out')
-    assert (tmp_path / 'elsewhere.json').stat().st_mtime_ns == before
 
 
 def test_what_is_empty_is_replaced(tmp_path: Path, result: Result) -> None:

@@ -29,13 +29,13 @@ from imu_allan.result import (
 from imu_allan.writers import curves, panels, plot
 from imu_allan.writers.charts import allan_chart
 from imu_allan.writers.figure_style import COLOURS, DARK
-from imu_allan.writers.report import report_html
 from imu_allan.writers.svg import power_text
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 import numpy as np
+from on_terminal import FLAT
 import pytest
 from whole_lines import refused
 
@@ -43,9 +43,12 @@ from whole_lines import refused
 @pytest.mark.parametrize(('kind', 'start'), [
     ('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')])
 def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, start):
-    content = plot.render(plot.overview_figure(result), kind, 50)
-    assert content.startswith(start)
-    assert plot.render(plot.overview_figure(result), kind, 50) == content
+    before = dict(matplotlib.rcParams)
+    one, other = (plot.render(plot.paper_figure(result, 8.5), kind, 50) for _ in range(2))
+    assert one.startswith(start)
+    assert one == other
+    # The caller's settings are left alone.
+    assert dict(matplotlib.rcParams) == before
 
 
 def test_where_no_model_describes_the_samples_none_is_drawn(result):
@@ -53,11 +56,12 @@ def test_where_no_model_describes_the_samples_none_is_drawn(result):
     axis = replace(axis, curve=replace(axis.curve, model_adev=(0.0,) * len(axis.curve.tau_s)))
     assert not len(curves.model_curve(axis, result.timeline)[0])
     assert np.isnan(curves.model_density(axis, np.array([0.1, 1.0]), 100.0)).all()
-    without = replace(result, axes={**result.axes, 'gyro_x': axis})
-    drawn, usual = (plot.render(plot.overview_figure(one), 'png', 40) for one in (without, result))
-    assert drawn != usual
-    assert report_html(without).count('class="curve model"') < report_html(result).count(
-        'class="curve model"')
+    for one, lines in ((axis, 2), (result.axes['gyro_x'], 4)):
+        panel = Figure().add_subplot()
+        panels.draw_curve(panel, one, 'black', timeline=result.timeline)
+        assert sum(len(line.get_xdata()) > 0 for line in panel.lines) == lines
+        page = allan_chart('gyro', {'gyro_x': one}, result.timeline).svg
+        assert ('class="curve model"' in page) == (lines == 4)
 
 
 def texts_of(figure):
@@ -69,11 +73,9 @@ def texts_of(figure):
     return texts
 
 
-def test_the_unit_of_the_table_stands_left_of_the_curve_and_si_right(result):
-    texts = texts_of(plot.overview_figure(result))
-    for label in ('Allan deviation of angular rate [°/h]', '[rad/s]',
-                  'Allan deviation of acceleration [µg]', '[m/s²]'):
-        assert label in texts
+def angular(figure):
+    """Give the panel of the Allan deviation of the gyroscope."""
+    return next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
 
 
 @pytest.mark.parametrize('last', [1e-9, 1e-5, 1e-4, 1.0])
@@ -82,7 +84,7 @@ def test_the_names_of_the_curves_stay_inside_the_frame(result, last):
             for name, axis in result.axes.items()}
     figure = plot.overview_figure(replace(result, axes=axes))
     plot.render(figure, 'png', 30)
-    panel = next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
+    panel = angular(figure)
     frame = panel.get_window_extent()
     names = [text for text in panel.texts if text.get_text() in ('x', 'y', 'z')]
     assert len(names) == 3
@@ -93,10 +95,12 @@ def test_the_names_of_the_curves_stay_inside_the_frame(result, last):
         assert panel.get_ylim()[0] < text.xy[1] < panel.get_ylim()[1]
 
 
-def test_the_numbers_left_are_round_in_the_unit_of_the_table(result):
+def test_left_is_the_unit_of_the_table_right_si_and_the_numbers_are_round(result):
     figure = plot.overview_figure(result)
+    assert {'Allan deviation of angular rate [°/h]', '[rad/s]',
+            'Allan deviation of acceleration [µg]', '[m/s²]'} <= {*texts_of(figure)}
     plot.render(figure, 'png', 30)
-    panel = next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
+    panel = angular(figure)
     (second,) = panel.child_axes
     assert second.get_ylim() == panel.get_ylim()
     low, high = panel.get_ylim()
@@ -123,7 +127,7 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     assert 'N = 2.406 °/√h\nslope −½, read at 1 s' in texts
     assert 'K = 50 °/h/√h\nslope +½, read at 3 s' in texts
     assert 'B = 24.8 °/h\nslope 0, at 0.664 B' in texts
-    assert 'tone 23.4 Hz' in texts_of(plot.sensor_figure(result, 'gyro'))
+    assert 'tone 23.4 Hz' in texts
 
 
 def test_the_ring_of_b_stands_where_the_curve_is_lowest_beside_a_correlated_process(result):
@@ -242,8 +246,7 @@ def test_a_term_that_is_only_bounded_is_a_dashed_line_at_its_bound(result, make_
     panel = Figure().add_subplot()
     panels.draw_curve(panel, axis, 'black', timeline=result.timeline)
     assert '--' in [line.get_linestyle() for line in panel.lines]
-    chart = allan_chart('gyro', {'gyro_x': axis}, result.timeline)
-    assert 'class="bound"' in chart.svg
+    assert 'class="bound"' in allan_chart('gyro', {'gyro_x': axis}, result.timeline).svg
     known = make_axis('gyro_x', {'noise_density': 1e-3, 'bias_instability': 1e-5,
                                  'rate_random_walk': 1e-3})
     assert np.isnan(curves.model_curve(known, result.timeline).bound).all()
@@ -288,10 +291,13 @@ def test_a_measured_spectrum_is_drawn_where_it_is_given(result):
     assert sorted(more) == [0] * (len(more) - 1) + [1]
 
 
-def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):
-    timeline = Timeline(100.0, 100, 10_000.0, gaps=(Span(2500.0, 100.0),),
-                        motion=(Span(5000.0, 1000.0),))
-    figure = plot.overview_figure(replace(result, timeline=timeline))
+def test_the_strip_shows_a_warm_up_gaps_and_motion_at_their_time(result):
+    # The mean of the first of eight segments lies far from the others.
+    signal = Signal(450.0, (-1.0,) * 8, (0.5, *[0.0] * 7), (1.0,) * 8)
+    figure = plot.overview_figure(replace(
+        result, axes={name: replace(axis, signal=signal) for name, axis in result.axes.items()},
+        timeline=Timeline(100.0, 100, 10_000.0, gaps=(Span(2500.0, 100.0),),
+                          motion=(Span(5000.0, 1000.0),))))
     strips = [panel for panel in figure.axes if panel.get_xlabel() == 'time [h]']
     assert len(strips) == 2
     hours = 1 / 3600
@@ -301,16 +307,7 @@ def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):
         assert sorted((box.x0, box.width) for box in shown) == [
             (pytest.approx(2500 * hours), pytest.approx(100 * hours)),
             (pytest.approx(5000 * hours), pytest.approx(1000 * hours))]
-
-
-def test_a_warm_up_shows_in_the_overview(result):
-    # The mean of the first of eight segments lies far from the others.
-    signal = Signal(450.0, (-1.0,) * 8, (0.5, *[0.0] * 7), (1.0,) * 8)
-    warm = replace(result, axes={name: replace(axis, signal=signal)
-                                 for name, axis in result.axes.items()})
-    strip = next(panel for panel in plot.overview_figure(warm).axes
-                 if panel.get_xlabel().startswith('time'))
-    for line in strip.lines:
+    for line in strips[0].lines:
         shown = line.get_ydata()
         assert shown[0] - shown[1] == pytest.approx(degrees(0.5))
         assert sum(shown) == pytest.approx(0, abs=1e-9)
@@ -318,11 +315,9 @@ def test_a_warm_up_shows_in_the_overview(result):
 
 def test_odd_results_are_drawn_too(result, make_axis):
     nothing = Curve((), (), (), (), (), ())
-    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
-                 (0.0, 0.0))
     odd = replace(result, axes={
         'gyro_x': make_axis('gyro_x', {}, curve=nothing),
-        'gyro_z': make_axis('gyro_z', {}, curve=flat)},
+        'gyro_z': make_axis('gyro_z', {}, curve=FLAT)},
         timeline=Timeline(None, 0, 0.0), source=Source('topic', None, None, None, None, None))
     assert plot.render(plot.overview_figure(odd), 'png', 40)
     assert plot.render(plot.sensor_figure(odd, 'gyro'), 'png', 40)
@@ -332,6 +327,8 @@ def test_odd_results_are_drawn_too(result, make_axis):
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
     with refused("the result has no axis of the sensor 'accel'"):
         plot.sensor_figure(odd, 'accel')
+    with refused('no axis of the result has an Allan deviation above zero to draw'):
+        plot.paper_figure(odd, 8.5)
 
 
 def test_names_from_a_recording_are_text_and_not_formulas(result, recwarn):
@@ -390,12 +387,6 @@ def test_the_axes_stay_apart_in_colour_blind_vision(colours, vision):
     assert min(np.linalg.norm(x - y), np.linalg.norm(x - z), np.linalg.norm(y - z)) > 25
 
 
-def test_the_callers_settings_of_matplotlib_are_left_alone(result):
-    before = dict(matplotlib.rcParams)
-    plot.render(plot.overview_figure(result), 'png', 30)
-    assert dict(matplotlib.rcParams) == before
-
-
 def test_drawing_needs_no_display_and_no_pyplot():
     script = ('import sys; from imu_allan.writers import plot; '
               'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
@@ -434,14 +425,6 @@ def hidden_ticks(figure):
                 if not low <= tick.get_loc() <= high:
                     hidden += [tick.label1, tick.label2]
     return hidden
-
-
-def test_a_paper_s_figure_of_constant_axes_is_one_line(result, make_axis):
-    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
-                 (0.0, 0.0))
-    with refused('no axis of the result has an Allan deviation above zero to draw'):
-        plot.paper_figure(replace(result, axes={'gyro_x': make_axis('gyro_x', {}, curve=flat)}),
-                          8.5)
 
 
 def test_the_means_over_time_are_distinguished_without_colour(filtered):

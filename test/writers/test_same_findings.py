@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-import io
 import json
 import os
 from pathlib import Path
@@ -22,13 +21,12 @@ from imu_allan.writers.datasheet import certificate_html, check
 from imu_allan.writers.fleet import Fleet
 from imu_allan.writers.fleet.written import fleet_html, fleet_json
 from imu_allan.writers.report import report_html
-from imu_allan.writers.table import print_result
 from imu_allan.writers.verdict import findings_line
 from imu_allan.writers.words import advice, sentence_of, title_of, with_words
 import numpy as np
+from on_terminal import printed
 import pytest
 from repeated import slow
-from rich.console import Console
 from scipy.signal import lfilter
 
 RATE_HZ = 100.0
@@ -144,12 +142,6 @@ def recorded(faults: Iterable[str]) -> Result:
     return with_words(imu.result())
 
 
-def on_the_terminal(result: Result, *, verbose: bool = False) -> str:
-    out = io.StringIO()
-    print_result(result, Console(file=out, width=80), verbose=verbose)
-    return out.getvalue()
-
-
 def assert_the_same_everywhere(result: Result) -> None:
     codes = [found.code for found in result.warnings]
     titles = [title_of(found) for found in result.warnings]
@@ -157,7 +149,7 @@ def assert_the_same_everywhere(result: Result) -> None:
     line = findings_line(result)
     assert line.split(': ')[0] == f'{len(codes)} finding{"" if len(codes) == 1 else "s"}' or (
         not codes and not line)
-    begins = [one for one in on_the_terminal(result, verbose=True).splitlines()
+    begins = [one for one in printed(result, verbose=True).splitlines()
               if one.partition(': ')[0] in titles]
     assert [one.partition(': ')[0] for one in begins] == titles
     page = report_html(result)
@@ -169,7 +161,7 @@ def assert_the_same_everywhere(result: Result) -> None:
     # /diagnostics and the log of the node.
     assert [key.split('/')[1] for key in remark_values(result.warnings)] == codes
     good_to_know = sum(found.severity == 'know' for found in result.warnings)
-    said = re.search(r'Good to know(?: \((\d+)\)|: (\d+) findings)', on_the_terminal(result))
+    said = re.search(r'Good to know(?: \((\d+)\)|: (\d+) findings)', printed(result))
     assert (int(said[1] or said[2]) if said else 0) == good_to_know
 
 
@@ -183,7 +175,7 @@ def test_every_front_end_shows_the_same_findings_in_the_same_order_on_one_screen
     else:
         assert codes <= {one.code for one in result.warnings}
     assert_the_same_everywhere(result)
-    lines = on_the_terminal(result).splitlines()
+    lines = printed(result).splitlines()
     assert len(lines) + 1 <= 24
     assert max(map(len, lines)) <= 80
     assert lines[0].startswith('Gyroscope: ')
