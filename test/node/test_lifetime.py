@@ -122,7 +122,7 @@ def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_an
     [saved] = ros.folder.glob('output/*/result.json')
     closing = closing_lines(load_result(saved), 0.1, 60.0)
     assert closing[0].startswith('Gyroscope: use with care: one of two clocks runs ')
-    assert closing[2].startswith('For a filter corrected every 0.1 s, up to 60 s unaided')
+    assert closing[2].startswith('Tuned for a filter corrected every 0.1 s, up to 60 s unaided')
     assert any(line.startswith('speed of clocks: header stamps run ') for line in closing)
     assert node.lines[-len(closing):] == closing
 

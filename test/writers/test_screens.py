@@ -4,6 +4,7 @@
 
 import os
 from pathlib import Path
+import re
 
 from imu_allan.writers.result_file import load_result
 from on_terminal import printed
@@ -29,7 +30,12 @@ def test_a_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(stored: Pat
     for line, sensor in zip(whole, ('Gyroscope', 'Accelerometer'), strict=False):
         assert line.startswith((f'{sensor}: N is good (+-', f'{sensor}: use with care: ',
                                 f'{sensor}: not usable: '))
-    assert whole[2].startswith('For a filter corrected every ')
-    assert whole[2].endswith('(imu_allan export, tune)')
+    assert whole[2].startswith('Tuned for a filter corrected every ')
+    assert whole[2].endswith('(imu_allan export)')
     assert [line.split()[:3] for line in whole[3:5]] == [
         ['gyro', 'filter', 'N'], ['accel', 'filter', 'N']]
+    # The tuned K and the measured one stand in one block, by different names.
+    [measured] = [line for line in lines if 'measured K' in line]
+    assert lines.index(measured) == lines.index(whole[4]) + 1
+    assert re.fullmatch(r'  measured K: gyro (not visible, < )?\d\S*( \(.*\))?; '
+                        r'accel (not visible, < )?\d\S*( \(.*\))?', measured)
