@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.terms import (
     allan_variance,
-    AXES,
     low_passed_avar,
     Quantity,
     TERMS,
@@ -11,17 +10,6 @@ import numpy as np
 import pytest
 
 GYRO, ACCEL = Quantity.ANGULAR_VELOCITY, Quantity.LINEAR_ACCELERATION
-
-
-@pytest.mark.parametrize(('key', 'gyro', 'accel'), [
-    ('quantization_noise', 'rad', 'm/s'), ('noise_density', 'rad/s/sqrt(Hz)', 'm/s^2/sqrt(Hz)'),
-    ('bias_instability', 'rad/s', 'm/s^2'),
-    ('rate_random_walk', 'rad/s^2/sqrt(Hz)', 'm/s^3/sqrt(Hz)'),
-    ('rate_ramp', 'rad/s^2', 'm/s^3')])
-def test_units_of_a_term_are_those_of_the_quantity(key, gyro, accel):
-    assert TERMS[key].unit(GYRO) == gyro
-    assert TERMS[key].unit(ACCEL) == accel
-    assert [quantity.unit for quantity in AXES.values()] == ['rad/s'] * 3 + ['m/s^2'] * 3
 
 
 def test_a_term_has_the_name_that_its_sensor_gives_it_and_its_coefficient_where_it_is_read():
