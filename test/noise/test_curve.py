@@ -52,12 +52,6 @@ def test_interval_holds_the_share_of_a_chi_square_variable_that_it_says(level):
     np.testing.assert_allclose(chi2.cdf(x / high**2, dof), (1 - level) / 2)
 
 
-def test_nothing_gives_no_points():
-    points = octaves(Estimator(3).finished())
-    assert points.avar.shape == (0, 3)
-    assert len(points.size) == len(points.stride) == len(points.count) == 0
-
-
 @pytest.mark.parametrize('lengths', [(400,), (300, 9000), (9000, 300), (5000, 40, 5000),
                                      (10, 9000, 10), (40_000,)])
 def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_holds_them(lengths):

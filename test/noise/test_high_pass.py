@@ -3,6 +3,7 @@
 """Signals whose slow part a filter has taken out, and those that merely look odd."""
 
 from dataclasses import replace
+from functools import partial
 
 from characterized import characterized, ends, holds
 import imu_allan
@@ -57,24 +58,29 @@ def slow_noise(exponent: float, minutes: float, seed: int) -> np.ndarray:
     return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
 
 
+def hour(seed: int, **terms: float) -> np.ndarray:
+    return simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed)
+
+
+def zero_taken_every_minute(seed: int) -> np.ndarray:
+    rows = simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 36_600, 10.0, seed)
+    minutes = rows.reshape(-1, 600)
+    return (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(('exponent', 'minutes'), [
-    (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15)])
-def test_shares_of_short_records_of_other_exponents_that_are_taken_for_filtered(exponent, minutes):
-    axes = [imu_allan.characterize(slow_noise(exponent, minutes, seed), 50.0)
-            for seed in range(300)]
-    filtered = sum(axis.high_passed_hz is not None for axis in axes)
-    print(f'f^-{exponent:g}, {minutes} min: {filtered} of 300')
-    assert filtered <= 24  # 5 % but for chance: more than 24 come once in 30 times
-
-
-@pytest.mark.parametrize('process', [
-    {'sigma': 4e-5, 'correlation_time_s': 10.0}, {'sigma': 4e-5, 'correlation_time_s': 100.0}])
-def test_a_process_that_levels_off_is_no_such_filter(process):
-    samples = simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 216_000, 10.0, 3)
-    axis = imu_allan.characterize(samples, 10.0)
-    assert axis.high_passed_hz is None
-    assert axis.gauss_markov is not None
+@pytest.mark.parametrize(('record', 'rate', 'records', 'fewest', 'most'), [
+    # Of records with another exponent 5 % but for chance: more than 24 come once in 30 times.
+    *((partial(slow_noise, exponent, minutes), 50.0, 300, 0, 24) for exponent, minutes in (
+        (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15))),
+    *((partial(hour, **terms), 10.0, 200, 0, 2) for terms in (
+        {'bias_instability': 2.4e-5}, {'bias_instability': 2.4e-5, 'rate_random_walk': 1e-6}, {})),
+    (zero_taken_every_minute, 10.0, 20, 4, 20)])
+def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fewest, most):
+    filtered = sum('high_passed' in characterized(record(seed=seed), rate)[1]
+                   for seed in range(records))
+    print(f'{record}: {filtered} of {records}')
+    assert fewest <= filtered <= most
 
 
 @pytest.mark.slow
@@ -92,31 +98,6 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
           f'truth in {low}, K in {walks}')
     assert 60 - len(left) >= fewest
     assert max(low, walks) <= 8
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('terms', [
-    {'bias_instability': 2.4e-5}, {'bias_instability': 2.4e-5, 'rate_random_walk': 1e-6}, {}])
-def test_a_sensor_as_it_is_is_never_taken_for_filtered(terms):
-    words = [characterized(simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed), 10.0)
-             [1] for seed in range(200)]
-    filtered = sum('high_passed' in one for one in words)
-    print(f'{terms}: seen in {filtered} of 200')
-    assert filtered <= 2
-
-
-@pytest.mark.slow
-def test_what_is_said_of_a_zero_that_is_taken_anew_every_minute():
-    said = []
-    for seed in range(20):
-        rows = simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 36_600, 10.0, seed)
-        minutes = rows.reshape(-1, 600)
-        _, words = characterized(
-            (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel(), 10.0)
-        said.append(words.keys() - {'short_recording'})
-    filtered = sum('high_passed' in words for words in said)
-    print(f'high_passed in {filtered} of 20, another word in {sum(map(bool, said)) - filtered}')
-    assert filtered >= 4
 
 
 @pytest.mark.parametrize(('gain', 'more'), [
@@ -169,27 +150,38 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good(
                                            'record the raw topic') for verdict in verdicts)
 
 
-@pytest.mark.parametrize('more', [
-    {}, {'bias_instability': 2e-5}, {'rate_random_walk': 1e-5}, {'quantization_noise': 1e-5},
-    {'noise_density': 1e-9, 'quantization_noise': 1e-5}])
-def test_a_sensor_as_it_is_keeps_its_coefficients(more):
-    axis = imu_allan.characterize(sensor(4, **more), RATE_HZ)
-    assert any(found.observable for found in axis.coefficients.values())
+def levelling_off(time_s: float) -> np.ndarray:
+    process = {'sigma': 4e-5, 'correlation_time_s': time_s}
+    return simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 216_000, 10.0, 3)
 
 
-def test_a_vibration_above_a_quiet_floor_is_no_such_filter():
-    rng = np.random.default_rng(5)
-    shaken = 3e-3 * np.diff(rng.normal(size=COUNT + 1))
-    axis = imu_allan.characterize(sensor(6) + shaken, RATE_HZ)
-    assert axis.goodness_of_fit.p_value is not None
+def vibrating_above_a_quiet_floor() -> np.ndarray:
+    return sensor(6) + 3e-3 * np.diff(np.random.default_rng(5).normal(size=COUNT + 1))
 
 
-def test_counts_of_a_quiet_sensor_that_come_one_by_one_are_no_such_filter():
-    # An angle in counts of 3.6 arc seconds, of which a hundredth of the samples has one.
+def counts_one_by_one() -> np.ndarray:
+    """Give an angle in counts of 3.6 arc seconds, of which one sample of a hundred has one."""
     density, count = 6e-7, 1.732e-5
     samples = round(3600 * RATE_HZ)
     angle = np.cumsum(2e-5 + simulate({'noise_density': density}, samples, RATE_HZ, 4)) / RATE_HZ
-    axis, remarks = characterized(
-        np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ, RATE_HZ)
+    return np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ
+
+
+@pytest.mark.parametrize(('record', 'rate', 'remarks'), [
+    *((partial(sensor, 4, **more), RATE_HZ, set()) for more in (
+        {}, {'bias_instability': 2e-5}, {'rate_random_walk': 1e-5},
+        {'quantization_noise': 1e-5})),
+    *((partial(levelling_off, time_s), 10.0, {'gauss_markov'}) for time_s in (10.0, 100.0)),
+    (vibrating_above_a_quiet_floor, RATE_HZ, set()),
+    (counts_one_by_one, RATE_HZ, {'coarse_resolution', 'poor_fit'})])
+def test_a_sensor_as_it_is_keeps_its_coefficients(record, rate, remarks):
+    axis, found = characterized(record(), rate)
     assert axis.high_passed_hz is None
-    assert {'coarse_resolution', 'poor_fit'} <= remarks.keys()
+    assert axis.goodness_of_fit.p_value is not None
+    assert any(one.observable for one in axis.coefficients.values())
+    assert remarks <= found.keys()
+
+
+def test_quantization_alone_is_found_although_its_power_falls_as_behind_a_filter():
+    axis = imu_allan.characterize(sensor(4, noise_density=1e-9, quantization_noise=1e-5), RATE_HZ)
+    assert axis.coefficients['quantization_noise'].observable
