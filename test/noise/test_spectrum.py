@@ -46,19 +46,6 @@ def test_gauss_markov_deviation_peaks_where_the_standard_says():
     assert deviation.max() == pytest.approx(0.6174, abs=1e-4)
 
 
-@pytest.mark.parametrize('key', COLUMNS)
-def test_model_is_self_similar_under_averaging(key):
-    # The mean of m samples has the aliased, sinc-weighted spectrum of the samples.
-    m, nu = 4, np.array([0.03, 0.2, 0.41])
-    total = np.zeros(3)
-    for k in range(m):
-        fine = (nu + k) / m
-        fine = np.where(fine > 0.5, 1 - fine, fine)
-        weight = (np.sin(np.pi * nu) / (m * np.sin(np.pi * (nu + k) / m))) ** 2
-        total += weight * COLUMNS[key](fine, DT) / m
-    np.testing.assert_allclose(total, COLUMNS[key](nu, m * DT), rtol=1e-9)
-
-
 @pytest.mark.parametrize('n', [16, 257, 4096])
 def test_ramp_transform_is_that_of_a_ramp(n):
     expected = dct(np.arange(n) * DT, norm='ortho')[1:]
