@@ -209,17 +209,12 @@ def test_every_make_command_is_a_target():
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md',
                                   *(f'docs/{path.name}' for path in ROOT.glob('docs/*.md'))])
-def test_links_and_pictures_lead_somewhere(page):
+def test_links_pictures_and_files_that_are_named_are_there(page):
     text = (ROOT / page).read_text()
     for target in re.findall(r'\]\(([^)\s]+)\)', text):
         if not target.startswith(('http', '#')):
             assert (ROOT / page).parent.joinpath(target.partition('#')[0]).exists(), target
-
-
-@pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/how_it_works.md', 'docs/faq.md'])
-def test_files_that_are_named_exist(page):
-    for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`',
-                           (ROOT / page).read_text()):
+    for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`', text):
         assert (ROOT / name).exists(), name
 
 

@@ -79,23 +79,18 @@ def test_a_pipe_that_is_read_gets_the_result(tmp_path, short_recording):
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
-@pytest.mark.parametrize('where', ['r.json', 'out'])
+@pytest.mark.parametrize(('option', 'inside'), [('--json', ''), ('--output', 'result.json')])
 def test_a_link_planted_in_a_shared_folder_is_not_followed(
-        tmp_path, short_recording, fails_with, where):
-    shared = shared_folder(tmp_path / 'shared')
-    precious = tmp_path / 'precious'
-    if where == 'out':
-        precious.mkdir()
-        (precious / 'result.json').write_text('mine')
-    else:
-        precious.write_text('mine')
-    planted(shared / where, precious)
-    option = '--output' if where == 'out' else '--json'
-    named = shared / where / 'result.json' if where == 'out' else shared / where
-    fails_with(unwritable(named, f'{shared / where} is a link that another user put into a '
-                                 'folder that everybody may write to'),
-               'analyze', short_recording, option, shared / where)
-    assert (precious / 'result.json' if where == 'out' else precious).read_text() == 'mine'
+        tmp_path, short_recording, fails_with, option, inside):
+    precious = tmp_path / 'precious' / 'result.json'
+    precious.parent.mkdir()
+    precious.write_text('mine')
+    link = planted(shared_folder(tmp_path / 'shared') / 'link',
+                   precious.parent if inside else precious)
+    fails_with(unwritable(link / inside, f'{link} is a link that another user put into a folder '
+                                         'that everybody may write to'),
+               'analyze', short_recording, option, link)
+    assert precious.read_text() == 'mine'
 
 
 def test_the_way_through_ones_own_links_and_dots_is_that_of_the_system(tmp_path):

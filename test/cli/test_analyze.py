@@ -117,18 +117,13 @@ def test_one_bad_recording_does_not_keep_the_others_from_being_analyzed(recordin
 
 @pytest.fixture
 def two_topics(tmp_path, model):
-    """Two recordings of one topic each, merged into a split one by hand."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import get_typestore, Stores
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    path = tmp_path / 'two'
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    """Make a recording of two topics."""
+    path = tmp_path / 'two.mcap'
+    with mcap_written(path) as write:
         for topic, rate in (('/front/imu', 100.0), ('/../up', 50.0)):
-            connection = writer.add_connection(topic, 'sensor_msgs/msg/Imu', typestore=store)
             for block in simulated_blocks(model, rate, 3000, start_ns=START_NS):
                 for stamp, row in zip(block.receive_ns, encode_imu_rows(block), strict=True):
-                    writer.write(connection, int(stamp), row.tobytes())
+                    write(topic, int(stamp), row.tobytes())
     return path
 
 

@@ -12,21 +12,16 @@ def test_a_unit_is_called_like_its_recording_its_folder_or_what_a_pattern_finds(
     for source, names in (('file', ['night', 'night']), ('folder', ['sn7', 'sn12']),
                           (r'sn(\d+)', ['7', '12']), (r'sn\d+', ['sn7', 'sn12'])):
         assert [unit_name(path, name_pattern(source)) for path in paths] == names
-
-
-def test_a_bag_folder_keeps_its_whole_name(tmp_path):
+    # A folder has no suffix.
     (tmp_path / 'unit.7').mkdir()
     assert unit_name(str(tmp_path / 'unit.7')) == 'unit.7'
 
 
-def test_a_pattern_that_finds_nothing_names_the_path():
+def test_a_pattern_that_finds_nothing_or_is_none_is_refused():
     with refused('a/b.csv: --name-from sn([0-9]+) finds no name in this path'):
         unit_name('a/b.csv', name_pattern('sn([0-9]+)'))
-
-
-def test_what_is_no_pattern_is_reported():
-    line = '--name-from: ( is neither folder nor file nor a regular expression (<words>)'
-    with refused(Varying(line)):
+    with refused(Varying('--name-from: ( is neither folder nor file nor a regular expression '
+                         '(<words>)')):
         name_pattern('(')
 
 
