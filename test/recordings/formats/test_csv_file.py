@@ -311,9 +311,8 @@ FIRST_TWO = {'time': '1', 'gyro_x': '2'}
     # Without names the first sample is none of them.
     *((text, FIRST_TWO, [0, 0.1], {0: [1.5, 1.6]}) for text in (
         '0,0;1,5;2,5\n0,1;1,6;2,6\n', '\ufeff0;1,5\n0,1;1,6\n', '\ufeff0,1.5\n0.1,1.6\n')),
-], ids=['names', 'commas', 'blanks', 'tabs', 'numbers of named columns', 'comment', 'blanks behind '
-        'a comment', 'two comments', 'comment and header', 'decimal commas', 'mark and commas',
-        'mark'])
+], ids=['names', 'commas', 'blanks', 'tabs', 'numbers of named columns', 'comment', 'mark and blanks',
+        'two comments', 'comment and header', 'decimal commas', 'mark and commas', 'mark'])
 def test_columns_of_any_name_can_be_named_or_numbered_from_one(
         path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
