@@ -131,19 +131,14 @@ def write_mcap(
 
     `others` tells how many messages of /other, of varying size, stand before each Imu message.
     """
-    with path.open('wb') as file:
-        writer = Writer(file, compression=COMPRESSIONS[compression], chunk_size=chunk_size,
-                        **options)
-        writer.start('ros2')
-        imu = writer.register_channel(
-            '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b'float64 x'))
-        other = writer.register_channel(
-            '/other', 'cdr', writer.register_schema('a_msgs/msg/B', 'ros2msg', b'string s'))
+    with mcap_written(path, compression=COMPRESSIONS[compression], chunk_size=chunk_size,
+                      **options) as message:
+        message('/imu', definition='float64 x')
+        message('/other', kind='a_msgs/msg/B', definition='string s')
         for number, (stamp, row) in enumerate(serialized(messages)):
             for _ in range(others(number)):
-                writer.add_message(other, stamp, b'\0\1\0\0' + bytes(number % 7 + 300), stamp)
-            writer.add_message(imu, stamp, row, stamp, number)
-        writer.finish()
+                message('/other', stamp, b'\0\1\0\0' + bytes(number % 7 + 300))
+            message('/imu', stamp, row, sequence=number)
     return path
 
 

@@ -177,30 +177,29 @@ ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
 ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' * 9 + '\n'
 
 
+def fields(form: str) -> str:
+    """Return the columns of an Imu, named by field and axis."""
+    return ','.join(form.format(field, axis) for field in (
+        'angular_velocity', 'linear_acceleration') for axis in 'xyz')
+
+
 @pytest.mark.parametrize(('text', 'stamps'), [
     ('#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],'
      'a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n'
      f'{STAMP},1,2,3,4,5,6\n{STAMP + 1},1,2,3,4,5,6\n', [STAMP, STAMP + 1]),
     (ROSTOPIC + f'{STAMP},7,{STAMP + 5},imu,0,-1,1,2,3,0,4,5,6,0\n', [STAMP + 5]),
     (ECHOED.format(17) + ECHOED.format(18), [5_000_000_017, 5_000_000_018]),
-    ('__time,/gps/fix,/imu/angular_velocity/x,/imu/angular_velocity/y,/imu/angular_velocity/z,'
-     '/imu/linear_acceleration/x,/imu/linear_acceleration/y,/imu/linear_acceleration/z\n'
+    (f'__time,/gps/fix,{fields("/imu/{}/{}")}\n'
      '1.5,,1,2,3,4,5,6\n1.75,9,,,,,,\n2.5,,1,2,3,4,5,6\n', [1_500_000_000, 2_500_000_000]),
-    ('__time,/cam/header/stamp,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
-     '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
-     '/imu/linear_acceleration/z,/imu/orientation/x\n7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n'
-     '8,,2.5,1,2,3,4,5,6,0\n', [1_500_000_000, 2_500_000_000]),
-    ('__time,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
-     '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
-     '/imu/linear_acceleration/z\n7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
+    (f'__time,/cam/header/stamp,/imu/header/stamp,{fields("/imu/{}/{}")},/imu/orientation/x\n'
+     '7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n8,,2.5,1,2,3,4,5,6,0\n', [1_500_000_000, 2_500_000_000]),
+    (f'__time,/imu/header/stamp,{fields("/imu/{}/{}")}\n'
+     '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
     ('__time,/imu/header/stamp,gx,gy,gz,ax,ay,az\ns,s,rad/s,rad/s,rad/s,m/s2,m/s2,m/s2\n'
      '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
     ('/imu/data/header/stamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n1.5,1,2,3,4,5,6\n',
      [1_500_000_000]),
-    ('/imu/raw/header/stamp,/imu/data/angular_velocity/x,/imu/data/angular_velocity/y,'
-     '/imu/data/angular_velocity/z,/imu/data/linear_acceleration/x,'
-     '/imu/data/linear_acceleration/y,/imu/data/linear_acceleration/z\n1.5,1,2,3,4,5,6\n',
-     [1_500_000_000]),
+    (f'/imu/raw/header/stamp,{fields("/imu/data/{}/{}")}\n1.5,1,2,3,4,5,6\n', [1_500_000_000]),
     ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
     ('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n0.00,1,2,3,4,5,6\n'
      '0.01,1.0,2e0,+3.0,4,5.,6\n', [0, 10_000_000]),
@@ -209,8 +208,7 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
      [STAMP, STAMP + 5_000_001]),
     ('time;gx;gy;gz;ax;ay;az\n0;1;2;3;4;5;6\n0,01;1,0;2;3;4;5;6\n', [0, 10_000_000]),
     ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
-    ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
-     'linear_acceleration.y,linear_acceleration.z\n5,1,2,3,4,5,6\n', [5000]),
+    (f't_us,{fields("{}.{}")}\n5,1,2,3,4,5,6\n', [5000]),
     ('t;GyrX;GyrY;GyrZ;AccX;AccY;AccZ\n1;1;2;3;4;5;6\n', [10**9]),
     ('# timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z\n'
      '1.5 1 2 3 4 5 6\n', [1_500_000_000]),
@@ -224,9 +222,8 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('Timestamp,X_acc,Y_acc,Z_acc,pitch,X_gyro,Y_gyro,Z_gyro\n1,4,5,6,0,1,2,3\n', [10**9]),
     ('timestamp,acc1,acc2,acc3,gyro1,gyro2,gyro3\n1,4,5,6,1,2,3\n', [10**9]),
     ('t,gyro_0,gyro_1,gyro_2,accel_0,accel_1,accel_2\n1,1,2,3,4,5,6\n', [10**9]),
-    ('Time,header.seq,header.stamp.secs,header.stamp.nsecs,header.frame_id,angular_velocity.x,'
-     'angular_velocity.y,angular_velocity.z,linear_acceleration.x,linear_acceleration.y,'
-     f'linear_acceleration.z\n7.5,1,{STAMP // 10**9},{STAMP % 10**9},imu,1,2,3,4,5,6\n', [STAMP]),
+    ('Time,header.seq,header.stamp.secs,header.stamp.nsecs,header.frame_id,'
+     f'{fields("{}.{}")}\n7.5,1,{STAMP // 10**9},{STAMP % 10**9},imu,1,2,3,4,5,6\n', [STAMP]),
     ('secs,nsecs,imu.wx,imu.wy,imu.wz,imu.ax,imu.ay,imu.az\n1,5,1,2,3,4,5,6\n', [10**9 + 5]),
     ('timestamp_ms,seconds_elapsed,ax_mps2,ay_mps2,az_mps2,gx_rad_s,gy_rad_s,gz_rad_s\n'
      '1,9,4,5,6,1,2,3\n', [1_000_000]),
@@ -311,8 +308,9 @@ FIRST_TWO = {'time': '1', 'gyro_x': '2'}
     # Without names the first sample is none of them.
     *((text, FIRST_TWO, [0, 0.1], {0: [1.5, 1.6]}) for text in (
         '0,0;1,5;2,5\n0,1;1,6;2,6\n', '\ufeff0;1,5\n0,1;1,6\n', '\ufeff0,1.5\n0.1,1.6\n')),
-], ids=['names', 'commas', 'blanks', 'tabs', 'numbers of named columns', 'comment', 'mark and blanks',
-        'two comments', 'comment and header', 'decimal commas', 'mark and commas', 'mark'])
+], ids=['names', 'commas', 'blanks', 'tabs', 'numbers of named columns', 'comment',
+        'comment and blanks', 'two comments', 'comment and header', 'decimal commas',
+        'mark and commas', 'mark'])
 def test_columns_of_any_name_can_be_named_or_numbered_from_one(
         path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
