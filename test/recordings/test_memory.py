@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Memory that does not depend on the length of a recording."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 import subprocess
 import sys
@@ -18,7 +18,8 @@ READ = r"""
 import re, sys
 from imu_allan.recordings import open_recording, read_blocks
 with open_recording(sys.argv[1]) as recording:
-    count = sum(len(block) for block in read_blocks(recording, '/imu/data_raw'))
+    [topic] = recording.topics
+    count = sum(len(block) for block in read_blocks(recording, topic.name))
 print(count, re.search(r'VmHWM:\s+(\d+)', open('/proc/self/status').read())[1])
 """
 
@@ -28,21 +29,36 @@ def blocks(messages: int) -> Iterator[ImuBlock]:
         yield block(10_000, first=first)
 
 
-def resident_kib(path: Path, messages: int) -> int:
-    output = subprocess.run([sys.executable, '-c', READ, str(path)], check=True,
-                            capture_output=True, text=True).stdout.split()
-    assert int(output[0]) == messages
-    return int(output[1])
+def bag(storage: str, compression: str) -> Callable[[Path, int], Path]:
+    return lambda path, messages: write_recording(
+        path, blocks(messages), storage=storage, compression=compression)
 
 
+def ulog(path: Path, messages: int) -> Path:
+    """Write the messages of a short log again and again."""
+    pytest.importorskip('pyulog')
+    from test_px4_ulog import combined, COUNT, framed, write
+
+    form, made = combined()
+    data = write(path, {'sensor_combined': (form, made)}).read_bytes()
+    head = len(data) - COUNT * len(framed(b'D', b'--' + made[0]))
+    path.write_bytes(data[:head] + data[head:] * (messages // COUNT))
+    return path
+
+
+@pytest.mark.usefixtures('children_unmeasured')
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='needs /proc')
-@pytest.mark.parametrize(('storage', 'compression'),
-                         [('mcap', 'zstd'), slow('mcap', ''), ('sqlite3', '')])
-def test_eight_times_the_length_takes_the_same_memory(tmp_path, storage, compression):
+@pytest.mark.parametrize(('write', 'few', 'more_kib'), [
+    (bag('mcap', 'zstd'), 50_000, 8_000), slow(bag('mcap', ''), 50_000, 8_000),
+    # pyulog took three times the size of the file.
+    (bag('sqlite3', ''), 50_000, 8_000), (ulog, 200_000, 5_000)])
+def test_eight_times_the_length_takes_the_same_memory(tmp_path, write, few, more_kib):
     resident = []
-    for messages in (50_000, 400_000):
-        path = write_recording(tmp_path / str(messages), blocks(messages), storage=storage,
-                               compression=compression)
-        resident.append(resident_kib(path, messages))
-    assert resident[1] < resident[0] + 8 * 1024
+    for messages in (few, 8 * few):
+        path = write(tmp_path / str(messages), messages)
+        count, most = subprocess.run([sys.executable, '-c', READ, str(path)], check=True,
+                                     capture_output=True, text=True).stdout.split()
+        assert int(count) == messages
+        resident.append(int(most))
+    assert resident[1] < resident[0] + more_kib
     assert resident[1] < 150 * 1024

@@ -118,14 +118,6 @@ def test_batches_that_pymavlink_wrote_are_unrolled_to_the_last_bit(tmp_path):
     assert found.absent.all(axis=0).tolist() == [False, True]
 
 
-def test_the_temperature_of_its_imu_is_taken_for_raw_samples(tmp_path):
-    path = write(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 900, 0.01))
-    with open_recording(path) as recording:
-        [(stamps, celsius)] = temperatures(recording, 'GYR', 'header')
-    assert stamps.tolist() == [values[0] * 1000 for _, values in imu()]
-    assert set(celsius.tolist()) == {41.5}
-
-
 def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):
     second = [('IMU2', (values[0], *values[2:])) for _, values in imu(number=1)]
     path = write(tmp_path / 'a.bin', imu() + second)
@@ -134,19 +126,21 @@ def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):
     assert read(path, 'IMU.1')[0].samples[:, 3].tolist() == [values[4] for _, values in second]
 
 
-def test_raw_samples_are_preferred_and_named(tmp_path):
+def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_path):
     path = write(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 900, 0.01) + raw(
         'ACC', 500, 1800, 0.1))
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
         [remark] = recording.remarks
+        [(stamps, celsius)] = temperatures(recording, 'GYR', 'header')
     assert remark == said(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
                           reason=remark.values['reason'])
+    assert stamps.tolist() == [values[0] * 1000 for _, values in imu()]
+    assert set(celsius.tolist()) == {41.5}
     axes = analyze(path).axes
     assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
         [1000, 2000])
-    messages, _ = read(path, 'GYR')
-    assert messages.header_ns[:2].tolist() == [5000, 1_005_000]
+    assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
 
 
 def test_filtered_samples_are_reported(tmp_path):
@@ -199,19 +193,27 @@ def test_damage_is_quiet(tmp_path):
     assert '  read as     ArduPilot IMU, as logged' in shown.stdout.splitlines()
 
 
-@pytest.mark.parametrize(('name', 'field'), [
-    ('IMU', 'GyrZ'), ('IMU', 'TimeUS'), ('GYR', 'GyrX'), ('ISBH', 'smp_rate'), ('ISBD', 'seqno')])
-def test_a_message_without_a_field_is_reported_with_the_field(tmp_path, name, field):
+def no_field(name: str, field: str) -> tuple[str, str, str]:
+    """Return a format whose field has another name, and what is reported of it."""
+    columns = FORMATS[name][2].replace(field, 'x' * len(field))
+    return name, columns, f'its format (FMT) has no usable field {field}'
+
+
+@pytest.mark.parametrize(('name', 'given', 'reason'), [
+    no_field('IMU', 'GyrZ'), no_field('IMU', 'TimeUS'), no_field('GYR', 'GyrX'),
+    no_field('ISBH', 'smp_rate'), no_field('ISBD', 'seqno'),
+    ('IMU', 'TimeUS,I,GyrX,GyrY,GyrZ', 'its format (FMT) has no usable field AccX'),
+    ('IMU', 'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
+     'the fields of its format (FMT) do not add up to its length')])
+def test_a_message_of_another_format_is_reported_with_the_reason(tmp_path, name, given, reason):
     messages = {'IMU': imu(), 'GYR': raw('GYR', 1000, 300, 0.01)}.get(name, batches(1, 2, 0.01))
     path = write(tmp_path / 'a.bin', messages)
-    whole = FORMATS[name][2].encode()
-    # As long as before: a GYR has another stamp, which is gone with this one.
-    assert path.read_bytes().count(whole.ljust(64, b'\0')) == 1
-    path.write_bytes(path.read_bytes().replace(whole, whole.replace(
-        field.encode(), b'x' * len(field))))
+    columns = FORMATS[name][2].encode().ljust(64, b'\0')
+    assert path.read_bytes().count(columns) == 1
+    path.write_bytes(path.read_bytes().replace(columns, given.encode().ljust(64, b'\0')))
     with open_recording(path) as recording:
         assert not recording.topics
-        assert recording.reasons[name] == f'its format (FMT) has no usable field {field}'
+        assert recording.reasons[name] == reason
 
 
 def test_damage_is_quiet_where_standard_error_is_no_file(tmp_path, capsys):
@@ -220,16 +222,3 @@ def test_damage_is_quiet_where_standard_error_is_no_file(tmp_path, capsys):
     with open_recording(path) as recording:
         assert [topic.name for topic in recording.topics] == ['IMU']
     assert capsys.readouterr() == ('', '')
-
-
-@pytest.mark.parametrize(('given', 'reason'), [
-    ('TimeUS,I,GyrX,GyrY,GyrZ', 'its format (FMT) has no usable field AccX'),
-    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
-     'the fields of its format (FMT) do not add up to its length')])
-def test_a_format_of_fewer_fields_than_letters_is_named(tmp_path, given, reason):
-    path = write(tmp_path / 'a.bin', imu())
-    path.write_bytes(path.read_bytes().replace(
-        FORMATS['IMU'][2].encode(), given.encode().ljust(len(FORMATS['IMU'][2]), b'\0')))
-    with open_recording(path) as recording:
-        assert not recording.topics
-        assert recording.reasons['IMU'] == reason
