@@ -11,9 +11,10 @@ from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
-from imu_allan.finding import finding
+from imu_allan.finding import Finding, finding
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -43,32 +44,43 @@ def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
     return path
 
 
+def recorded(path: Path, gyro_hz: float = 400, accel_hz: float = 250, seconds: float = 10) -> Path:
+    """Write an IMU in two halves, topics /gyro and /accel."""
+    return write(path, {
+        '/accel': block(accel_hz, round(seconds * accel_hz), False, True),
+        '/gyro': block(gyro_hz, round(seconds * gyro_hz), True, False)})
+
+
+def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> None:
+    """Require the rate and the white noise of each half."""
+    assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
+    for name, axis in result.axes.items():
+        rate, sigma = (gyro_hz, 0.01) if name.startswith('gyro') else (accel_hz, 0.1)
+        assert axis.sample_rate_hz == pytest.approx(rate, rel=1e-4)
+        assert axis.coefficients['noise_density'].value == pytest.approx(
+            sigma / rate**0.5, rel=0.1)
+
+
+def repeated_half(path: Path, topic: str, half: str | None) -> list[Finding]:
+    return [finding('repeated_half', recording=str(path), topic=topic, half=half)]
+
+
 def streams(path: Path, topic: str | None = None, **options: str) -> list[Stream]:
     with open_recording(path, options=RecordingOptions(**options)) as recording:
         return choose_streams(recording, topic)
 
 
 def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path):
-    path = write(tmp_path / 'a.mcap', {
-        '/camera/accel/sample': block(250, 5_000, False, True),
-        '/camera/gyro/sample': block(400, 8_000, True, False)})
-    result = analyze(path)
-    assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
-    for name, axis in result.axes.items():
-        assert axis.sample_rate_hz == pytest.approx(400 if name[0] == 'g' else 250, rel=1e-4)
-        expected = 0.01 / 20 if name[0] == 'g' else 0.1 / np.sqrt(250)
-        assert axis.coefficients['noise_density'].value == pytest.approx(expected, rel=0.1)
-    assert result.source.topic == '/camera/gyro/sample, /camera/accel/sample'
+    result = analyze(recorded(tmp_path / 'a.mcap', seconds=20))
+    assert_characterized(result, 400, 250)
+    assert result.source.topic == '/gyro, /accel'
     [remark] = [remark for remark in result.warnings if remark.code == 'two_rates']
-    assert remark.values == {
-        'sensors': ['gyro', 'accel'], 'topics': ['/camera/gyro/sample', '/camera/accel/sample'],
-        'rates_hz': pytest.approx([400, 250], rel=1e-3)}
+    assert remark.values == {'sensors': ['gyro', 'accel'], 'topics': ['/gyro', '/accel'],
+                             'rates_hz': pytest.approx([400, 250], rel=1e-3)}
 
 
 def test_several_recordings_of_two_topics_keep_the_means_of_both(tmp_path):
-    paths = [write(tmp_path / name, {'/accel': block(100, 1_000, False, True),
-                                     '/gyro': block(200, 2_000, True, False)})
-             for name in ('a.mcap', 'b.mcap')]
+    paths = [recorded(tmp_path / name, 200, 100) for name in ('a.mcap', 'b.mcap')]
     seen = []
     result = analyze(paths, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'),
                      progress=seen.append)
@@ -90,21 +102,16 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
         samples[:, columns] = half.samples[latest, columns]
     united = ImuBlock(stamps[order], stamps[order] + 1000, samples,
                       np.zeros((len(order), 2), np.bool_), 'imu')
-    result = analyze(write(tmp_path / 'a.mcap', {'/camera/imu': united}))
-    for name, axis in result.axes.items():
-        rate = 200 if name[0] == 'g' else 250
-        assert axis.sample_rate_hz == pytest.approx(rate, rel=1e-4)
-        assert axis.coefficients['noise_density'].value == pytest.approx(
-            (0.01 if name[0] == 'g' else 0.1) / np.sqrt(rate), rel=0.1)
-    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == [
-        finding('repeated_half', recording=str(tmp_path / 'a.mcap'), topic='/camera/imu',
-                half=None)]
+    path = write(tmp_path / 'a.mcap', {'/camera/imu': united})
+    result = analyze(path)
+    assert_characterized(result, 200, 250)
+    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == (
+        repeated_half(path, '/camera/imu', None))
 
 
 @pytest.mark.parametrize(('limit', 'status'), [slow(0.15, 0), (0.07, 3)])
 def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, status):
-    path = write(tmp_path / 'a.mcap', {
-        '/accel': block(100, 6_000, False, True), '/gyro': block(200, 12_000, True, False)})
+    path = recorded(tmp_path / 'a.mcap', 200, 100, 60)
     (tmp_path / 'spec.yaml').write_text(
         f'gyro: {{noise_density: {limit / 200**.5} rad/s/sqrt(Hz)}}\n'
         f'accel: {{noise_density: {limit / 100**.5} m/s^2/sqrt(Hz)}}\n')
@@ -120,20 +127,14 @@ def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, 
                      for sensor in ('gyro', 'accel') for axis in 'xyz'}
 
 
-def test_info_says_what_is_joined(tmp_path, capsys):
-    topics = {'/a/accel': block(250, 500, False, True), '/a/gyro': block(400, 800, True, False)}
-    assert main(['info', str(write(tmp_path / 'a.mcap', topics))]) == 0
-    assert ('one IMU in two halves: the gyroscope from /a/gyro, the accelerometer from /a/accel'
-            ) in capsys.readouterr().out.splitlines()
-    assert main(['info', str(tmp_path / 'a.mcap'), '--rate', '401']) == 0
-    shown = capsys.readouterr().out
+def test_info_says_what_is_joined(tmp_path, output_of):
+    path = recorded(tmp_path / 'a.mcap', seconds=2)
+    assert ('one IMU in two halves: the gyroscope from /gyro, the accelerometer from /accel'
+            ) in output_of('info', path).splitlines()
+    shown = output_of('info', path, '--rate', '401')
     assert 'unusable' not in shown
     assert [line.split()[1] for line in shown.splitlines() if line.startswith('  rate')] == [
         '250', '401']
-    topics['/b/gyro'] = block(400, 800, True, False)
-    assert main(['info', str(write(tmp_path / 'b.mcap', topics))]) == 0
-    assert ('not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
-            '--accel-topic') in capsys.readouterr().out.splitlines()
 
 
 @pytest.mark.parametrize('bias', [0.0, 1e-3])
@@ -165,8 +166,7 @@ def test_an_orientation_filter_alone_in_a_recording_is_reported_by_what_it_leave
 
 
 def test_a_stated_rate_is_that_of_its_own_half(tmp_path):
-    path = write(tmp_path / 'a.mcap', {
-        '/accel': block(250, 2_500, False, True), '/gyro': block(400, 4_000, True, False)})
+    path = recorded(tmp_path / 'a.mcap')
     for accel_rate_hz in (None, 249.0):
         axes = analyze(path, options=TimelineOptions(rate_hz=401.0), reading=RecordingOptions(
             accel_rate_hz=accel_rate_hz)).axes
@@ -200,16 +200,14 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
     path = write(tmp_path / 'a.mcap', {'/imu': both})
     assert streams(path) == [Stream('/imu', 'gyro'), Stream('/imu', 'accel', only_new=True)]
     result = analyze(path)
-    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == [
-        finding('repeated_half', recording=str(path), topic='/imu', half='accel')]
+    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == (
+        repeated_half(path, '/imu', 'accel'))
     assert result.axes['gyro_x'].sample_rate_hz == pytest.approx(400, rel=1e-4)
     if rate_hz == 200:
+        assert_characterized(result, 400, 200)
         stated = analyze(path, options=TimelineOptions(rate_hz=401.0)).axes
         assert stated['gyro_x'].sample_rate_hz == 401.0
         assert stated['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
-        assert result.axes['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
-        assert result.axes['accel_x'].coefficients['noise_density'].value == pytest.approx(
-            0.1 / np.sqrt(200), rel=0.1)
 
 
 @pytest.mark.parametrize(('rate_hz', 'phase'), [
@@ -229,26 +227,27 @@ def test_a_half_that_is_interpolated_is_reported(tmp_path, rate_hz, phase):
     assert remark == finding('interpolated', recording=str(path), topic='/imu', half='accel')
 
 
-@pytest.mark.parametrize('step', [0.05, 0.02, 0.005, 0.0])
-def test_coarse_samples_at_rest_are_neither_copied_nor_interpolated(tmp_path, step):
+def coarse(step: float) -> ImuBlock:
+    """Return samples at rest in steps."""
     messages = block(400, 5_000, True, True)
-    if step:
-        messages.samples[:, 3:] = np.round(messages.samples[:, 3:] / step) * step
-        messages.samples[:, :3] = np.round(messages.samples[:, :3] / step) * step
-    path = write(tmp_path / 'a.mcap', {'/imu': messages})
-    with open_recording(path) as recording:
-        assert choose_streams(recording) == [Stream('/imu')]
-        assert recording.remarks == []
+    messages.samples[:] = np.round(messages.samples / step) * step
+    return messages
 
 
-@pytest.mark.parametrize('frequency', [0.17, 0.25])
-@pytest.mark.parametrize('amplitude', [0.5, 1, 2, 5, 20])
-@pytest.mark.parametrize('wander', [0, 0.003, 0.03])
-def test_a_vibration_is_not_taken_for_interpolation(tmp_path, amplitude, wander, frequency):
+def vibrating(frequency: float, amplitude: float, wander: float) -> ImuBlock:
+    """Return samples of an accelerometer that vibrates, at a frequency in cycles per sample."""
     messages = block(400, 5_000, True, True)
     phase = 2 * np.pi * frequency * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
     messages.samples[:, 3:] += 0.1 * amplitude * np.sin(phase)[:, np.newaxis]
-    with open_recording(write(tmp_path / 'a.mcap', {'/imu': messages})) as recording:
+    return messages
+
+
+@pytest.mark.parametrize(('make', 'values'), [
+    *((coarse, (step,)) for step in (0.05, 0.02, 0.005)),
+    *((vibrating, (frequency, amplitude, wander)) for frequency in (0.17, 0.25)
+      for amplitude in (0.5, 1, 2, 5, 20) for wander in (0, 0.003, 0.03)), (vibrating, (0, 0, 0))])
+def test_coarse_and_vibrating_samples_are_neither_copied_nor_interpolated(tmp_path, make, values):
+    with open_recording(write(tmp_path / 'a.mcap', {'/imu': make(*values)})) as recording:
         assert choose_streams(recording) == [Stream('/imu')]
         assert recording.remarks == []
 
@@ -267,8 +266,5 @@ def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
         result.axes['gyro_x'].coefficients['noise_density'].value * np.pi / 180, rel=1e-6)
     plain = analyze(path, reading=RecordingOptions(accel_unit='m/s^2'))
     assert plain.axes['accel_z'].mean == pytest.approx(0.9993, abs=0.01)
-
-
-def test_a_unit_of_something_else_is_refused():
     with refused('--accel unit deg/s: deg/s cannot be turned into m/s^2'):
         RecordingOptions(accel_unit='deg/s')
