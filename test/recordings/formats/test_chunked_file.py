@@ -17,43 +17,44 @@ import numpy as np
 import pytest
 
 MESSAGES = block(3000)
-BODY = {write_mcap: 9, write_bag: 0}
-"""Bytes of a chunk before the place that is named."""
 
-every_kind = pytest.mark.parametrize(('write', 'compression'), [
+
+@pytest.fixture(params=[
     *((write_mcap, name) for name in COMPRESSIONS),
-    *((write_bag, name) for name in ROS1_COMPRESSIONS)])
-
-
-@every_kind
-def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, write, compression):
-    path = write(tmp_path / 'a.bag', MESSAGES, compression=compression)
+    *((write_bag, name) for name in ROS1_COMPRESSIONS)], ids=lambda kind: kind[1])
+def written(request, tmp_path):
+    """Give a recording, where its chunks begin, and what it names as the begin of the third."""
+    write, compression = request.param
+    path = write(tmp_path / 'a', MESSAGES, compression=compression)
     starts = chunk_starts(path)
-    size = (starts[3] - starts[2]) // 4
+    return path, starts, starts[2] + (9 if write is write_mcap else 0)
+
+
+def overwritten(path, start, with_bytes):
+    """Read with other bytes there; returns the remark, and how many messages were lost."""
     data = bytearray(path.read_bytes())
-    data[starts[2] + 200:starts[2] + 200 + size] = b'\xa5' * size
+    data[start:start + len(with_bytes)] = with_bytes
     path.write_bytes(data)
     after, [remark] = read(path)
+    assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
     lost = 3000 - len(after)
     assert 20 < lost < 200
-    assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
+    return remark, lost
+
+
+def test_a_damaged_chunk_is_left_out_and_counted(written):
+    path, starts, named = written
+    remark, lost = overwritten(path, starts[2] + 200, b'\xa5' * ((starts[3] - starts[2]) // 4))
     assert remark == said(path, 'damaged_recording', fault='chunks', broken=1,
                           chunks=len(starts), first=remark.values['first'], lost=lost, of=3000,
                           topic='/imu')
-    assert figures(remark.values['first'])[0] == starts[2] + BODY[write]
+    assert figures(remark.values['first'])[0] == named
 
 
-@every_kind
-def test_reading_goes_on_at_the_next_chunk_that_the_index_names(tmp_path, write, compression):
-    path = write(tmp_path / 'a.bag', MESSAGES, compression=compression)
-    starts = chunk_starts(path)
+def test_reading_goes_on_at_the_next_chunk_that_the_index_names(written):
+    path, starts, _ = written
     size = starts[3] - starts[2]
-    data = bytearray(path.read_bytes())
-    data[starts[2]:starts[3]] = b'\xff' * size
-    path.write_bytes(data)
-    after, [remark] = read(path)
-    lost = 3000 - len(after)
-    assert 20 < lost < 200
+    remark, lost = overwritten(path, starts[2], b'\xff' * size)
     assert remark == said(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=3000,
                           topic='/imu', first=remark.values['first'])
     assert figures(remark.values['first']) == [size, starts[2]]

@@ -5,12 +5,12 @@
 from csv import DictReader
 from pathlib import Path
 
-from bags import read, said
+from bags import read, refusal, said
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import open_recording
 import numpy as np
-from whole_lines import refused
 
+HEAD = 'elapsed time,receive time,header.stamp,topic,value'
 COUNT = 200
 START = 1_700_000_000
 SAMPLES = np.sin(np.arange(COUNT)[:, np.newaxis] * np.arange(1, 7))
@@ -24,7 +24,7 @@ def stamp(number: int, later_ns: int = 0) -> str:
 
 
 def write(path: Path, topics: dict[str, float], more: str = '', headers: bool = True) -> Path:
-    lines = ['elapsed time,receive time,header.stamp,topic,value'] + [
+    lines = [HEAD] + [
         f'{n / 200},{stamp(n, 1234)},{stamp(n) if headers else ""},{topic}.{field},'
         f'{float(SAMPLES[n, column]) * scale!r}'
         for topic, scale in topics.items() for column, field in enumerate(FIELDS)
@@ -52,22 +52,16 @@ def test_the_lines_of_a_message_come_together_to_the_bit(tmp_path):
 
 def test_messages_received_at_once_are_distinguished_by_their_stamps(tmp_path):
     path = write(tmp_path / 'pairs.csv', {'/imu': 1.0})
-    lines = path.read_text().split('\n')
-    for number, line in enumerate(lines[1:], 1):
-        cells = line.split(',')
-        cells[1] = stamp((number - 1) % COUNT // 2 * 2)
-        lines[number] = ','.join(cells)
-    path.write_text('\n'.join(lines))
+    head, *rows = [line.split(',') for line in path.read_text().split('\n')]
+    for number, cells in enumerate(rows):
+        cells[1] = stamp(number % COUNT // 2 * 2)
+    path.write_text('\n'.join(map(','.join, [head, *rows])))
     messages, remarks = read(path, '/imu')
     assert messages.samples.tobytes() == SAMPLES.tobytes()
     assert remarks == []
-
-
-def test_messages_that_nothing_tells_apart_are_counted(tmp_path):
-    path = write(tmp_path / 'twins.csv', {'/imu': 1.0})
-    lines = path.read_text().split('\n')
-    path.write_text('\n'.join(lines + [
-        line.rsplit(',', 1)[0] + ',7.0' for line in lines if line.startswith('0.0,')]))
+    # What nothing tells apart is counted.
+    twins = [[*cells[:-1], '7.0'] for cells in rows if cells[0] == '0.0']
+    path.write_text('\n'.join(map(','.join, [head, *rows, *twins])))
     messages, [remark] = read(path, '/imu')
     assert messages.samples.tolist() == [[7.0] * 6, *SAMPLES[1:].tolist()]
     assert remark == said(path, 'merged_messages', count=1)
@@ -87,9 +81,6 @@ def test_what_is_missing_or_no_number_is_reported(tmp_path):
 
 
 def test_a_plot_of_something_else_says_what_to_plot(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('elapsed time,receive time,header.stamp,topic,value\n0,1.0,,/odom.x,3\n')
-    with refused(
-            f'{path}: no path in it is an axis of an IMU; plot paths such as '
-            '/imu.angular_velocity.x and export them'):
-        open_recording(path)
+    assert refusal(tmp_path / 'a.csv', HEAD + '\n0,1.0,,/odom.x,3\n') == (
+        'no path in it is an axis of an IMU; plot paths such as /imu.angular_velocity.x and '
+        'export them')
