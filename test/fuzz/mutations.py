@@ -6,11 +6,16 @@ from collections.abc import Callable, Sequence
 import contextlib
 import copy
 import io
+from pathlib import Path
 from random import Random
 import time
 from typing import Any
 
+from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.writers.words import message_of
 import pytest
 from repeated import slow
 
@@ -161,6 +166,29 @@ def run_command(arguments: Sequence[str], statuses: Sequence[int] = (0, 1)) -> t
         assert line == ''
     assert_harmless_on_a_terminal(out.getvalue())
     return status, out.getvalue()
+
+
+def read_in_part(path: Path, judge: Callable[[str, ImuBlock], None] = lambda *_: None) -> int:
+    """Read the first topics of a file; returns the number of messages, 0 if it is refused."""
+    began, messages = time.process_time(), 0
+    try:
+        with open_recording(path) as recording:
+            for topic in recording.topics[:3]:
+                if topic.count == 0:
+                    continue
+                for block in read_blocks(recording, topic.name):
+                    messages += len(block)
+                    assert block.samples.shape == (len(block), 6)
+                    assert block.absent.shape == (len(block), 2)
+                    assert block.header_ns.shape == block.receive_ns.shape == (len(block),)
+                    judge(topic.name, block)
+            assert all(message_of(remark).isprintable() for remark in recording.remarks)
+    except ImuAllanError as error:
+        assert str(error).isprintable()
+        assert len(str(error)) < 1500
+        messages = 0
+    assert time.process_time() - began < LONGEST_S
+    return messages
 
 
 def assert_harmless_on_a_terminal(text: str) -> None:

@@ -11,16 +11,23 @@ import time
 from bags import block, IMU, write_db3
 from imu_allan.cdr import encode_imu_rows, MessageBatch
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
-from imu_allan.writers.words import message_of
-from mutations import each, EXTREMES, mutated_bytes, mutated_text, rounds, TEXTS
+from mutations import (
+    each,
+    EXTREMES,
+    LONGEST_S,
+    mutated_bytes,
+    mutated_text,
+    read_in_part,
+    rounds,
+    TEXTS,
+)
 import numpy as np
 from other_types import full_definition, imu, stamped, store_with
 import pytest
 
-LONGEST_S = 10.0
 MESSAGES = block(60)
 ROWS = [row.tobytes() for row in encode_imu_rows(MESSAGES)]
 KINDS = ['', 'INTEGER', 'TEXT', 'BLOB', 'REAL', 'NUMERIC', 'INTEGER NOT NULL', 'ANY',
@@ -129,25 +136,11 @@ def journal(path: Path, choice: Random) -> None:
     path.with_name(f'{path.name}-{kind}').write_bytes(content)
 
 
-def read_all(path: Path) -> None:
-    """Read what can be read; anything but a result or the known error is a failure."""
-    began = time.process_time()
-    try:
-        with open_recording(path) as recording:
-            for topic in recording.topics[:3]:
-                for part in read_blocks(recording, topic.name):
-                    assert len(part.samples) == len(part)
-            assert all(message_of(remark).isprintable() for remark in recording.remarks)
-    except ImuAllanError as error:
-        assert str(error).isprintable()
-    assert time.process_time() - began < LONGEST_S
-
-
 def judge_schema(choice: Random) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = hostile_database(Path(folder), choice)
         before = sorted(Path(folder).iterdir())
-        read_all(path)
+        read_in_part(path)
         assert sorted(Path(folder).iterdir()) == before
 
 
@@ -158,7 +151,7 @@ def judge_journal(choice: Random) -> None:
         precious.write_text('mine')
         journal(path, choice)
         before = {file.name: file.read_bytes() for file in Path(folder).iterdir()}
-        read_all(path)
+        read_in_part(path)
         assert {file.name: file.read_bytes() for file in Path(folder).iterdir()} == before
 
 
@@ -187,7 +180,7 @@ def judge_yaml(choice: Random) -> None:
         write_db3(Path(folder) / 'a_0.db3', block(3))
         text = mutated_text(YAML, choice, YAML_WORDS)
         (Path(folder) / 'metadata.yaml').write_bytes(text.encode('utf-8', 'surrogatepass'))
-        read_all(Path(folder))
+        read_in_part(Path(folder))
 
 
 NAMES = [IMU, 'std_msgs/Header', 'geometry_msgs/Vector3', 'a/A', 'a/B', 'a/C', 'uint8', 'int64',

@@ -13,10 +13,8 @@ from random import Random
 import time
 
 from bags import block, IMU, write_bag, write_db3, write_mcap, write_metadata
-from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import open_recording, read_blocks
-from imu_allan.writers.words import message_of
-from mutations import mutated_bytes
+from imu_allan.block import ImuBlock
+from mutations import mutated_bytes, read_in_part
 import numpy as np
 import pytest
 from repeated import slow
@@ -97,23 +95,10 @@ WHOLE = {'ardupilot': 200 + 200 + 1024}
 """Samples, where there are not 600."""
 
 
-def read_whole(path: Path, checked: bool) -> int:
-    """Read every topic; returns the number of messages."""
-    messages = 0
-    with open_recording(path) as recording:
-        for topic in recording.topics[:3]:
-            if topic.count == 0:
-                continue
-            for item in read_blocks(recording, topic.name):
-                messages += len(item)
-                count = len(item)
-                assert item.samples.shape == (count, 6)
-                assert item.absent.shape == (count, 2)
-                assert item.header_ns.shape == item.receive_ns.shape == (count,)
-                if checked and topic.name == '/imu':
-                    assert {row.tobytes() for row in item.samples} <= SAMPLES
-        assert all(message_of(remark).isprintable() for remark in recording.remarks)
-    return messages
+def assert_recorded(topic: str, messages: ImuBlock) -> None:
+    """Require of the topic that was written that its samples are among those that were."""
+    if topic == '/imu':
+        assert {row.tobytes() for row in messages.samples} <= SAMPLES
 
 
 def fuzz(folder: Path, source: str, count: int, seed: int) -> None:
@@ -121,20 +106,15 @@ def fuzz(folder: Path, source: str, count: int, seed: int) -> None:
     opened = folder if source == 'metadata' else path
     content = path.read_bytes()
     choice = Random(seed)
-    assert read_whole(opened, True) == WHOLE.get(source, 600)
-    read, slowest = 0, 0.0
-    refusals: list[str] = []
+    assert read_in_part(opened, assert_recorded) == WHOLE.get(source, 600)
+    judges = [assert_recorded] if source in ('mcap', 'mcap_lz4', 'mcap_zstd') else []
+    read = 0
     for _ in range(count):
         path.write_bytes(mutated_bytes(content, choice))
         start = time.perf_counter()
-        try:
-            read += read_whole(opened, source in ('mcap', 'mcap_lz4', 'mcap_zstd')) > 0
-        except ImuAllanError as error:
-            refusals.append(str(error))
-        slowest = max(slowest, time.perf_counter() - start)
-    assert all(text.isprintable() and len(text) < 1500 for text in refusals)
+        read += read_in_part(opened, *judges) > 0
+        assert time.perf_counter() - start < 10
     assert read > count / 10
-    assert slowest < 10
 
 
 @pytest.mark.parametrize('source', SOURCES)
