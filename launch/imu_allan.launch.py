@@ -11,13 +11,13 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 TEXTS = {
-    'gyro_topic': 'Of the gyroscope, where the IMU comes on two topics',
-    'accel_topic': 'Of the accelerometer, where it comes on two topics',
-    'state_file': 'Keeps what was learnt over a crash or a reboot',
-    'output_dir': 'Where ~/save and the end of the node write',
-    'spec_file': 'Datasheet that the IMU is held against',
-    'reference': 'Earlier result that the IMU is held against',
-    'temperature_topic': 'Of the thermometer beside the IMU',
+    'gyro_topic': 'Topic of the gyroscope, for an IMU on two topics',
+    'accel_topic': 'Topic of the accelerometer, for an IMU on two topics',
+    'state_file': 'File that keeps the state of the run over crashes and restarts',
+    'output_dir': 'Folder that ~/save and shutdown write to',
+    'spec_file': 'Datasheet to check the IMU against',
+    'reference': 'Earlier result to compare the IMU with',
+    'temperature_topic': "Topic of the IMU's thermometer",
 }
 """Parameters that an argument sets where it is not empty; else the parameter file does."""
 
@@ -37,9 +37,9 @@ def generate_launch_description() -> LaunchDescription:
           for name, text in TEXTS.items()),
         DeclareLaunchArgument('log_level', default_value='info',
                               choices=['debug', 'info', 'warn', 'error', 'fatal'],
-                              description='Least severity that is logged'),
+                              description='Lowest severity that is logged'),
         DeclareLaunchArgument('respawn', default_value='true', choices=['true', 'false'],
-                              description='Start the node again where it has ended unasked'),
+                              description='Restart the node if it ends unexpectedly'),
         DeclareLaunchArgument('use_sim_time', default_value='false', choices=['true', 'false'],
                               description='Stamp diagnostics by /clock'),
         OpaqueFunction(function=start)])
