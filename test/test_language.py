@@ -3,8 +3,10 @@
 """The pages are in plain English: short sentences, the field's terms, and a glossary of them."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from pydoc_data.topics import topics
 import re
 
 from imu_allan.finding import Finding
@@ -22,6 +24,9 @@ ENDS = r'(?<=[.!?])[*)"]*\s+'
 MOST_TERMS = 40
 MOST_WORDS = 18_000
 """Of README and docs, tables and code included; a bar between cells is no word."""
+ORDINARY = tuple((ROOT / 'test' / 'ordinary_words.txt').read_text().split())
+"""Of everyday English, or names of products, formats and units; no term of statistics."""
+MOST_ORDINARY = 408
 PRIVATE = re.compile(
     r'\b(told|doubt\w*|borne out|stick(s|ing)? out|stand(s|ing)? in for|bridg\w+|stretch(es)?|'
     r'stands? out|coast\w*|claim\w*|band-limited|course of|courses of the mean|a word of|'
@@ -159,6 +164,55 @@ def test_every_term_of_art_that_is_shown_is_in_the_glossary() -> None:
     used = {term for term in TERMS_OF_ART if re.search(rf'\b{term}', shown, re.IGNORECASE)}
     assert len(used) > 20
     assert not {term for term in used if not re.search(rf'\b{term}', page, re.IGNORECASE)}
+
+
+def words_shown() -> set[str]:
+    """Return the words of screens, commands, node, findings and verdicts, in lower case."""
+    texts = [text for part in ('.', 'cli', 'node', 'recordings', 'writers')
+             for path in (ROOT / 'imu_allan' / part).glob('*.py') for text in shown_strings(path)
+             if not re.search(r'[<\\]|^\s*(SELECT|CREATE|PRAGMA|INSERT)\b', text)]
+    texts += [path.read_text() for path in ROOT.glob('test/writers/screens/*.txt')]
+    texts += [line for code in WORDS for line in explained(code)]
+    # Neither placeholders, paths, options and keys, nor file names.
+    codes = r'%\(?\w*\)?\w|\{[^}]*\}|\S*[/_=~]\S*|--?\w[\w-]*|\S+\.\w+'
+    return {word.lower() for text in texts
+            for word in re.findall(r'[A-Za-z][a-z]+', re.sub(codes, '', text))}
+
+
+def forms_of(word: str) -> set[str]:
+    """Return a word without its ending, and as it may stand in a list."""
+    endings = (('s', ''), ('es', ''), ('ed', ''), ('d', ''), ('ing', ''), ('ing', 'e'), ('ly', ''),
+               ('ies', 'y'), ('ied', 'y'), ('er', ''), ('st', ''), ('est', ''))
+    return {word, f'{word}s', f'{word}ed', f'{word}e'} | {
+        word.removesuffix(end) + other for end, other in endings if word.endswith(end)}
+
+
+def unexplained(words: set[str]) -> set[str]:
+    """Return the words that are in the glossary, in Python's manual and in our list nowhere."""
+    counts = Counter(re.findall('[a-z]+', ' '.join(topics.values()).lower()))
+    # What a manual says once or twice, the next edition may not.
+    known = {word for word, count in counts.items() if count > 2} | set(ORDINARY)
+    known |= set(re.findall('[a-z]+', (ROOT / 'docs' / 'glossary.md').read_text().lower()))
+    return {word for word in words if not forms_of(word) & known}
+
+
+def test_a_word_that_the_program_shows_is_plain_or_in_the_glossary() -> None:
+    shown = words_shown()
+    assert len(shown) > 1000
+    new = unexplained(shown)
+    assert not new, 'say it in plain English, or explain it in docs/glossary.md'
+
+
+def test_a_private_word_is_found() -> None:
+    assert unexplained({'wobbliness', 'kurtosis', 'residuum', 'samples'}) == {
+        'wobbliness', 'kurtosis', 'residuum'}
+
+
+def test_the_list_of_ordinary_words_does_not_grow() -> None:
+    assert list(ORDINARY) == sorted(set(ORDINARY))
+    assert not set(ORDINARY) - words_shown()
+    # Who adds a word takes one away.
+    assert len(ORDINARY) <= MOST_ORDINARY
 
 
 def test_readme_and_docs_are_no_longer_than_they_were_made() -> None:

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 
+from browser import needs_browser, running_browser
 from imu_allan.cli.main import main
 from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.datasheet import live
@@ -25,6 +26,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
+ONE_SCREEN_PX = 850
 
 WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
 NEEDS_ROS = {
@@ -249,14 +251,33 @@ def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypa
             assert main(shlex.split(command.partition(' | ')[0])[1:]) in (0, 1, 4), command
 
 
-def test_documentation_builds_without_warnings(tmp_path):
+@pytest.fixture(scope='module')
+def built_pages(tmp_path_factory):
+    """Return the folder of the pages as HTML; a warning is an error."""
     for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
+    folder = tmp_path_factory.mktemp('pages')
     subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',
-                    '-q', '-d', str(tmp_path / 'doctrees'), str(ROOT / 'docs'),
-                    str(tmp_path / 'html')], check=True)
-    page = (tmp_path / 'html' / 'statistics.html').read_text()
+                    '-q', '-d', str(folder / 'doctrees'), str(ROOT / 'docs'),
+                    str(folder / 'html')], check=True)
+    return folder / 'html'
+
+
+def test_documentation_builds_without_warnings(built_pages):
+    page = (built_pages / 'statistics.html').read_text()
     # What draws the formulas lies beside the pages, and nothing is fetched from elsewhere.
     [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)
-    assert (tmp_path / 'html' / drawn_by).is_file()
+    assert (built_pages / drawn_by).is_file()
     assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:', page)
+
+
+@needs_browser
+def test_a_page_by_task_is_one_screen_of_a_laptop(built_pages):
+    with running_browser() as browser:
+        heights = {}
+        for page in sorted(built_pages.glob('task_*.html')):
+            browser.show(page, width=1280)
+            heights[page.stem] = browser.run(
+                'return document.querySelector("article").getBoundingClientRect().height')
+    assert len(heights) == 4
+    assert max(heights.values()) <= ONE_SCREEN_PX, heights

@@ -658,7 +658,7 @@ WORDS: Mapping[str, Words] = {
                        f'correlation time of {f.correlation_time_s:.3g} s is part of the noise'),
     'temperature': Words(
         'temperature', 'The mean follows the temperature; that part is no noise.',
-        'A regression of the mean on the thermometer.',
+        'The readings of the thermometer explain the mean better than noise.',
         says=_temperature,
         do='coefficients are given without the temperature, numbers for a filter with it'),
     'slow_cycle': Words(
