@@ -119,25 +119,6 @@ def test_a_recording_without_a_stop_is_reported_and_other_axes_are_left_out():
     assert field_test({'accel_x': AXES['gyro_x']}, means_of(EvenBlock(rest(60), 0))) == {}
 
 
-@pytest.mark.slow
-def test_the_drift_of_flicker_is_not_too_small_in_short_stops():
-    """Half an hour of stops of a minute each: their lowest coefficients hold a quarter less."""
-    axes = {'gyro_x': axis_of(N, processes=FLICKER)}
-    there = axis_of(N, processes=tuple((2 * sigma, time) for sigma, time in FLICKER))
-    wanted = tune(there, 1.0).random_walk / tune(axes['gyro_x'], 1.0).random_walk
-    factors, inside = [], 0
-    for seed in range(100):
-        samples = simulate({'noise_density': N, 'bias_instability': 6e-4}, 54_000, RATE, seed)
-        rows = np.full((54_000, 6), np.nan)
-        rows[:, 0] = samples
-        stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 54_000, 1800)]
-        [one] = field_test(axes, means_of(*stops), 1.0).values()
-        factors.append(one.random_walk_factor)
-        inside += one.random_walk_ci95[0] < wanted < one.random_walk_ci95[1]
-    assert np.median(factors) == pytest.approx(wanted, rel=0.05)
-    assert inside > 91
-
-
 @pytest.mark.parametrize('drift', [1.0, 1e-9], ids=['as predicted', 'nearly gone'])
 def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider(drift):
     """However far the likeliest factor of one that is nearly gone lies below the bound."""
@@ -160,29 +141,32 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider(drift):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('fitted_min', [20, 120])
-def test_factors_hold_where_the_numbers_come_from_a_recording(fitted_min):
-    """So many minutes fitted, then half an hour of stops with more noise and drift: 200 pairs."""
-    sensors = {'N+K': ({'rate_random_walk': K}, axis_of(2 * N, 3 * K)),
-               'N+B': ({'bias_instability': 3e-4},
-                       axis_of(2 * N, processes=tuple((3 * sigma, time)
-                                                      for sigma, time in FLICKER)))}
-    for name, (terms, there) in sensors.items():
-        right = tune(there, 1.0)
-        inside = np.zeros(2)
-        for seed in range(200):
-            axis = characterize(simulate({'noise_density': N, **terms},
-                                         round(60 * fitted_min * RATE), RATE, 1000 + seed), RATE)
-            rows = np.full((108_000, 6), np.nan)
-            rows[:, 0] = simulate({'noise_density': 2 * N, **{key: 3 * value for key, value
-                                                              in terms.items()}},
-                                  108_000, RATE, 5000 + seed)
-            stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 108_000, 3600)]
-            [one] = field_test({'gyro_x': axis}, means_of(*stops), 1.0).values()
-            own = tune(axis, 1.0)
-            inside += [low < wanted < high for (low, high), wanted in (
-                (one.noise_ci95, right.noise_density / own.noise_density),
-                (one.random_walk_ci95, right.random_walk / own.random_walk))]
-        print(f'{name}, {fitted_min} min: factor of N in its interval {inside[0] / 2:g} %, of K '
-              f'{inside[1] / 2:g} %')
-        assert np.all(inside > 178), name
+@pytest.mark.parametrize('fitted_min', [None, 20, 120])
+@pytest.mark.parametrize(('terms', 'processes'), [
+    ({'rate_random_walk': K}, ()), ({'bias_instability': 3e-4}, FLICKER)], ids=['N+K', 'N+B'])
+def test_factors_hold_where_the_numbers_are_stated_or_come_from_a_recording(
+        fitted_min, terms, processes):
+    """Half an hour of stops of a minute each with more noise and drift: 200 pairs."""
+    walk = terms.get('rate_random_walk', 0.0)
+    stated, there = axis_of(N, walk, processes), axis_of(
+        2 * N, 3 * walk, tuple((3 * sigma, time) for sigma, time in processes))
+    right, found = tune(there, 1.0), []
+    for seed in range(200):
+        axis = stated if fitted_min is None else characterize(simulate(
+            {'noise_density': N, **terms}, round(60 * fitted_min * RATE), RATE, 1000 + seed), RATE)
+        rows = np.full((108_000, 6), np.nan)
+        rows[:, 0] = simulate({'noise_density': 2 * N, **{
+            key: 3 * value for key, value in terms.items()}}, 108_000, RATE, 5000 + seed)
+        stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 108_000, 3600)]
+        [one] = field_test({'gyro_x': axis}, means_of(*stops), 1.0).values()
+        own = tune(axis, 1.0)
+        noise, drift = (right.noise_density / own.noise_density,
+                        right.random_walk / own.random_walk)
+        found.append((one.noise_ci95[0] < noise < one.noise_ci95[1],
+                      one.random_walk_ci95[0] < drift < one.random_walk_ci95[1],
+                      one.random_walk_factor / drift))
+    inside, off = np.mean(found, axis=0)[:2], np.median(found, axis=0)[2]
+    print(f'{terms}, {fitted_min} min: factors of N and K in their intervals {inside}; K {off:g}')
+    assert np.all(inside > 0.89)
+    # The lowest coefficients of stops of a minute hold a quarter less.
+    assert fitted_min or off == pytest.approx(1, rel=0.05)
