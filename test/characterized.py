@@ -2,12 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """One axis through the doors of a characterization: its result, and its warnings by code."""
 
+from imu_allan.block import ImuBlock
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import Quantity
 import numpy as np
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def messages(rows, rate_hz, places=0, *, gyro_alone=False):
+    """Wrap samples of six axes, at places of the grid or from a place on, into one block."""
+    index = np.arange(len(rows)) + places if np.ndim(places) == 0 else places
+    stamps = START_NS + np.rint(index / rate_hz * 1e9).astype(np.int64)
+    return ImuBlock(stamps, stamps, rows, np.tile([False, gyro_alone], (len(rows), 1)), 'imu_link')
 
 
 def characterized(samples, rate_hz, thermometer=None):

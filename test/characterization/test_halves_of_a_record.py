@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from imu_allan.block import ImuBlock
+from characterized import messages
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import halves_remarks
@@ -47,11 +47,8 @@ def gyro(louder: float, axes: int = 1, seed: int = 0) -> Result:
         columns.append(walk + simulate({'noise_density': 1e-3}, 2 * half, RATE, seed + axis))
     rows = np.zeros((2 * half, 6))
     rows[:, :axes] = np.stack(columns, axis=1)
-    stamps = np.arange(1, 2 * half + 1) * round(1e9 / RATE)
-    absent = np.zeros((2 * half, 2), bool)
-    absent[:, 1] = True
     stream = Characterization(kind='recording', path='bag', topic='/imu')
-    stream.take([ImuBlock(stamps, stamps, rows, absent, 'imu_link')])
+    stream.take([messages(rows, RATE, gyro_alone=True)])
     result = stream.result()
     return replace(result, axes={name: axis for name, axis in result.axes.items()
                                  if axis.drift_model is not None})

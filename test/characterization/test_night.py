@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A night with all that happens in one: each cause is found by its own code, live and offline."""
 
+from characterized import messages, START_NS
 from imu_allan import analyze
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
@@ -14,7 +14,6 @@ from scipy.signal import lfilter
 
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 GYRO, ACCEL = {N: 7.9e-5, B: 2.4e-5}, {N: 1.2e-3, B: 3e-4}
-START = 1_700_000_000_000_000_000
 LAG = 240.0
 """Seconds by which the thermometer follows the sensor."""
 WORDS = {'warm_up', 'slow_cycle', 'not_steady', 'temperature', 'trend_or_walk', 'bias_step',
@@ -23,7 +22,6 @@ WORDS = {'warm_up', 'slow_cycle', 'not_steady', 'temperature', 'trend_or_walk', 
 ALONE = dict(zip(AXES, ('warm-up', 'heater', 'louder', 'weather', '', 'walk'), strict=True))
 FOUND = {'warm-up': 'warm_up', 'heater': 'slow_cycle', 'louder': 'not_steady',
          'weather': 'temperature'}
-AXES_NUMBER = {name: number for number, name in enumerate(AXES)}
 LOUD = {'gyro': 0.02, 'acce': 0.5}
 """Of a slammed door, in the unit of the axis."""
 EVERYTHING = ' '.join(FOUND)
@@ -46,7 +44,7 @@ class Night:
         ring = np.where(after > 0, np.exp(-after / 0.6) * np.sin(0.4 * np.pi * rate * after), 0)
         self.rows = np.zeros((len(self.time), 6))
         for number, (name, why) in enumerate(causes.items()):
-            self.rows[:, AXES_NUMBER[name]] = self._axis(
+            self.rows[:, [*AXES].index(name)] = self._axis(
                 name, why, seed * 6 + number, weather, rng) + ring * LOUD[name[:4]]
         self.rows[:, 5] += 9.81
         share = 1 / (LAG * rate)
@@ -83,7 +81,7 @@ class Night:
 
     @property
     def stamps(self):
-        return START + np.rint(self.time * 1e9).astype(np.int64)
+        return START_NS + np.rint(self.time * 1e9).astype(np.int64)
 
     def live(self, rng):
         """Give it to a stream as a topic does, which is saved and loaded in between."""
@@ -91,9 +89,7 @@ class Night:
         begin = 0
         while begin < len(self.time):
             part = slice(begin, begin + int(rng.integers(500, 20_000)))
-            count = len(self.time[part])
-            stream.update(ImuBlock(self.stamps[part], self.stamps[part], self.rows[part],
-                                   np.zeros((count, 2), bool), 'imu_link'))
+            stream.update(messages(self.rows[part], self.rate, begin))
             stream.take_temperature(self.stamps[part], self.celsius[part])
             if rng.random() < 0.2:
                 stream = Characterization.from_state(stream.to_state())

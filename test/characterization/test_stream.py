@@ -4,7 +4,7 @@
 
 import json
 
-from characterized import ends
+from characterized import ends, messages
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
@@ -37,11 +37,9 @@ def still_imu(samples):
 
 def blocks(rows, index, *, gyro_alone=False):
     """Wrap rows that were sampled at places `index` of the grid into blocks of messages."""
-    stamps = 1_700_000_000_000_000_000 + np.rint(index / RATE * 1e9).astype(np.int64)
     for begin in range(0, len(rows), 3001):
         part = slice(begin, begin + 3001)
-        absent = np.tile([False, gyro_alone], (len(rows[part]), 1))
-        yield ImuBlock(stamps[part], stamps[part], rows[part], absent, 'imu_link')
+        yield messages(rows[part], RATE, index[part], gyro_alone=gyro_alone)
 
 
 def characterized(rows, index=None):
@@ -210,22 +208,22 @@ def test_damaged_state_is_refused(damage):
 def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
         tmp_path, monkeypatch):
     # Most of the time goes into the fits: one axis has values.
-    messages = list(blocks(np.where(np.arange(6) == 2, still_imu(30_000), np.nan),
-                           np.arange(30_000), gyro_alone=True))
+    sent = list(blocks(np.where(np.arange(6) == 2, still_imu(30_000), np.nan),
+                       np.arange(30_000), gyro_alone=True))
     expected = None
     for beside in (False, True):
         # Read by a thread in blocks as they come, or by a process in blocks of another size.
         monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0 if beside else 1 << 40)
         for storage, compression in (
                 ('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')):
-            bag = write_recording(tmp_path / f'{storage}_{compression}_{beside}', messages,
+            bag = write_recording(tmp_path / f'{storage}_{compression}_{beside}', sent,
                                   storage=storage, compression=compression)
             document = analyze(bag).to_dict()
             document['source'] |= {'path': None, 'files': None}
             expected = expected or document
             assert document == expected
     stream = Characterization(kind='recording', topic='/imu/data_raw')
-    for block in messages:
+    for block in sent:
         for at in range(0, len(block), 777):
             part = slice(at, at + 777)
             stream.update(ImuBlock(block.header_ns[part], block.receive_ns[part],

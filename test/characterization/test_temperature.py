@@ -159,32 +159,26 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
     assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
 
 
-@pytest.mark.parametrize(('readings', 'expected'), [
-    (lambda s: (s[s < 2000][::20], celsius_at(s[s < 2000][::20])),
-     {'fault': 'short', 'covered_share': pytest.approx(0.635, abs=5e-3)}),
-    (lambda s: (s[::20], np.full(len(s[::20]), 25.0)),
-     {'fault': 'constant'}),
-    (lambda s: (s[::20] + 1e6, celsius_at(s[::20])),
-     {'fault': 'short', 'covered_share': 0.0}),
-])
-def test_readings_that_are_no_use_are_reported(hour, readings, expected):
-    seconds, rows = hour
-    result = taken(seconds, rows, *readings(seconds)).result()
-    [said] = remarks(result)
-    assert said.code == 'thermometer'
-    assert {key: value for key, value in said.values.items() if key in expected} == expected
-    assert axis_of(result) is None
+def with_a_gap(seconds):
+    return seconds[(seconds < 1000) | (seconds > 1320)]
 
 
-def test_coarse_steps_and_gaps_of_the_readings_are_reported(hour):
+@pytest.mark.parametrize(('at', 'celsius', 'expected'), [
+    (lambda s: s[s < 2000], celsius_at,
+     [{'fault': 'short', 'covered_share': pytest.approx(0.635, abs=5e-3)}]),
+    (lambda s: s, lambda s: np.full(len(s), 25.0), [{'fault': 'constant'}]),
+    (lambda s: s + 1e6, celsius_at, [{'fault': 'short', 'covered_share': 0.0}]),
+    (with_a_gap, lambda s: np.round(celsius_at(s) / 2) * 2, [
+        {'fault': 'coarse', 'step_k': pytest.approx(2), 'range_k': pytest.approx(12, abs=1)},
+        {'fault': 'gaps', 'gaps': 1}])], ids=['short', 'constant', 'elsewhere', 'coarse, a gap'])
+def test_readings_that_are_little_or_no_use_are_reported(hour, at, celsius, expected):
     seconds, rows = hour
-    reading = seconds[::20]
-    reading = reading[(reading < 1000) | (reading > 1320)]
-    stream = taken(seconds, rows, reading, np.round(celsius_at(reading) / 2) * 2)
-    coarse, gaps = (remark.values for remark in remarks(stream.result())[-2:])
-    assert (coarse['fault'], coarse['step_k'], coarse['range_k']) == (
-        'coarse', pytest.approx(2), pytest.approx(12, abs=1))
-    assert (gaps['fault'], gaps['gaps']) == ('gaps', 1)
+    readings = at(seconds[::20])
+    result = taken(seconds, rows, readings, celsius(readings)).result()
+    found = [one.values for one in remarks(result) if one.code == 'thermometer']
+    assert [{key: values[key] for key in wanted} for values, wanted in zip(
+        found, expected, strict=True)] == expected
+    assert at is with_a_gap or axis_of(result) is None
 
 
 def test_readings_that_are_none_are_left_out():

@@ -5,9 +5,8 @@
 from dataclasses import replace
 from functools import partial
 
-from characterized import characterized, ends, holds
+from characterized import characterized, ends, holds, messages
 import imu_allan
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import SLOW_TERMS
@@ -116,13 +115,10 @@ def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more
 def test_no_configuration_and_no_check_takes_such_an_axis_for_good(
         tmp_path, output_of, fails_with):
     rates = [without_bias(sensor(seed), 0.01) for seed in (11, 12, 13)]
-    stamps = (np.arange(len(rates[0])) * 1e7 + 1e18).astype(np.int64)
+    accelerations = [sensor(seed)[:len(rates[0])] + gravity for seed, gravity in (
+        (14, 0.0), (15, 0.0), (16, 9.80665))]
     stream = Characterization(kind='recording', path='behind', topic='/imu/data')
-    stream.update(ImuBlock(
-        stamps, stamps, np.column_stack([*rates, *(sensor(seed)[:len(stamps)] + gravity
-                                                   for seed, gravity in (
-                                                       (14, 0.0), (15, 0.0), (16, 9.80665)))]),
-        np.zeros((len(stamps), 2), bool), 'imu'))
+    stream.update(messages(np.column_stack([*rates, *accelerations]), RATE_HZ))
     behind = stream.result()
     file = tmp_path / 'result.json'
     save_result(behind, file)

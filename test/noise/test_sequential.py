@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A unit on the bench is decided on as soon as that is certain, and seldom wrongly."""
 
-from imu_allan.block import ImuBlock
+from characterized import messages
 from imu_allan.characterization import Characterization
 from imu_allan.noise.sequential import SMALLEST_RECORD
 from imu_allan.noise.simulate import flicker
@@ -27,8 +27,7 @@ def taken_in(stream, samples, first=0):
     """Take samples of one axis into a stream, the first so many being there already."""
     rows = np.full((len(samples), 6), np.nan)
     rows[:, 0] = samples
-    stamps = np.int64(1.7e18) + np.arange(first, first + len(samples)) * np.int64(1e9 / RATE_HZ)
-    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (len(rows), 1)), 'imu'))
+    stream.update(messages(rows, RATE_HZ, first, gyro_alone=True))
     return stream
 
 

@@ -2,53 +2,39 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether acceleration is in g: the same however the messages come."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
+from characterized import messages
 from hypothesis import given, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.run import Lane
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
 RATE_HZ = 200
-START_NS = 1_700_000_000 * 10**9
-Faulty = Callable[[NDArray[np.float64], np.random.Generator], None]
 
 
-def zeros(samples: NDArray[np.float64], _: np.random.Generator) -> None:
-    samples[:40] = 0
+EVERY, ACCELERATION = slice(6), slice(3, 6)
+FAULTS: dict[str, list[tuple[slice, slice, float | None]]] = {
+    'nothing': [], 'zeros': [(slice(40), EVERY, 0.0)],
+    'bump': [(slice(10, 30), ACCELERATION, None)],
+    'set down': [(slice(1500), ACCELERATION, None)],
+    'unusable': [(slice(20), slice(4, 5), np.nan), (slice(20, 30), ACCELERATION, 1e300),
+                 (slice(40, 60), ACCELERATION, 0.0)]}
+"""At the start: what stands in place of the samples, or, None, that noise is added."""
 
 
-def bump(samples: NDArray[np.float64], noise: np.random.Generator) -> None:
-    samples[10:30, 3:] += noise.normal(0, 0.5, (20, 3))
-
-
-def set_down(samples: NDArray[np.float64], noise: np.random.Generator) -> None:
-    samples[:1500, 3:] += noise.normal(0, 0.5, (1500, 3))
-
-
-def unusable(samples: NDArray[np.float64], _: np.random.Generator) -> None:
-    samples[:20, 4] = np.nan
-    samples[20:30, 3:] = 1e300
-    samples[40:60, 3:] = 0
-
-
-def nothing(_: NDArray[np.float64], __: np.random.Generator) -> None:
-    pass
-
-
-def messages(faulty: Faulty, count: int = 6000) -> ImuBlock:
-    """Return an IMU at rest in g, with a fault at the start."""
+def at_rest_in_g(fault: str = 'nothing', count: int = 6000) -> ImuBlock:
     noise = np.random.default_rng(0)
     samples = noise.normal(0, 0.002, (count, 6))
     samples[:, 5] += 1
-    faulty(samples, noise)
-    stamps = START_NS + np.arange(count) * (10**9 // RATE_HZ)
-    return ImuBlock(stamps, stamps + 10**6, samples, np.zeros((count, 2), np.bool_), 'imu')
+    for rows, columns, value in FAULTS[fault]:
+        part = samples[rows, columns]
+        part[:] = part + noise.normal(0, 0.5, part.shape) if value is None else value
+    return messages(samples, RATE_HZ)
 
 
 def in_parts(block: ImuBlock, size: int) -> Iterator[ImuBlock]:
@@ -56,9 +42,9 @@ def in_parts(block: ImuBlock, size: int) -> Iterator[ImuBlock]:
         yield block.part(slice(first, first + size))
 
 
-@pytest.mark.parametrize('faulty', [nothing, zeros, bump, set_down, unusable])
-def test_node_and_recording_find_the_same_unit_whatever_comes_first(faulty):
-    block = messages(faulty)
+@pytest.mark.parametrize('fault', FAULTS)
+def test_node_and_recording_find_the_same_unit_whatever_comes_first(fault):
+    block = at_rest_in_g(fault)
     whole = np.concatenate([part.samples for part in AccelerationUnit().each([block])])
     expected = block.samples.copy()
     expected[:, 3:] *= 9.80665
@@ -76,10 +62,10 @@ def test_node_and_recording_find_the_same_unit_whatever_comes_first(faulty):
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.sampled_from([nothing, zeros, bump, set_down, unusable]),
-       st.sampled_from([1, 9.8, 0.01]), st.lists(st.integers(1, 400), min_size=1, max_size=30))
-def test_any_split_gives_the_same_samples(faulty, scale, sizes):
-    block = messages(faulty, 3000)
+@given(st.sampled_from([*FAULTS]), st.sampled_from([1, 9.8, 0.01]),
+       st.lists(st.integers(1, 400), min_size=1, max_size=30))
+def test_any_split_gives_the_same_samples(fault, scale, sizes):
+    block = at_rest_in_g(fault, 3000)
     block.samples[:, 3:] *= scale
     [*whole] = AccelerationUnit().each([block])
     places = np.cumsum([0, *sizes, 3000])
@@ -94,7 +80,7 @@ def test_any_split_gives_the_same_samples(faulty, scale, sizes):
     (9.81, 0.02, 32), (9.81, 2.0, 32), (9.0, 0.02, 32), (0.0, 0.02, 32), (0.0, 0.7, 2048)],
     ids=['at rest', 'driving', 'poor scale', 'without gravity', 'driving without gravity'])
 def test_what_is_not_in_g_stays_as_it_is_and_hardly_waits(gravity, noise, most):
-    block = messages(nothing, 3000)
+    block = at_rest_in_g(count=3000)
     block.samples[:, 3:] = np.random.default_rng(1).normal([0, 0, gravity], noise, (3000, 3))
     unit = AccelerationUnit()
     came = [len(unit(part)) for part in in_parts(block, 1)]
@@ -107,7 +93,7 @@ def test_what_is_not_in_g_stays_as_it_is_and_hardly_waits(gravity, noise, most):
     (40, 9.81, (0, 0, 1)), (200, 9.81, (0, 0, 1)), (64, 0.0, (1, 0, 0))],
     ids=['placeholder', 'long placeholder', 'a push without gravity'])
 def test_a_start_near_one_makes_no_g_of_what_follows(first, gravity, acceleration):
-    block = messages(nothing, 3000)
+    block = at_rest_in_g(count=3000)
     block.samples[:, 3:] = np.random.default_rng(1).normal([0, 0, gravity], 0.05, (3000, 3))
     block.samples[:first, 3:] = acceleration
     for size in (1, 100, 3000):
@@ -120,7 +106,7 @@ def test_a_start_near_one_makes_no_g_of_what_follows(first, gravity, acceleratio
 
 @pytest.mark.parametrize('nothing_said', ['not a number', 'zero', 'absent'])
 def test_messages_without_acceleration_do_not_wait(nothing_said):
-    block = messages(nothing, 100)
+    block = at_rest_in_g(count=100)
     if nothing_said == 'absent':
         block.absent[:, 1] = True
     else:
@@ -129,7 +115,7 @@ def test_messages_without_acceleration_do_not_wait(nothing_said):
 
 
 def test_messages_that_wait_are_in_the_result():
-    block = messages(nothing, 20)
+    block = at_rest_in_g(count=20)
     lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
     for part in in_parts(block, 1):
         lane.update([part])

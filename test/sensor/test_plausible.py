@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers that no sensor has at rest, with the likeliest reason."""
 
-from imu_allan.block import ImuBlock
+from characterized import messages
 from imu_allan.characterization import characterize
 from imu_allan.characterization.stream import Characterization
 from imu_allan.sensor.plausible import implausible
 import numpy as np
 import pytest
-
-START_NS = 1_700_000_000_000_000_000
 
 
 def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, tuple[str, str]]:
@@ -18,9 +16,8 @@ def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, t
     samples = rng.normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
     samples[:, :3] += gyro_bias
     samples[:, 5] += 9.81
-    stamps = START_NS + 10_000_000 * np.arange(10_000)
     run = Characterization(kind='recording', path='x', topic='/imu')
-    run.update(ImuBlock(stamps, stamps, samples, np.zeros((10_000, 2), bool), 'imu'))
+    run.update(messages(samples, 100.0))
     run.finish()
     return {axis: (found.values['what'], found.values['likely'])
             for found in run.result().warnings if found.code == 'implausible'

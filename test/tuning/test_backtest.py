@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each half of a record predicted from the other."""
 
+from characterized import taken_in
 from drifting_axes import axis_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
@@ -16,8 +17,10 @@ TERMS = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1e
 
 
 def halves_of(*columns):
-    estimator = Estimator(len(columns))
-    estimator.update(np.stack(columns, axis=1))
+    return predictions(taken_in(np.stack(columns, axis=1)))
+
+
+def predictions(estimator):
     finished = estimator.finished().periodogram
     return backtest(finished.series, finished.cell, 1 / RATE)
 
@@ -66,15 +69,12 @@ def test_every_axis_is_tested_on_its_own_where_there_is_noise_for_long_enough(ho
         assert loud.observed_rms == pytest.approx(100 * quiet.observed_rms, rel=1e-6)
     assert constant is None
     assert halves_of(hours[:round(500 * RATE)]) == [None]
-    nothing = Estimator(2).finished().periodogram
-    assert backtest(nothing.series, nothing.cell, 0.01) == [None, None]
+    assert predictions(Estimator(2)) == [None, None]
 
 
 def test_only_the_longest_unbroken_segment_is_tested(hours):
-    estimator = Estimator()
-    estimator.update(hours[:round(3600 * RATE)])
+    estimator = taken_in(hours[:round(3600 * RATE)])
     estimator.skip(round(1000 * RATE))
     estimator.update(hours[round(3600 * RATE):])
-    finished = estimator.finished().periodogram
-    [found] = backtest(finished.series, finished.cell, 1 / RATE)
+    [found] = predictions(estimator)
     assert found.trained_s == pytest.approx(1.5 * 3600, rel=0.01)
