@@ -6,6 +6,7 @@ from dataclasses import replace
 import json
 import re
 
+from changed import with_axes
 import imu_allan
 from imu_allan.finding import finding
 from imu_allan.result import Saturation
@@ -48,18 +49,16 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
 def test_an_axis_without_numbers_or_that_knows_too_little_hides_no_sentence_of_the_others(
         result_file, tmp_path, output_of):
     result = load_result(result_file)
-    gyro_z = result.axes['gyro_z']
     path = tmp_path / 'changed.json'
-    save_result(replace(result, axes={**result.axes, 'gyro_z': replace(
-        gyro_z, drift_model=replace(gyro_z.drift_model, to_s=10.0))}), path)
+    save_result(with_axes(result, 'gyro_z', drift_model=lambda axis: replace(
+        axis.drift_model, to_s=10.0)), path)
     [said] = [line for line in output_of('tune', path).splitlines() if ' of heading ' in line]
     assert said == Varying('One unaided minute costs about <number>° of heading '
                            '(<number> to <number>°; gyro_y, the worst axis that is known).')
-    faults = {'gyro_y': {'saturated': Saturation(0.01, 0.2)}, 'gyro_z': {'copy_of': 'gyro_x'},
-              'accel_z': {'high_passed_hz': 0.2}}
-    save_result(replace(result, axes={name: replace(axis, drift_model=None, **faults[name])
-                                      if name in faults else axis
-                                      for name, axis in result.axes.items()}), path)
+    for name, fault in (('gyro_y', {'saturated': Saturation(0.01, 0.2)}),
+                        ('gyro_z', {'copy_of': 'gyro_x'}), ('accel_z', {'high_passed_hz': 0.2})):
+        result = with_axes(result, name, drift_model=None, **fault)
+    save_result(result, path)
     out = output_of('tune', path).splitlines()
     assert {'gyro y is left out: its output is cut off at 0.01 rad/s.',
             'gyro z is left out: it repeats another axis.',
@@ -177,9 +176,8 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
      'over: name the recording itself behind --verify'),
     ('--verify {old}', '{old}: no axis has a drift model in both recordings')])
 def test_what_cannot_be_is_refused(result_file, tmp_path, options, seen, fails_with):
-    result, old = load_result(result_file), tmp_path / 'old.json'
-    save_result(replace(result, axes={name: replace(axis, drift_model=None)
-                                      for name, axis in result.axes.items()}), old)
+    old = tmp_path / 'old.json'
+    save_result(with_axes(load_result(result_file), drift_model=None), old)
     fails_with('no axis of this result has a drift model (constant, too short, or from an older '
                'version): analyze the recording again', 'tune', old)
     shown = fails_with(seen.format(old=old), 'tune', result_file,

@@ -2,20 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from changed import only, UNSEEN, with_axes, with_coefficient, without
 from imu_allan.fleet.population import population
 from imu_allan.result import Saturation, Span
 import numpy as np
 import pytest
-
-
-def changed(result, name, **fields):
-    """Give a result of which one axis is another."""
-    return replace(result, axes={**result.axes, name: replace(result.axes[name], **fields)})
-
-
-def with_coefficient(result, name, key, **fields):
-    found = result.axes[name].coefficients
-    return changed(result, name, coefficients={**found, key: replace(found[key], **fields)})
 
 
 def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
@@ -49,10 +40,10 @@ def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
 
 
 def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
-    nothing = {key: replace(found, observable=False, value=None, ci95=None, upper95=None)
+    nothing = {key: replace(found, **UNSEEN, upper95=None)
                for key, found in fleet['unit3'].axes['gyro_x'].coefficients.items()}
     # Far from the means of the others, and as if nothing were more certain.
-    odd = {unit: changed(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
+    odd = {unit: with_axes(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
                          high_passed_hz=corner_hz)
            for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
     found = population({**fleet, **odd})
@@ -64,10 +55,8 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
 def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet):
     for unit, fault in (('unit3', {'saturated': Saturation(0.01, 0.2)}),
                         ('unit4', {'stood_still': Span(60.0, 300.0)})):
-        fleet[unit] = changed(fleet[unit], 'gyro_x', **fault)
-    lacking = fleet['unit9']
-    fleet['unit9'] = replace(lacking, axes={
-        name: axis for name, axis in lacking.axes.items() if name != 'gyro_z'})
+        fleet[unit] = with_axes(fleet[unit], 'gyro_x', **fault)
+    fleet['unit9'] = without(fleet['unit9'], 'gyro_z')
     assert {(oddity.unit, oddity.axis, oddity.fault) for oddity in population(fleet).oddities
             if oddity.fault is not None} == {
         ('unit3', 'gyro_x', 'saturated'), ('unit4', 'gyro_x', 'dead'),
@@ -75,8 +64,7 @@ def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet)
 
 
 def test_an_axis_that_no_unit_has_is_missing_in_none(fleet):
-    gyros = {name: replace(result, axes={k: a for k, a in result.axes.items() if 'gyro' in k})
-             for name, result in fleet.items()}
+    gyros = {name: only(result, 'gyro') for name, result in fleet.items()}
     assert population(gyros).odd_units == ['unit7']
 
 
@@ -85,13 +73,13 @@ def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
     drift = 0.664 * 2e-5
     means = np.random.default_rng(1).normal(0, drift, len(fleet)).tolist()
     for name, mean in zip(fleet, means, strict=True):
-        fleet[name] = changed(fleet[name], 'gyro_x', mean=mean)
+        fleet[name] = with_axes(fleet[name], 'gyro_x', mean=mean)
     fleet['unit2'] = with_coefficient(
-        changed(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
-        observable=False, value=None, ci95=None, upper95=3e-5)
+        with_axes(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
+        **UNSEEN, upper95=3e-5)
     found = population(fleet)
     assert [oddity for oddity in found.oddities if oddity.axis == 'gyro_x'] == []
-    fleet['unit1'] = changed(fleet['unit1'], 'gyro_x', mean=20 * drift)
+    fleet['unit1'] = with_axes(fleet['unit1'], 'gyro_x', mean=20 * drift)
     assert [(oddity.unit, oddity.key) for oddity in population(fleet).oddities
             if oddity.axis == 'gyro_x'] == [('unit1', 'mean')]
 

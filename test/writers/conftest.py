@@ -176,26 +176,6 @@ def filtered(result: Result) -> Result:
 
 
 @pytest.fixture(scope='session')
-def with_edf() -> Callable[[Result, float], Result]:
-    """Return a function that makes every averaging time of a result as well known as said."""
-    def known(result: Result, edf: float) -> Result:
-        return replace(result, axes={
-            name: replace(axis, curve=replace(axis.curve, edf=(edf,) * len(axis.curve.edf)))
-            for name, axis in result.axes.items()})
-    return known
-
-
-@pytest.fixture(scope='session')
-def known_for() -> Callable[[Result, float], Result]:
-    """Return a function that makes drift models known up to a time only."""
-    def known(result: Result, to_s: float) -> Result:
-        return replace(result, axes={
-            name: replace(axis, drift_model=replace(axis.drift_model, to_s=to_s))
-            for name, axis in result.axes.items() if axis.drift_model})
-    return known
-
-
-@pytest.fixture(scope='session')
 def streamed() -> Callable[..., Characterization]:
     """Return a function that feeds a characterization with gyro x, or with axes in columns."""
     def streamed(samples: np.ndarray, rate_hz: float) -> Characterization:

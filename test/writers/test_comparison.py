@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
+from changed import only, without
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result
 from imu_allan.writers.comparison import (
@@ -54,8 +55,7 @@ def test_what_one_does_not_show_has_no_difference_but_both_bounds(result, make_a
 
 
 def test_results_with_nothing_in_common_are_refused(result):
-    gyro = replace(result, axes={'gyro_x': result.axes['gyro_x']})
-    accel = replace(result, axes={'accel_x': result.axes['accel_x']})
+    gyro, accel = only(result, 'gyro'), only(result, 'accel')
     with refused('the results have no axis in common on which a coefficient is observable'):
         compare({'a': gyro, 'b': accel})
     with refused('a comparison needs at least two results'):
@@ -81,8 +81,7 @@ def test_the_table_has_a_row_for_each_difference(result, make_result):
 
 def test_the_figure_is_drawn_for_many_results_and_missing_axes(result, make_result):
     results = {f'run {i}': make_result(1 + i / 5) for i in range(9)}
-    gyro = {name: axis for name, axis in result.axes.items() if name != 'accel_y'}
-    results['partly $x^{$'] = replace(result, axes=gyro)
+    results['partly $x^{$'] = without(result, 'accel_y')
     assert render(comparison_figure(results), 'png', 40).startswith(b'\x89PNG')
 
 

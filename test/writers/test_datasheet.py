@@ -4,6 +4,7 @@ from dataclasses import replace
 import json
 import xml.etree.ElementTree as ElementTree
 
+from changed import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize
 from imu_allan.finding import finding
 from imu_allan.result import (
@@ -35,18 +36,6 @@ from whole_lines import refused
 DEG_PER_ROOT_H = 2.908882086657216e-4
 
 
-def with_coefficient(result, axis, key, **fields):
-    """Return `result` with one coefficient changed."""
-    coefficients = result.axes[axis].coefficients
-    return with_axis(result, axis, coefficients={
-        **coefficients, key: replace(coefficients[key], **fields)})
-
-
-def with_axis(result, axis, **fields):
-    """Return `result` with one axis changed."""
-    return replace(result, axes={**result.axes, axis: replace(result.axes[axis], **fields)})
-
-
 def only(result, text):
     (verdict,) = check(result, parse_model(text))
     return verdict
@@ -66,7 +55,7 @@ def test_an_interval_may_touch_the_limit_and_a_limit_of_zero_has_no_ratio(result
 def falling_silent(result):
     segments = tuple(Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
                      for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9)))
-    return with_axis(result, 'gyro_x', stationarity=Stationarity(False, 0.0, segments))
+    return with_axes(result, 'gyro_x', stationarity=Stationarity(False, 0.0, segments))
 
 
 def test_a_zero_bias_is_that_of_the_worst_start(result):
@@ -91,12 +80,8 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
 
 
 def without_density(result, **fields):
-    return with_axis(with_coefficient(result, 'accel_y', 'noise_density', observable=False,
-                                      value=None, ci95=None, upper95=1e-3), 'accel_y', **fields)
-
-
-def without(name):
-    return lambda r: replace(r, axes={key: axis for key, axis in r.axes.items() if key != name})
+    return with_axes(with_coefficient(result, 'accel_y', 'noise_density', **UNSEEN, upper95=1e-3),
+                     'accel_y', **fields)
 
 
 NOISE = 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}'
@@ -105,7 +90,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
 
 @pytest.mark.parametrize(('changed', 'text', 'outcome', 'reason'), [
     # An axis that does not measure fails.
-    (without('gyro_x'), NOISE, 'fail',
+    (lambda r: without(r, 'gyro_x'), NOISE, 'fail',
      'gyro_x N: the axis is missing: the result does not hold it'),
     (lambda r: replace(r, axes={
         **r.axes, 'gyro_x': characterize(np.full(1000, 0.125), 100.0)}), NOISE, 'fail',
@@ -114,14 +99,14 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
                                 ci95=(0.9e-12, 1.1e-12)), NOISE, 'fail',
      'gyro_x N: the axis is dead: its noise density is 1.1e-12 rad/s/sqrt(Hz) at most, less than '
      'a thousandth of the limit'),
-    (lambda r: with_axis(r, 'gyro_x', stood_still=Span(300.0, 58.9)), NOISE, 'fail',
+    (lambda r: with_axes(r, 'gyro_x', stood_still=Span(300.0, 58.9)), NOISE, 'fail',
      'gyro_x N: the axis is dead for 58.9 s from 5 min on: it gives one value all that time'),
     (falling_silent, NOISE, 'fail',
      'gyro_x N: the axis is dead from 45 min on: no noise is left there'),
     (lambda r: replace(r, warnings=(finding('frozen', messages=99, since_s=None),)), NOISE, 'fail',
      'gyro_x N: the sensor was dead for a part of the recording: 99 messages repeat one value: '
      'the sensor or its driver stood still, they are left out'),
-    (without('accel_y'), GRAVITY, 'fail',
+    (lambda r: without(r, 'accel_y'), GRAVITY, 'fail',
      'accel gravity error: accel_y: the axis is missing: the result does not hold it'),
     # What is not known is no verdict.
     (lambda r: r, ZERO_BIAS, 'pass', 'gyro_x zero bias: the 95 % interval is below 0.011 rad/s'),
@@ -129,7 +114,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
     (lambda r: replace(r, turn_on_bias={'gyro_x': TurnOnBias(0.002, (0.001, 0.01))}), ZERO_BIAS,
      'cannot tell', 'gyro_x zero bias: the 95 % interval reaches across 0.011 rad/s; record for '
      'longer'),
-    (lambda r: with_axis(r, 'gyro_x', goodness_of_fit=GoodnessOfFit(1e-9, 0.8, False)), NOISE,
+    (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=GoodnessOfFit(1e-9, 0.8, False)), NOISE,
      'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
     (without_density, GRAVITY, 'cannot tell', 'accel gravity error: accel_y: the noise density '
      'does not show, and with it what the mean is worth; record for longer'),
@@ -184,16 +169,14 @@ def test_the_interval_decides_of_every_quantity_and_in_any_unit(result, text, ou
 
 
 def test_gravity_is_the_length_of_the_three_means(result):
-    tilted = {name: replace(axis, mean=9.9 / 3 ** 0.5) if name.startswith('accel') else axis
-              for name, axis in result.axes.items()}
-    verdict = only(replace(result, axes=tilted), 'accel: {gravity_error: 5 mg}')
+    verdict = only(with_axes(result, 'accel', mean=9.9 / 3 ** 0.5), 'accel: {gravity_error: 5 mg}')
     assert (verdict.axis, verdict.verdict) == ('accel', 'fail')
     assert verdict.value == pytest.approx(9.9 - 9.80665)
     assert verdict.ci95[0] < verdict.value < verdict.ci95[1]
 
 
 def test_band_temperature_and_turn_on_bias_are_compared_where_they_are_known(result):
-    result = with_axis(result, 'gyro_x', band_limit_s=0.02, trend=Trend(
+    result = with_axes(result, 'gyro_x', band_limit_s=0.02, trend=Trend(
         temperature=TemperatureDependence(-3e-5, (-4e-5, -2e-5), 20.0, 40.0)))
     result = replace(result, turn_on_bias={'gyro_x': TurnOnBias(1e-4, (0.5e-4, 3e-4))})
     specification = parse_model('gyro: {x: {band_limit: 10 ms, temperature_drift: 5e-5 rad/s/K, '

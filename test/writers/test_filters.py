@@ -17,6 +17,7 @@ import subprocess
 import tempfile
 import xml.etree.ElementTree as ElementTree
 
+from changed import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.finding import finding
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
@@ -396,9 +397,8 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(
     axes = {**easy.axes, 'gyro_y': dead(make_axis, 'gyro_y')}
     assert ('gyro_y is DEAD in this recording (every sample is the same): it is in none of the '
             'numbers below') in export(build(axes=axes), consumer).text
-    gyro = {name: axis for name, axis in easy.axes.items() if name.startswith('gyro')}
     assert ('This result has no accelerometer: its numbers are left out.'
-            in export(build(axes=gyro), consumer).text)
+            in export(only(easy, 'gyro'), consumer).text)
 
 
 @pytest.mark.parametrize('consumer', ['kalibr', 'basalt', 'matlab', 'fast_lio'])
@@ -437,9 +437,7 @@ def test_small_numbers_stay_numbers_in_yaml(make_axis, make_result):
 
 
 def test_a_sensor_that_the_result_lacks_and_a_bound_that_stands_in(build):
-    result = build(bound=1e-3)
-    gyro = {name: axis for name, axis in result.axes.items() if name.startswith('gyro')}
-    assert yaml.safe_load(export(build(bound=1e-3, axes=gyro), 'kalibr').text) == {
+    assert yaml.safe_load(export(only(build(bound=1e-3), 'gyro'), 'kalibr').text) == {
         'gyroscope_noise_density': GYRO_N, 'gyroscope_random_walk': 1e-3,
         'rostopic': '/imu/data_raw', 'update_rate': 400.0}
 
@@ -489,11 +487,8 @@ def test_psins_is_given_what_makes_its_filter_take_the_drift_and_no_bias_at_the_
 
 
 def flickering(result, level=1e-4):
-    axis = result.axes['gyro_y']
-    b = replace(axis.coefficients['bias_instability'], observable=True, value=level,
-                ci95=(level / 2, level * 2), upper95=None)
-    axis = replace(axis, coefficients={**axis.coefficients, 'bias_instability': b})
-    return replace(result, axes={**result.axes, 'gyro_y': axis})
+    return with_coefficient(result, 'gyro_y', 'bias_instability', observable=True, value=level,
+                            ci95=(level / 2, level * 2), upper95=None)
 
 
 def test_matlab_needs_a_new_release_for_flicker_alone(easy):
@@ -532,9 +527,7 @@ def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
 
 
 def test_what_a_driver_says_of_a_message_is_at_the_rate_of_its_own_topic(easy):
-    halves = replace(easy, axes={
-        name: replace(axis, sample_rate_hz=100.0 if name.startswith('accel') else None)
-        for name, axis in easy.axes.items()})
+    halves = with_axes(easy, 'accel', sample_rate_hz=100.0)
     found = yaml.safe_load(export(halves, 'drivers').text)
     assert found['/**/camera']['ros__parameters'] == {
         'linear_accel_cov': near(ACCEL_N**2 * 100), 'angular_velocity_cov': near(GYRO_N**2 * 400)}
@@ -584,11 +577,8 @@ def test_a_slow_process_keeps_its_time_in_the_state_space(drifting, tmp_path):
 @pytest.fixture
 def drifting(build) -> Result:
     """Return the recording of `easy` on a sensor that drifts with a process of 30 s, too."""
-    result = build()
-    axes = {name: replace(axis, drift_model=replace(
+    return with_axes(build(), drift_model=lambda axis: replace(
         axis.drift_model, processes=(GaussMarkov(axis.drift_model.noise_density / 10, 30.0),)))
-        for name, axis in result.axes.items()}
-    return replace(result, axes=axes)
 
 
 def test_numbers_are_tuned_unless_the_measured_ones_are_asked_for(drifting):
@@ -641,8 +631,7 @@ def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting, law, 
                     density_is_mean=True)
     # The words of a finding may begin with any name: which axis it is about is data.
     found = replace(found, message='gyro_x: as in gyro_z')
-    axis = replace(drifting.axes['gyro_x'], power_law=law)
-    result = replace(drifting, axes={**drifting.axes, 'gyro_x': axis},
+    result = replace(with_axes(drifting, 'gyro_x', power_law=law),
                      warnings=(found,) if law is None else ())
     assert (f'# LEFT OUT: slow noise that is no flicker ({which}); tuned numbers have it in them.'
             in export(result, 'kalibr').text.splitlines())
@@ -728,17 +717,13 @@ def test_an_outage_beyond_what_the_recording_knows_is_said_where_it_widens_somet
     assert widened.format('what is expected is') in measured.splitlines()
     assert 'expected NIS' in measured
     # Without a random walk, or a bound of it, nothing is predicted that could be expected.
-    unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
-        axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
-        upper95=None)}) for name, axis in drifting.axes.items()}
-    text = export_as_wished(replace(drifting, axes=unbounded), 'kalibr', None, options).text
+    unbounded = with_coefficient(drifting, '', 'rate_random_walk', **UNSEEN, upper95=None)
+    text = export_as_wished(unbounded, 'kalibr', None, options).text
     assert 'expected' not in text
 
 
 def test_a_result_without_drift_model_gives_the_measured_numbers_and_says_so(build):
-    result = build()
-    old = replace(result, axes={name: replace(axis, drift_model=None)
-                                for name, axis in result.axes.items()})
+    old = with_axes(build(), drift_model=None)
     text = export_as_wished(old, 'kalibr').text
     assert ('# Coefficients as measured: this result has no drift model to tune from.'
             in text.splitlines())

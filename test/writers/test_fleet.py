@@ -4,6 +4,7 @@ from dataclasses import replace
 import json
 
 from browser import faults_of, needs_browser, pages_in_print
+from changed import UNSEEN, with_coefficient
 from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
@@ -51,14 +52,8 @@ def test_units_that_do_not_differ_have_no_range_and_a_spread_that_does_not_show_
 
 
 def test_what_too_few_units_show_is_said(fleet):
-    def without_random_walk(result):
-        axes = {name: replace(axis, coefficients={**axis.coefficients, 'rate_random_walk': replace(
-            axis.coefficients['rate_random_walk'], value=None, ci95=None, upper95=1e-6,
-            observable=False)}) for name, axis in result.axes.items()}
-        return replace(result, axes=axes)
-
-    few = [*fleet.results.items()][:4]
-    fleet = Fleet({unit: without_random_walk(result) for unit, result in few})
+    fleet = Fleet({unit: with_coefficient(result, '', 'rate_random_walk', **UNSEEN, upper95=1e-6)
+                   for unit, result in [*fleet.results.items()][:4]})
     assert fleet.unseen == (
         'rate random walk of gyro x, y and z and acceleration random walk of accel x, y and z are '
         'shown by fewer than 3 of 4 units, which makes no population; longer recordings show '

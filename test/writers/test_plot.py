@@ -7,6 +7,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
+from changed import with_axes
 import imu_allan
 from imu_allan.characterization.axis import characterize
 from imu_allan.finding import Finding
@@ -80,9 +81,8 @@ def angular(figure):
 
 @pytest.mark.parametrize('last', [1e-9, 1e-5, 1e-4, 1.0])
 def test_the_names_of_the_curves_stay_inside_the_frame(result, last):
-    axes = {name: replace(axis, curve=replace(axis.curve, adev=(*axis.curve.adev[:-1], last)))
-            for name, axis in result.axes.items()}
-    figure = plot.overview_figure(replace(result, axes=axes))
+    figure = plot.overview_figure(with_axes(result, curve=lambda axis: replace(
+        axis.curve, adev=(*axis.curve.adev[:-1], last))))
     plot.render(figure, 'png', 30)
     panel = angular(figure)
     frame = panel.get_window_extent()
@@ -282,10 +282,8 @@ def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
 
 
 def test_a_measured_spectrum_is_drawn_where_it_is_given(result):
-    measured = replace(result.axes['gyro_x'], spectrum=Spectrum((0.1, 1.0), (5e-7, 4e-7)))
-    bare = plot.sensor_figure(result, 'gyro').axes
-    drawn = plot.sensor_figure(
-        replace(result, axes={**result.axes, 'gyro_x': measured}), 'gyro').axes
+    bare, drawn = (plot.sensor_figure(one, 'gyro').axes for one in (result, with_axes(
+        result, 'gyro_x', spectrum=Spectrum((0.1, 1.0), (5e-7, 4e-7)))))
     more = [len(after.lines) - len(before.lines)
             for before, after in zip(bare, drawn, strict=True)]
     assert sorted(more) == [0] * (len(more) - 1) + [1]
@@ -295,7 +293,7 @@ def test_the_strip_shows_a_warm_up_gaps_and_motion_at_their_time(result):
     # The mean of the first of eight segments lies far from the others.
     signal = Signal(450.0, (-1.0,) * 8, (0.5, *[0.0] * 7), (1.0,) * 8)
     figure = plot.overview_figure(replace(
-        result, axes={name: replace(axis, signal=signal) for name, axis in result.axes.items()},
+        with_axes(result, signal=signal),
         timeline=Timeline(100.0, 100, 10_000.0, gaps=(Span(2500.0, 100.0),),
                           motion=(Span(5000.0, 1000.0),))))
     strips = [panel for panel in figure.axes if panel.get_xlabel() == 'time [h]']

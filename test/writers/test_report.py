@@ -12,6 +12,7 @@ import re
 import time
 
 from browser import faults_of, needs_browser, Outline, pages_in_print
+from changed import known_for, with_axes, with_edf
 from imu_allan import analyze
 from imu_allan.characterization.mean import error_of_mean
 from imu_allan.finding import Finding, finding
@@ -72,7 +73,7 @@ def test_the_report_shows_the_answer_before_it_explains_it(outline):
         assert part not in text
 
 
-def test_a_forecast_says_how_far_it_is_known(filtered, known_for, with_edf):
+def test_a_forecast_says_how_far_it_is_known(filtered):
     assert Outline(report_html(known_for(filtered, 30.0))).text.count(
         'extrapolated: longer than this recording knows.') == 2
     assert ('0.53° rms, not known to a factor of 10 The bias averaged '
@@ -115,9 +116,8 @@ def test_a_constant_sensor_says_so_instead_of_blank_charts(result, make_axis):
 
 
 def test_the_temperature_and_frequencies_that_were_left_out_are_shown(filtered):
-    warm = replace(filtered, temperature=Signal(
-        100.0, *((low,) * 40 + (low + 9.0,) * 40 for low in (20.0, 20.1, 20.2))), axes={
-            name: replace(axis, band_edge_hz=12.5) for name, axis in filtered.axes.items()})
+    warm = replace(with_axes(filtered, band_edge_hz=12.5), temperature=Signal(
+        100.0, *((low,) * 40 + (low + 9.0,) * 40 for low in (20.0, 20.1, 20.2))))
     page = report_html(warm)
     # A strip under each sensor, at the desk and on the phone.
     assert page.count('>°C<') == 4
@@ -130,9 +130,8 @@ def test_the_temperature_and_frequencies_that_were_left_out_are_shown(filtered):
 @pytest.mark.parametrize('nothing', [(), (None,) * 5])
 def test_a_signal_without_a_value_is_not_drawn(filtered, nothing):
     unseen = Signal(10.0, nothing, nothing, nothing)
-    one, all_of_them = (replace(filtered, temperature=unseen, axes={
-        name: replace(axis, signal=unseen) if name.startswith(without) else axis
-        for name, axis in filtered.axes.items()}) for without in ('gyro_x', ''))
+    one, all_of_them = (replace(with_axes(filtered, begin, signal=unseen), temperature=unseen)
+                        for begin in ('gyro_x', ''))
     page = report_html(one)
     assert '>°C<' not in page
     assert 'gyro-signal' in page
@@ -141,9 +140,8 @@ def test_a_signal_without_a_value_is_not_drawn(filtered, nothing):
 
 
 def test_curves_without_a_number_are_pages_without_a_point(filtered):
-    blind = replace(filtered, axes={
-        name: replace(axis, curve=replace(axis.curve, adev=(np.nan,) * len(axis.curve.adev)))
-        for name, axis in filtered.axes.items()})
+    blind = with_axes(filtered, curve=lambda axis: replace(
+        axis.curve, adev=(np.nan,) * len(axis.curve.adev)))
     assert 'axis, τ =' in report_html(filtered)
     assert 'axis, τ =' not in report_html(blind)
     page = comparison_html({'seen': filtered, 'blind': blind})
@@ -227,9 +225,8 @@ def test_text_from_a_recording_stays_text(result):
 
 @needs_browser
 def test_the_page_asks_for_nothing_and_complains_of_nothing(result, tmp_path, browser):
-    measured = replace(result.axes['gyro_x'], spectrum=Spectrum((0.1, 1.0), (1e-6, 9e-7)))
     page = written(tmp_path, report_html(
-        replace(result, axes={**result.axes, 'gyro_x': measured})))
+        with_axes(result, 'gyro_x', spectrum=Spectrum((0.1, 1.0), (1e-6, 9e-7)))))
     browser.requests()
     browser.console()
     browser.show(page)

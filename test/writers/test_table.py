@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 
+from changed import known_for, only, UNSEEN, with_axes, with_coefficient, with_edf
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Saturation, Source, Span, Timeline
 from imu_allan.writers.table import result_text
@@ -29,7 +30,7 @@ def test_a_result_looks_on_the_terminal_as_it_did(filtered, name, width, options
     assert f'{text}\n' == snapshot.read_text()
 
 
-def test_a_forecast_says_how_far_it_is_known(filtered, known_for, with_edf):
+def test_a_forecast_says_how_far_it_is_known(filtered):
     short = known_for(filtered, 30.0)
     assert re.search(r'Unaided drift after 60 s: [\d.]+ deg rms \([\d.]+ to [\d.]+\), '
                      r'extrapolated, [\d.]+ m rms \([\d.]+ to [\d.]+\), extrapolated\n',
@@ -45,9 +46,8 @@ def test_a_forecast_says_how_far_it_is_known(filtered, known_for, with_edf):
 
 
 @pytest.mark.parametrize('edf', [2.0, 5.0, 20.0, 100.0])
-def test_each_bound_of_a_forecast_has_two_digits(filtered, with_edf, edf):
-    steady = replace(filtered, axes={name: replace(axis, stationarity=None)
-                                     for name, axis in filtered.axes.items()})
+def test_each_bound_of_a_forecast_has_two_digits(filtered, edf):
+    steady = with_axes(filtered, stationarity=None)
     bounds = re.findall(r' rms \(([\d.]+) to ([\d.]+)\)', printed(with_edf(steady, edf), 120))
     assert [len(re.sub(r'^[0.]+|\.', '', bound)) for pair in bounds for bound in pair] == [2] * 4
 
@@ -174,13 +174,10 @@ for columns in sys.argv[2:]:
 
 
 def test_what_recording_on_would_bring_is_reported(result):
-    axis = result.axes['gyro_x']
-    density = replace(axis.coefficients['noise_density'], ci_halves_in_s=7200.0)
-    walk = replace(axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
-                   upper95=1e-6, observable_in_s=600.0)
-    axis = replace(axis, coefficients={**axis.coefficients, 'noise_density': density,
-                                       'rate_random_walk': walk})
-    text = ' '.join(printed(replace(result, axes={'gyro_x': axis}), verbose=True).split())
+    known = with_coefficient(with_coefficient(
+        result, 'gyro_x', 'noise_density', ci_halves_in_s=7200.0), 'gyro_x', 'rate_random_walk',
+        **UNSEEN, upper95=1e-6, observable_in_s=600.0)
+    text = ' '.join(printed(only(known, 'gyro_x'), verbose=True).split())
     assert 'half as wide after another 2 h' in text
     assert 'K of gyro x after 10 min at the earliest' in text
 
