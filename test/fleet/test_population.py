@@ -44,7 +44,7 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
                for key, found in fleet['unit3'].axes['gyro_x'].coefficients.items()}
     # Far from the means of the others, and as if nothing were more certain.
     odd = {unit: with_axes(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
-                         high_passed_hz=corner_hz)
+                           high_passed_hz=corner_hz)
            for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
     found = population({**fleet, **odd})
     traits = {(trait.axis, trait.key): trait for trait in found.traits}
