@@ -80,10 +80,14 @@ def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(patter
     assert sum(holds(density, 1.0) for density in found) >= 5
 
 
-def test_a_record_merged_with_itself_shares_as_much_noise():
+def test_merged_records_share_the_noise_of_both():
     there = received(0.2)
-    rows = with_interpolation(np.random.default_rng(6).standard_normal((SAMPLES, 1)), there)
-    both = taken_in(rows, np.flatnonzero(~there))
-    expected = both.finished().interpolation.covariance
-    both.merge(both.copy())
-    np.testing.assert_array_equal(both.interpolation.covariance, expected)
+    missing = np.flatnonzero(~there)
+    rows = np.random.default_rng(6).standard_normal((2, SAMPLES, 1))
+    both = taken_in(with_interpolation(rows[0], there), missing)
+    both.merge(taken_in(rows[1]))
+    whole = InterpolationSums()
+    whole.add(missing.tolist(), SAMPLES)
+    whole.add([], SAMPLES)
+    np.testing.assert_array_equal(both.interpolation.covariance, whole.interpolation(
+        len(missing) / (2 * SAMPLES)).covariance)
