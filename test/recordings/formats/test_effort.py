@@ -18,14 +18,16 @@ from bags import (
     write_bag,
     write_mcap,
 )
+from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
 from imu_allan.recordings.formats import decompress
 from imu_allan.recordings.formats.gather import gather, in_lists
 from imu_allan.recordings.open_recording import open_recording
 from measured_command import run
+import numpy as np
 import pytest
 from repeated import slow
-from whole_lines import Varying
+from whole_lines import refused, Varying
 import zstandard
 
 MESSAGES = block(1000)
@@ -185,3 +187,17 @@ def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():
     sizes = [len(held) for held in in_lists(batches)]
     assert sum(sizes) == count
     assert max(sizes) < 20_000
+
+
+def test_the_messages_before_a_damaged_place_are_handed_on():
+    rows = encode_imu_rows(MESSAGES)
+    data = b''.join(message(row.tobytes()) for row in rows)
+
+    def batches():
+        yield from gather(data, {1})[0]
+        decompress.ReadingLimits(Path(__file__), 0).expand(1 << 40)
+
+    held = []
+    with refused('the file expands to more than 1000 times its size', ValueError):
+        held.extend(in_lists(batches()))
+    assert np.concatenate([batch.rows for some in held for batch in some]).shape == rows.shape
