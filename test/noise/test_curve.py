@@ -30,7 +30,8 @@ def edf_of_spectrum(coefficients, size, stride, count):
 
 
 @pytest.mark.parametrize('keys', [*((key,) for key in SHAPES), tuple(SHAPES)])
-@pytest.mark.parametrize(('size', 'stride', 'count'), [(1, 1, 30), (8, 1, 60), (16, 2, 41)])
+@pytest.mark.parametrize(('size', 'stride', 'count'), [
+    (1, 1, 30), (8, 1, 60), (16, 2, 41), (4, 3, 50)])
 def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
         keys, size, stride, count):
     coefficients = {key: TERMS_OF_ONE_SIZE[key] for key in keys}
