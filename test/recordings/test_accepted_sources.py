@@ -10,9 +10,9 @@ import re
 from struct import pack
 from typing import Any
 
-from bags import mcap_written
+from bags import joined, mcap_written
 from imu_allan.cli.main import main
-from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.imus_in import imu_messages
 import numpy as np
 from other_types import full_definition, stamped, store_with, vector, write_ros1
@@ -45,9 +45,11 @@ class Source:
 
     path: Path
     options: dict[str, Any] = field(default_factory=dict)
-    axes: str = 'gyro accel'
     kinds: dict[str, str] = field(default_factory=dict)
     rates: tuple[float, ...] = (RATE_HZ,)
+    first_ns: int = int(TIMES_US[0]) * 1000
+    coarseness: float = 0.0
+    stamped: bool = True
 
 
 def header(store: Any, number: int) -> Any:
@@ -94,7 +96,7 @@ def flat(kind: str, names: str, more: str = '', scales: tuple[float, float] = (1
         header(store, n), vector(store, ACCEL[n] * scales[1]), vector(store, GYRO[n] * scales[0])))
 
 
-def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]]
+def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]], **more: Any,
         ) -> Callable[[Path], Source]:
     """Make messages of one type of px4_msgs, or of two with a half each."""
     def of(kind: str, half: int) -> tuple[str, dict[str, str], Callable[[Any, int], Any]]:
@@ -107,11 +109,11 @@ def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]]
     names = [f'px4_msgs/msg/{each}' for each in name.split()]
     return lambda folder: mcap(
         folder, *(of(kind, half) for half, kind in enumerate(names)),
-        rates=(RATE_HZ,) * len(names))
+        rates=(RATE_HZ,) * len(names), **more)
 
 
 def one_of(half: np.ndarray) -> Callable[[int], Iterable[Any]]:
-    return lambda n: (TIMES_US[n], TIMES_US[n], 1, *half[n].astype(F32), 20.0, 0)
+    return lambda n: (TIMES_US[n] + 90, TIMES_US[n], 1, *half[n].astype(F32), 20.0, 0)
 
 
 def fifo_of(half: np.ndarray, scale: float) -> Callable[[int], Iterable[Any]]:
@@ -120,7 +122,7 @@ def fifo_of(half: np.ndarray, scale: float) -> Callable[[int], Iterable[Any]]:
             return ()
         raw = np.zeros((3, 32), np.int16)
         raw[:, :10] = np.rint(half[n - 9:n + 1].T / scale)
-        return TIMES_US[n], TIMES_US[n], 1, float(STEP_US), scale, 10, *raw
+        return TIMES_US[n] + 90, TIMES_US[n], 1, float(STEP_US), scale, 10, *raw
 
     return values
 
@@ -191,7 +193,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
         'unitree_go/msg/LowState', 'uint8[2] head\nIMUState imu_state\nuint32 tick\n',
         lambda store, n: (np.zeros(2, np.uint8), store.types[UNITREE](
             np.zeros(4, F32), GYRO[n].astype(F32), ACCEL[n].astype(F32), np.zeros(3, F32), 30),
-            n), {UNITREE: UNITREE_IMU}),
+            n), {UNITREE: UNITREE_IMU}, stamped=False),
     'leo': typed(
         'leo_msgs/msg/Imu', 'builtin_interfaces/Time stamp\nfloat32 temperature\n' + ''.join(
             f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz'),
@@ -200,7 +202,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
         'vectornav_msgs/msg/CommonGroup', 'std_msgs/Header header\nuint64 timestartup\n'
         'geometry_msgs/Vector3 imu_rate\ngeometry_msgs/Vector3 imu_accel\n', lambda store, n: (
             header(store, n), 77 + STEP_US * 1000 * n, vector(store, GYRO[n]),
-            vector(store, ACCEL[n]))),
+            vector(store, ACCEL[n])), first_ns=77),
     'flat': flat('my_driver/msg/Any', 'linear_acceleration angular_velocity'),
     'vectornav': flat('vectornav_msgs/msg/ImuGroup', 'uncompaccel uncompgyro'),
     'sbg': flat('sbg_driver/msg/SbgImuData', 'accel gyro'),
@@ -211,21 +213,12 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
     'px4 combined': px4('SensorCombined', PX4_COMBINED, lambda n: (
         TIMES_US[n], GYRO[n].astype(F32), STEP_US, 0, ACCEL[n].astype(F32), STEP_US, 0)),
     'px4 vehicle': px4('VehicleImu', PX4_VEHICLE_IMU, lambda n: (
-        TIMES_US[n], TIMES_US[n], 1, 2, (GYRO[n] * STEP_US * 1e-6).astype(F32),
-        (ACCEL[n] * STEP_US * 1e-6).astype(F32), STEP_US, STEP_US, 0)),
+        TIMES_US[n] + 90, TIMES_US[n], 1, 2, (GYRO[n] * STEP_US * 1e-6).astype(F32),
+        (ACCEL[n] * 5000e-6).astype(F32), STEP_US, 5000, 0)),
     'px4 halves': px4('SensorGyro SensorAccel', PX4_GYRO, one_of(GYRO), one_of(ACCEL)),
     'px4 fifo': px4('SensorGyroFifo SensorAccelFifo', PX4_FIFO, fifo_of(GYRO, 2.0**-14),
-                    fifo_of(ACCEL, 2.0**-11)),
+                    fifo_of(ACCEL, 2.0**-11), coarseness=2.0**-11),
     'ULog': ulog, 'ArduPilot': ardupilot,
-    'own CSV': table('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z',
-                     lambda n: (TIMES_US[n] / 1e6, *SAMPLES[n])),
-    'EuRoC': table('#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],'
-                   'a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]',
-                   lambda n: (TIMES_US[n] * 1000, *SAMPLES[n])),
-    'PlotJuggler': table('__time,/imu/angular_velocity/x,/imu/angular_velocity/y,'
-                         '/imu/angular_velocity/z,/imu/linear_acceleration/x,'
-                         '/imu/linear_acceleration/y,/imu/linear_acceleration/z',
-                         lambda n: (TIMES_US[n] / 1e6, *SAMPLES[n])),
     'named columns': table('t,a,b,c,d,e,f',
                            lambda n: (TIMES_US[n] / 1e6, *np.degrees(GYRO[n]), *ACCEL[n]),
                            gyro=':deg/s',
@@ -235,7 +228,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
 
 
 CHECKED = {'bare', 'halves', 'named fields', 'px4 fifo', 'ULog', 'named columns'}
-"""Of every kind of file, with options and on two topics: check reads each as analyze does."""
+"""Of every kind of file, with options and on two topics: analyze and check read each alike."""
 
 
 @pytest.mark.parametrize(('name', 'checked'), [
@@ -245,39 +238,48 @@ def test_info_analyze_check_and_the_node_read_a_source_equally(name, checked, tm
     source = SOURCES[name](tmp_path)
     words = [word for key, value in source.options.items()
              for word in (f'--{key.replace("_", "-")}', value)]
-    # info
     assert main(['info', str(source.path), *words]) == 0
     shown = capsys.readouterr().out
     assert 'unusable' not in shown
     rates = [float(rate) for rate in re.findall(r'^  rate +([\d.]+) Hz', shown, re.MULTILINE)]
     assert rates == pytest.approx(source.rates, rel=1e-4)
-    # analyze
+    if 'columns' not in source.options:
+        assert_read(source)
+    if checked:
+        assert_analyzed(source, rates, words, tmp_path)
+
+
+def assert_read(source):
+    """Require every sample and stamp, and that the node decodes the messages in the same way."""
+    reading = RecordingOptions(**source.options)
+    with open_recording(source.path, options=reading) as recording:
+        kinds = [topic.messages.reported() for topic in recording.topics]
+        for number, (topic, rate) in enumerate(zip(recording.topics, source.rates, strict=True)):
+            step = round(RATE_HZ / rate)
+            columns = slice(3 * number, 3 * number + 3 if len(source.rates) > 1 else 6)
+            messages = joined(read_blocks(recording, topic.name))
+            stamps = messages.header_ns if source.stamped else messages.receive_ns - 700
+            assert np.abs(stamps - source.first_ns
+                          - 1000 * STEP_US * np.arange(0, COUNT, step)).max() < 300
+            np.testing.assert_allclose(messages.samples[:, columns], SAMPLES[::step, columns],
+                                       rtol=2e-7, atol=source.coarseness / 2)
+    node = [imu_messages(kind, definition, options=reading).reported()
+            for kind, definition in source.kinds.items()]
+    assert not node or kinds == node * (len(kinds) // len(node))
+
+
+def assert_analyzed(source, rates, words, tmp_path):
+    """Require the numbers of analyze, and of check those that analyze gave."""
     assert main(['analyze', str(source.path), *words, '--json', str(tmp_path / 'r.json')]) == 0
     result = json.loads((tmp_path / 'r.json').read_text())
-    capsys.readouterr()
     assert list(result['axes']) == [f'{sensor}_{axis}' for sensor in ('gyro', 'accel')
                                     for axis in 'xyz']
     for number, axis in enumerate(result['axes'].values()):
         rate = axis.get('sample_rate_hz') or result['timeline']['sample_rate_hz']
         assert rate == pytest.approx(rates[number // 3 if len(rates) > 1 else 0], rel=1e-6)
-        # The scale of a FIFO and the 32 bits of increments round.
         assert axis['mean'] == pytest.approx(MEAN[number], abs=5 * SIGMA[number] / 500**0.5)
         assert axis['coefficients']['noise_density']['value'] == pytest.approx(
             SIGMA[number] / rate**0.5, rel=0.15)
-    if checked:
-        check(source, words, result, tmp_path)
-    # What the node decodes with
-    if source.kinds:
-        reading = RecordingOptions(**source.options)
-        with open_recording(source.path, options=reading) as recording:
-            said = [topic.messages.reported() for topic in recording.topics]
-        node = [imu_messages(kind, definition, options=reading).reported()
-                for kind, definition in source.kinds.items()]
-        assert said == node * (len(said) // len(node))
-
-
-def check(source, words, result, tmp_path):
-    """Require of check the numbers that analyze gave."""
     (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
                                         'accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}\n')
     assert main(['check', str(source.path), *words, '--spec', str(tmp_path / 'spec.yaml'),

@@ -3,6 +3,7 @@
 """The temperature beside an IMU, from every kind of recording that has one."""
 
 from pathlib import Path
+from typing import Any
 
 from bags import IMU, mcap_written, START_NS
 from imu_allan import analyze
@@ -14,7 +15,7 @@ from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.thermometers import temperatures, thermometer_of
 from imu_allan.result import Result
 import numpy as np
-from other_types import full_definition, sample, stamped, store_with, vector, write_mcap
+from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer as BagWriter
 from whole_lines import refused
@@ -128,11 +129,11 @@ def test_a_column_is_taken(tmp_path, samples):
     columns = zip(SECONDS.tolist(), samples[:, 0].tolist(), CELSIUS.tolist(), strict=True)
     rows = [f'{second},{x!r},{celsius if number % 20 == 0 else ""}'
             for number, (second, x, celsius) in enumerate(columns)]
-    for name, options in (('temperature [degC]', {}), ('heat', {'temperature': 'heat'})):
-        path = tmp_path / 'a.csv'
+    path = tmp_path / 'a.csv'
+    for name, temperature, taken in (
+            ('temperature [degC]', None, True), ('heat', 'heat', True), ('heat', None, False)):
         path.write_text('\n'.join([f'time_s,gyro_x,{name}', *rows, '']))
-        assert follows(analyze(path, reading=RecordingOptions(**options)))
-    assert not follows(analyze(path))
+        assert follows(analyze(path, reading=RecordingOptions(temperature=temperature))) is taken
 
 
 def test_a_column_that_is_no_temperature_is_reported(tmp_path):
@@ -159,20 +160,19 @@ def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(
         f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz')
         if own else 'std_msgs/Header header\ngeometry_msgs/Vector3 angular_velocity\n'
         'geometry_msgs/Vector3 linear_acceleration\nfloat32 temperature\nBoard board\n')
-    store = store_with({'my_driver/msg/Board': 'float64 heat\n', type_name: text})
     kelvin = 300.0 + np.arange(50)
     # One that is missing leaves the others in degrees Celsius.
     kelvin[7] = np.nan
 
-    def message(number: int) -> bytes:
+    def message(store: Any, number: int) -> Any:
         header = stamped(store, number)
         values = ((header.stamp, kelvin[number], *sample(number)) if own else (
             header, vector(store, sample(number)[:3]), vector(store, sample(number)[3:]),
             kelvin[number], store.types['my_driver/msg/Board'](kelvin[number])))
-        return store.serialize_cdr(store.types[type_name](*values), type_name)
+        return store.types[type_name](*values)
 
-    path = write_mcap(tmp_path / 'a.mcap', type_name, full_definition(store, type_name),
-                      map(message, range(50)))
+    path = recorded(tmp_path, type_name, {
+        'my_driver/msg/Board': 'float64 heat\n', type_name: text}, message, 50)
     assert chosen(path, **options) == name
     with open_recording(path, options=RecordingOptions(**options)) as recording:
         [(stamps, celsius)] = temperatures(recording, '/sensor', 'header')

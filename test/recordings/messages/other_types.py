@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of other types as the rosbags library serializes them, and bags of them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,14 @@ def write_mcap(path: Path, type_name: str, definition: str, messages: Iterable[b
         for number, message in enumerate(messages):
             write(topic, START_NS + number * STEP_NS, message, type_name, definition, encodings)
     return path
+
+
+def recorded(folder: Path, kind: str, definitions: dict[str, str],
+             make: Callable[[Any, int], Any], count: int) -> Path:
+    """Write messages of a type, each made of the store of types and its number."""
+    store = store_with(definitions)
+    return write_mcap(folder / 'a.mcap', kind, full_definition(store, kind),
+                      [store.serialize_cdr(make(store, n), kind) for n in range(count)])
 
 
 def write_ros1(path: Path, store: Any, type_name: str, messages: Iterable[bytes]) -> Path:

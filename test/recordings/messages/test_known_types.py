@@ -5,7 +5,15 @@
 from bags import joined, read
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 import numpy as np
-from other_types import full_definition, samples, stamped, store_with, vector, write_mcap
+from other_types import (
+    full_definition,
+    recorded,
+    samples,
+    stamped,
+    store_with,
+    vector,
+    write_mcap,
+)
 import pytest
 from whole_lines import refused
 
@@ -31,29 +39,13 @@ UNITREE_IMU = ('float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelero
                'float32[3] rpy\nint8 temperature\n')
 
 
-def recorded(folder, kind, definitions, make):
-    """Write `COUNT` messages of a type, each made of the store and its number."""
-    store = store_with(definitions)
-    return write_mcap(
-        folder / 'a.mcap', kind, full_definition(store, kind),
-        [store.serialize_cdr(make(store, number), kind) for number in range(COUNT)])
-
-
-def test_px4_vehicle_imu_is_increments_over_their_own_duration(tmp_path):
-    kind = 'px4_msgs/msg/VehicleImu'
-    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_VEHICLE_IMU}, lambda store, n: (
-        store.types[kind](TIMES_US[n] + 90, TIMES_US[n], 1, 2, GYRO[n], ACCEL[n], 4000, 5000, 0))))
-    expected = np.hstack([GYRO.astype(float) / 4e-3, ACCEL.astype(float) / 5e-3])
-    np.testing.assert_allclose(messages.samples, expected, rtol=1e-15)
-    assert messages.header_ns.tolist() == (TIMES_US * 1000).tolist()
-
-
 def test_px4_fifos_are_unrolled_to_true_sample_times(tmp_path):
     kind = 'px4_msgs/msg/SensorGyroFifo'
     raw = np.arange(COUNT * 3 * 32).reshape(COUNT, 3, 32).astype(np.int16)
     filled = 1 + np.arange(COUNT) % 32
     messages, _ = read(recorded(tmp_path, kind, {kind: PX4_FIFO}, lambda store, n: (
-        store.types[kind](TIMES_US[n], TIMES_US[n], 1, 125.0, 0.25, int(filled[n]), *raw[n]))))
+        store.types[kind](TIMES_US[n], TIMES_US[n], 1, 125.0, 0.25, int(filled[n]), *raw[n])),
+        COUNT))
     expected = np.concatenate([raw[n, :, :filled[n]].T * 0.25 for n in range(COUNT)])
     assert messages.samples[:, :3].tolist() == expected.tolist()
     times = np.concatenate([TIMES_US[n] * 1000 - 125_000 * np.arange(filled[n])[::-1]
@@ -66,17 +58,6 @@ def vectors(names, more=''):
     """Define a header, Vector3 fields, and what comes behind them."""
     return 'std_msgs/Header header\n' + ''.join(
         f'geometry_msgs/Vector3 {name}\n' for name in names) + more
-
-
-def test_vectornav_common_group_has_the_sensors_own_clock(tmp_path):
-    kind = 'vectornav_msgs/msg/CommonGroup'
-    text = ('std_msgs/Header header\nuint64 timestartup\ngeometry_msgs/Vector3 imu_rate\n'
-            'geometry_msgs/Vector3 imu_accel\n')
-    messages, _ = read(recorded(tmp_path, kind, {kind: text}, lambda store, n: store.types[kind](
-        stamped(store, n), 77 + 4_000_000 * n, vector(store, GYRO[n]), vector(store, ACCEL[n]))))
-    assert messages.header_ns.tolist() == (77 + 4_000_000 * np.arange(COUNT)).tolist()
-    assert messages.frame_id == 'imu_link'
-    np.testing.assert_array_equal(messages.samples, BOTH)
 
 
 def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
@@ -107,7 +88,7 @@ def own(folder):
             1.7e9 + number / 128, np.concatenate([ACCEL[number], GYRO[number]]), inner,
             number, -number, 7, 'x' * (number % 3))
 
-    return recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make)
+    return recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make, COUNT)
 
 
 def read_with(path, **options):

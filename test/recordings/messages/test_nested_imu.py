@@ -3,10 +3,10 @@
 """An Imu inside a message of another type, found through its definition."""
 
 from contextlib import closing
-import os
 from pathlib import Path
 
 from bags import database, figures, insert, joined, read, said
+from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, rows_like_first
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages import forms
@@ -17,6 +17,8 @@ import numpy as np
 from other_types import (
     full_definition,
     imu,
+    recorded,
+    sample,
     samples,
     stamped,
     START_NS,
@@ -27,7 +29,6 @@ from other_types import (
     write_ros1,
 )
 import pytest
-from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
 from whole_lines import refused
 
@@ -51,14 +52,23 @@ def driver_messages(store, inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda 
             np.arange(extras(number), dtype=np.float32))
 
 
-def cdr(store, messages, type_name=DRIVER):
-    return [store.serialize_cdr(message, type_name) for message in messages]
+def cdr(store, messages):
+    return [store.serialize_cdr(message, DRIVER) for message in messages]
 
 
 def mcap_of(path: Path, **options) -> Path:
     store = store_with({DRIVER: TEXT})
     return write_mcap(path / 'a.mcap', DRIVER, full_definition(store, DRIVER),
                       cdr(store, driver_messages(store, **options)))
+
+
+def assert_read(path: Path, count: int = COUNT) -> ImuBlock:
+    """Require every bit of the first samples, with their stamps."""
+    messages, remarks = read(path)
+    assert remarks == []
+    assert messages.samples.tobytes() == samples(count).tobytes()
+    assert messages.header_ns.tolist() == STAMPS[:count].tolist()
+    return messages
 
 
 def test_every_bit_of_a_nested_imu_is_read(tmp_path):
@@ -68,20 +78,14 @@ def test_every_bit_of_a_nested_imu_is_read(tmp_path):
         assert recording.topics[0].messages.reported() == (
             'my_driver/msg/Vectornav, its field imu (sensor_msgs/msg/Imu)')
         assert recording.other_topics == {}
-    messages, remarks = read(path)
-    assert remarks == []
-    assert messages.samples.tobytes() == samples(COUNT).tobytes()
-    assert messages.header_ns.tolist() == STAMPS.tolist()
+    messages = assert_read(path)
     assert messages.frame_id == 'imu_link'
     assert not messages.absent.any()
 
 
 @pytest.mark.parametrize('raw', [lambda n: 'x' * (n % 7), lambda n: 'x' * (n * n % 23)])
 def test_strings_and_sequences_of_any_length_may_stand_before_and_after(tmp_path, raw):
-    messages, remarks = read(mcap_of(tmp_path, raw=raw, extras=lambda n: n % 5))
-    assert remarks == []
-    assert messages.samples.tobytes() == samples(COUNT).tobytes()
-    assert messages.header_ns.tolist() == STAMPS.tolist()
+    assert_read(mcap_of(tmp_path, raw=raw, extras=lambda n: n % 5))
 
 
 @pytest.mark.parametrize(('inner_ns', 'uses_own'), [
@@ -108,24 +112,17 @@ def test_seconds_in_nanosec_are_no_stamp(tmp_path):
 
 
 def test_a_half_that_is_declared_absent_stays_so(tmp_path):
-    kind, text = 'a_msgs/msg/Pair', 'sensor_msgs/Imu inside\n'
-    store = store_with({kind: text})
-    path = write_mcap(
-        tmp_path / 'a.mcap', kind, full_definition(store, kind),
-        cdr(store, [store.types[kind](imu(store, number, absent=True)) for number in range(9)],
-            kind))
+    kind = 'a_msgs/msg/Pair'
+    path = recorded(tmp_path, kind, {kind: 'sensor_msgs/Imu inside\n'},
+                    lambda store, n: store.types[kind](imu(store, n, absent=True)), 9)
     assert read(path)[0].absent.tolist() == [[True, False]] * 9
 
 
 def test_ros_1_bags_tell_their_definitions_too(tmp_path):
-    store = store_with({DRIVER: TEXT.replace('Header header\n', 'Header header\n')}, 'ros1')
-    path = write_ros1(tmp_path / 'a.bag', store, DRIVER,
-                      [store.serialize_ros1(message, DRIVER)
-                       for message in driver_messages(store, raw=lambda n: 'x' * (n % 3))])
-    messages, remarks = read(path)
-    assert remarks == []
-    assert messages.samples.tobytes() == samples(COUNT).tobytes()
-    assert messages.header_ns.tolist() == STAMPS.tolist()
+    store = store_with({DRIVER: TEXT}, 'ros1')
+    assert_read(write_ros1(tmp_path / 'a.bag', store, DRIVER, [
+        store.serialize_ros1(message, DRIVER)
+        for message in driver_messages(store, raw=lambda n: 'x' * (n % 3))]))
 
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))
@@ -135,9 +132,7 @@ def test_bags_of_rosbags_are_read_as_folders(tmp_path, storage):
         connection = writer.add_connection('/sensor', DRIVER, typestore=store)
         for number, message in enumerate(cdr(store, driver_messages(store))):
             writer.write(connection, START_NS + number * STEP_NS, message)
-    messages, remarks = read(tmp_path / 'bag')
-    assert remarks == []
-    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+    assert_read(tmp_path / 'bag')
 
 
 IDL = """{line}
@@ -153,19 +148,16 @@ module my_driver {{ module msg {{ struct Simple {{
 def test_definitions_in_idl_are_understood(tmp_path):
     kind = 'my_driver/msg/Simple'
     store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
-    path = write_mcap(
-        tmp_path / 'a.mcap', kind, IDL.format(line='=' * 80),
-        cdr(store, [store.types[kind]('a', imu(store, n)) for n in range(20)], kind), 'ros2idl')
-    assert read(path)[0].samples.tobytes() == samples(20).tobytes()
+    assert_read(write_mcap(tmp_path / 'a.mcap', kind, IDL.format(line='=' * 80), [
+        store.serialize_cdr(store.types[kind]('a', imu(store, n)), kind) for n in range(20)],
+        'ros2idl'), 20)
 
 
 def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
     kind = 'my_driver/msg/Two'
-    store = store_with({kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'})
-    path = write_mcap(
-        tmp_path / 'a.mcap', kind, full_definition(store, kind),
-        cdr(store, [store.types[kind](imu(store, n), [imu(store, n + 1), imu(store, n + 2)])
-                    for n in range(20)], kind))
+    path = recorded(tmp_path, kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'},
+                    lambda store, n: store.types[kind](
+                        imu(store, n), [imu(store, n + 1), imu(store, n + 2)]), 20)
     with open_recording(path) as recording:
         with refused(
                 f'{path}: 3 Imu topics; choose one with --topic: /sensor.left (20 messages), '
@@ -178,17 +170,11 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
 
 def test_a_flat_message_is_recognised_by_its_vectors(tmp_path):
     kind = 'a_driver/msg/Motion'
-    store = store_with({kind: (
-        'builtin_interfaces/Time taken_at\nfloat32 heat\ngeometry_msgs/Vector3 '
-        'linear_acceleration\ngeometry_msgs/Vector3 angular_velocity\n')})
-    time = store.types['builtin_interfaces/msg/Time']
-    path = write_mcap(tmp_path / 'a.mcap', kind, full_definition(store, kind), cdr(store, [
-        store.types[kind](time(int(stamp) // 10**9, int(stamp) % 10**9), 20.5,
-                          vector(store, values[3:]), vector(store, values[:3]))
-        for stamp, values in zip(STAMPS, samples(COUNT), strict=True)], kind))
-    messages, _ = read(path)
-    assert messages.samples.tobytes() == samples(COUNT).tobytes()
-    assert messages.header_ns.tolist() == STAMPS.tolist()
+    definition = ('builtin_interfaces/Time taken_at\nfloat32 heat\ngeometry_msgs/Vector3 '
+                  'linear_acceleration\ngeometry_msgs/Vector3 angular_velocity\n')
+    assert_read(recorded(tmp_path, kind, {kind: definition}, lambda store, n: store.types[kind](
+        stamped(store, n).stamp, 20.5, vector(store, sample(n)[3:]), vector(store, sample(n)[:3])),
+        COUNT))
 
 
 def without_definitions(folder: Path) -> Path:
@@ -266,22 +252,6 @@ def test_messages_that_are_all_of_another_form_are_compared_in_linear_time(monke
     # Each with all the others would be 1,000 times their number.
     assert len(lengths) == 2080
     assert sum(compared) < 150 * len(lengths)
-
-
-@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
-def test_a_real_nested_recording_agrees_with_rosbags():
-    path = Path(os.environ['IMU_ALLAN_DATA'], 'nested_imu_mcap')
-    messages, remarks = read(path)
-    assert remarks == []
-    with AnyReader([path]) as reader:
-        theirs = [reader.deserialize(raw, connection.msgtype).imu
-                  for connection, _, raw in reader.messages() if connection.topic == '/imu']
-    assert len(messages) == len(theirs) == 2983
-    assert messages.frame_id == theirs[0].header.frame_id
-    for ours, stamp, their in zip(messages.samples, messages.header_ns, theirs, strict=True):
-        gyro, accel = their.angular_velocity, their.linear_acceleration
-        assert ours.tolist() == [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z]
-        assert stamp == their.header.stamp.sec * 10**9 + their.header.stamp.nanosec
 
 
 @pytest.mark.parametrize('around', ['', 'sensor_msgs/Imu imu\n'])
