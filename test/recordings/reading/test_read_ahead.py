@@ -26,15 +26,18 @@ def test_items_come_in_order_and_the_thread_ends():
 
 
 def test_an_exception_comes_after_the_items_before_it():
-    def failing() -> Iterator[int]:
-        yield 1
-        yield 2
+    def failing() -> Iterator[tuple[ImuBlock, int]]:
+        yield block(3), 1
+        yield block(2, first=3), 2
         raise OSError('disk on fire')
 
-    stream = read_ahead(failing())
-    assert [next(stream), next(stream)] == [1, 2]
-    with refused('disk on fire', OSError):
-        next(stream)
+    ahead, larger = read_ahead(failing()), larger_blocks(failing())
+    assert [next(ahead)[1], next(ahead)[1]] == [1, 2]
+    # Blocks are joined.
+    assert_same(block(5), next(larger)[0])
+    for stream in (ahead, larger):
+        with refused('disk on fire', OSError):
+            next(stream)
     assert threads() == 0
 
 
@@ -84,18 +87,6 @@ def test_a_program_that_leaves_off_ends_at_once_and_silently(read):
                'next(stream)\n')
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, timeout=20)
     assert (done.returncode, done.stderr) == (0, b'')
-
-
-def test_blocks_before_an_exception_are_joined_and_come_before_it():
-    def failing() -> Iterator[tuple[ImuBlock, int]]:
-        yield block(3), 1
-        yield block(2, first=3), 2
-        raise OSError('disk on fire')
-
-    stream = larger_blocks(failing())
-    assert_same(block(5), next(stream)[0])
-    with refused('disk on fire', OSError):
-        next(stream)
 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from(['a', 'b'])), max_size=30),
