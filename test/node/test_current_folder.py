@@ -5,8 +5,8 @@
 import signal
 import subprocess
 import sys
-import time
 
+from processes import wait_until
 import pytest
 
 PLANTED = ('rclpy', 'sensor_msgs', 'numpy', 'scipy', 'pickle', 'struct', 'argparse', 'imu_allan',
@@ -27,10 +27,7 @@ def test_the_node_imports_nothing_from_the_current_folder(tmp_path):
             [sys.executable, str(script), '--ros-args', '-p', 'topic:=/planted/imu',
              '-p', f'state_file:={tmp_path / "state"}'],
             cwd=current, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        deadline = time.monotonic() + 300
-        while not (tmp_path / 'state.lock').exists() and process.poll() is None:
-            assert time.monotonic() < deadline
-            time.sleep(.1)
+        wait_until(lambda: (tmp_path / 'state.lock').exists() or process.poll() is not None, 300)
         process.send_signal(signal.SIGINT)
         shown = process.communicate(timeout=300)[0]
     assert not trace.exists(), trace.read_text()

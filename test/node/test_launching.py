@@ -88,19 +88,18 @@ def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
     assert (node.sigterm_timeout, node.sigkill_timeout) == ('30', '30')
 
 
-def test_a_missing_file_a_wrong_choice_or_list_ends_the_launch() -> None:
-    file = LAUNCH / 'imu_allan.launch.py'
-    with refused('params_file /no/such: no such file', RuntimeError):
-        launched(file, params_file='/no/such')
-    with refused('Argument "log_level" provided value "loud" is not valid.', RuntimeError):
-        launched(file, log_level='loud')
-    several = LAUNCH / 'several_imus.launch.py'
-    with refused('Required launch argument "imus" was not provided.', RuntimeError):
-        launched(several)
-    with refused("imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu", RuntimeError):
-        launched(several, imus='front')
-    with refused('imus: two IMUs in the namespace front', RuntimeError):
-        launched(several, imus='front=/a front=/b')
+@pytest.mark.parametrize(('file', 'given', 'line'), [
+    ('imu_allan', {'params_file': '/no/such'}, 'params_file /no/such: no such file'),
+    ('imu_allan', {'log_level': 'loud'},
+     'Argument "log_level" provided value "loud" is not valid.'),
+    ('several_imus', {}, 'Required launch argument "imus" was not provided.'),
+    ('several_imus', {'imus': 'front'},
+     "imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu"),
+    ('several_imus', {'imus': 'front=/a front=/b'}, 'imus: two IMUs in the namespace front')])
+def test_a_missing_file_a_wrong_choice_or_list_ends_the_launch(
+        file: str, given: dict[str, str], line: str) -> None:
+    with refused(line, RuntimeError):
+        launched(LAUNCH / f'{file}.launch.py', **given)
 
 
 def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own(
