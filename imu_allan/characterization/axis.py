@@ -16,7 +16,7 @@ from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.faults import axis_fault, Constant, CutOff, sample_noise, StoodStill
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
-from imu_allan.noise.posterior.answer import Estimate
+from imu_allan.noise.posterior.estimates import Estimate
 from imu_allan.noise.posterior.judgments import POSSIBLE
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.record.estimator import Estimator

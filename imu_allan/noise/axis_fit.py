@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
-from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
+from imu_allan.noise.posterior.estimates import expected, moved_mean
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
@@ -101,11 +101,14 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     kinds = TRENDS if temperature is None else with_temperature(temperature)
     first = _weighed(sources, dt, kinds)
     # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
-    means = [moved_mean(posterior, source.record)
-             for source, posterior in zip(sources, first, strict=True)]
-    moved = [number for number, mean in enumerate(means) if mean is not None]
-    for number in moved:
-        sources[number] = _without(sources[number], means[number], finished)
+    moved = []
+    for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
+        if (mean := moved_mean(posterior, source.record)) is not None:
+            moved.append(number)
+            noise = np.exp(np.interp(np.log(source.record.bins.frequency),
+                                     np.log(mean.frequency), np.log(mean.noise)))
+            sources[number] = source.without_moving_mean(
+                finished, source.record.without_leak(mean.trend, noise), mean.trend)
     for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, kinds),
                                  strict=True):
         first[number] = posterior
@@ -119,14 +122,6 @@ def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[TrendKind]
     """Compute the posteriors of some axes in one batch."""
     return posteriors([source.capped for source in sources], dt,
                       [source.record for source in sources], kinds) if sources else []
-
-
-def _without(source: '_Source', mean: Mean | None, finished: Estimator) -> '_Source':
-    """Remove a moving mean from the blocks, the segments and the quarters of an axis."""
-    assert mean is not None
-    noise = np.exp(np.interp(np.log(source.record.bins.frequency), np.log(mean.frequency),
-                             np.log(mean.noise)))
-    return source.calmed(finished, source.record.without_leak(mean.trend, noise), mean.trend)
 
 
 def _fitted(source: '_Source', posterior: Posterior, dt: float,
@@ -186,11 +181,16 @@ class _Source:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
-    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Waveform) -> '_Source':
-        """Remove a moving mean from the segments and quarters; `record` is without its leakage."""
-        turning = None if self.cycle is None else self.cycle.cycle.trend
-        calm = without_mean(finished.periodogram, self.axis, record.dt, mean if turning is None
-                            else lambda time: mean(time) + turning(time))
+    def without_moving_mean(self, finished: Estimator, record: RecordSpectrum, *means: Waveform
+                            ) -> '_Source':
+        """
+        Remove a moving mean and the cycle from the segments and quarters.
+
+        `record`: the spectrum without their leakage. `means`: the moving mean, besides the cycle.
+        """
+        parts = means if self.cycle is None else (*means, self.cycle.cycle.trend)
+        calm = without_mean(finished.periodogram, self.axis, record.dt,
+                            lambda time: np.sum([part(time) for part in parts], axis=0))
         segments = segment_powers(calm)
         return replace(
             self, record=record, quarters=_quarters(calm, record.dt, finished), own=0,
@@ -238,15 +238,10 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
     for source, own in zip(sources, found, strict=True):
         cycle = own or known_cycle(source.record.beside(beside), known)
         if cycle is not None:
-            source = replace(source, cycle=cycle).calmed(
-                finished, replace(cycle.record, trends=()), _still)
+            source = replace(source, cycle=cycle).without_moving_mean(
+                finished, replace(cycle.record, trends=()))
         left.append(source)
     return left
-
-
-def _still(time: np.ndarray) -> np.ndarray:
-    """Return a mean of zero at all times."""
-    return np.zeros_like(time)
 
 
 def _change(posterior: Posterior, source: _Source, dt: float) -> Change:

@@ -77,7 +77,7 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     longest = 1 / (2 * float(groups.frequency[0])) / 3
     expected = groups
     if correlation_time_s is not None:
-        expected = groups.with_design(np.column_stack(
+        expected = replace(groups, design=np.column_stack(
             (groups.design, _process(groups, dt, correlation_time_s))))
     edge, band, terms = _edge(expected, dt)
     smooth = _shrunk(band, terms)
@@ -222,7 +222,8 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
                 rows[time] = _process(band, dt, time)
         columns = (band.design[:, WHITE], band.design[:, RANDOM_WALK],
                    *(rows[t] for t in of.tolist()))
-        return maximise(band.with_design(np.stack(columns, axis=1)), start, tolerance=tolerance)
+        return maximise(replace(band, design=np.stack(columns, axis=1)), start,
+                        tolerance=tolerance)
 
     def there(of: Array, found: Solution) -> tuple[Array, Solution]:
         seen = found.theta > 0

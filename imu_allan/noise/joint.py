@@ -21,7 +21,6 @@ from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
-from imu_allan.noise.trends.regressors import side_by_side
 from imu_allan.result import TemperatureDependence, Tone, Trend
 import numpy as np
 
@@ -57,8 +56,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     True
 
     """
-    spectra = [one.record for one in records if one.record is not None]
-    groups = side_by_side(spectra)
+    groups = joined_groups([one.record.groups() for one in records if one.record is not None])
     [posterior] = posteriors([groups], dt, [None])
     report = reported(posterior, dt)
     if report.estimates['rate_random_walk'].observable and not _shows_in_parts(

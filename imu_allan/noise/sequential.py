@@ -26,7 +26,7 @@ from math import log
 from typing import Literal
 
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.posterior.answer import Estimate
+from imu_allan.noise.posterior.estimates import Estimate
 from numpy import logaddexp
 
 Decision = Literal['below', 'above', 'near', 'open']

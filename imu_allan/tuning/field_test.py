@@ -144,7 +144,7 @@ def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisRes
 def _scales(spectrum: Groups) -> list[tuple[float, Interval]]:
     """Return the likeliest factors on white noise and on drift, with intervals."""
     drifting = bool(spectrum.design[:, 1].any())
-    scaled = spectrum if drifting else spectrum.with_design(spectrum.design[:, :1])
+    scaled = spectrum if drifting else replace(spectrum, design=spectrum.design[:, :1])
     best = maximise(scaled)
     found = [(float(np.sqrt(best.theta[i])), _interval(scaled, best, i))
              for i in range(scaled.design.shape[1])]

@@ -5,8 +5,8 @@ from dataclasses import replace
 from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
-from imu_allan.noise.posterior.answer import quantiles
 from imu_allan.noise.posterior.change import change_of
+from imu_allan.noise.posterior.estimates import quantiles
 from imu_allan.noise.posterior.evidence import climb, evenly, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.prepared import prepared

@@ -10,7 +10,7 @@ E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931): the cube root
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.change import Change, STEADY
@@ -112,10 +112,6 @@ class Posterior:
         """Return the trends of the mean in the most probable model."""
         return self.models[0].waveforms(duration_s)
 
-    def changes(self, count: int) -> Array:
-        """Return `count` draws of the factor by which the noise density changes between parts."""
-        return self.change.factors(count)
-
 
 def posteriors(groups: Sequence[Groups], dt: float,
                records: Sequence[RecordSpectrum | None],
@@ -146,9 +142,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
                  if record is not None and record.duration_s > 0), None)
     bank = None if some is None else Bank(some, kinds)
     sets = _sets(spectra, starts, found, records, bank)
-    best = [_best(own) for own in sets]
-    judged = [_judged(one) for one in best]
-    factors = np.stack([_misfit(*both) for both in zip(best, judged, strict=True)])
+    judged = [_judged(own) for own in sets]
+    factors = np.stack([factor for *_, factor in judged])
     # Repeat the search for axes where a misfit reduces the weight of a group by a tenth or more.
     misfitted: NDArray[np.bool_] = np.any(factors > 1.1, axis=1)
     if misfitted.any():
@@ -159,8 +154,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
             if misfitted[axis]:
                 sets[axis] = own
-    return [Posterior(_drawn(own), one.p_value, one.misfit, one.edge)
-            for own, one in zip(sets, judged, strict=True)]
+    return [Posterior(_drawn(own), p_value, misfit, edge)
+            for own, (p_value, misfit, edge, _) in zip(sets, judged, strict=True)]
 
 
 def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
@@ -173,26 +168,16 @@ def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
             for axis, own in enumerate(beside)]
 
 
-def _best(sets: Sequence[TrendSet]) -> tuple[Spectra, Rows]:
-    """Return the model of an axis with the most evidence, and the spectra it was fitted to."""
+def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
+    """
+    Test the residuals of the best model of an axis by half-octave.
+
+    Returns: probability, largest misfit and edge, as in `Posterior`. Also divisors for the degrees
+    of freedom of groups, from misfit and model uncertainty.
+    """
     best = max(sets, key=lambda one: float(one.rows.evidence.max()))
-    return best.spectra, best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
-
-
-@dataclass(frozen=True)
-class _Judged:
-    """Residuals of a model by half-octave, and the half-octave that each group belongs to."""
-
-    normal: Array
-    octave: NDArray[np.int64]
-    p_value: float
-    misfit: float
-    edge: int | None
-
-
-def _judged(best: tuple[Spectra, Rows]) -> _Judged:
-    """Test the residuals of the best model of an axis by half-octave."""
-    spectra, row = best
+    spectra = best.spectra
+    row = best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
     lam, weight, size, covariance = fitted_mean(spectra, row, row.x)
     dof = (weight * lam)[0]
     ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
@@ -209,39 +194,32 @@ def _judged(best: tuple[Spectra, Rows]) -> _Judged:
     high = chi_square.upper(_BY_CHANCE, count) / count
     low = chi_square.lower(_BY_CHANCE, count) / count
     misfit = np.where(seen, np.maximum(level - high, low - level), 0.0)
-    edge = int(row.edge[0])
-    return _Judged(normal, octave.astype(np.int64), p_value, float(max(misfit.max(), 0.0)),
-                   edge if edge < lam.shape[1] else None)
-
-
-def _misfit(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
-    """Return divisors for the degrees of freedom of groups, from misfit and model uncertainty."""
-    spectra, row = best
-    factor = np.ones(spectra.dof.shape[1])
-    if judged.p_value < DESCRIBED:
-        place = np.arange(len(judged.normal))
+    edge = int(row.edge[0]) if row.edge[0] < lam.shape[1] else None
+    factor = np.ones(lam.shape[1])
+    if p_value < DESCRIBED:
+        place = np.arange(len(normal))
         # Divide by the local chi-square, smoothed by a Gaussian of 1.5 half-octaves.
         weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
-        local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
-        factor *= np.maximum(local, 1.0)[judged.octave]
+        local = (weight @ normal**2 + 1) / (weight.sum(axis=1) + 1)
+        factor *= np.maximum(local, 1.0)[octave]
     taken, known = np.zeros(len(factor)), NAMED
-    if judged.edge is not None:
-        taken = np.minimum((spectra.frequency / spectra.frequency[judged.edge])**2, 1.0)
+    if edge is not None:
+        taken = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
         known = UNNAMED
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
         taken = np.maximum(taken, 1 - np.exp(value[0]))
-    count = np.bincount(judged.octave, spectra.whole[row.of[0]])[judged.octave]
-    factor *= 1 + count * (known * taken)**2 / 2
-    return factor
+    whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
+    factor *= 1 + whole * (known * taken)**2 / 2
+    return p_value, float(max(misfit.max(), 0.0)), edge, factor
 
 
 def _drawn(sets: Sequence[TrendSet]) -> tuple[Drawn, ...]:
     """Draw from all models of one axis near the best, over all sets of trends."""
     top = max(float(one.rows.evidence.max()) for one in sets)
     total = np.logaddexp.reduce(np.concatenate([one.rows.evidence for one in sets]))
-    found: list[tuple[float, Rows, TrendSet, Array, Array]] = []
+    found: list[tuple[float, Drawn]] = []
     for one in sets:
         near = np.flatnonzero(one.rows.evidence > top - KEPT)
         if not len(near):
@@ -250,12 +228,11 @@ def _drawn(sets: Sequence[TrendSet]) -> tuple[Drawn, ...]:
         share = np.exp(rows.evidence - total)
         counts = np.array([next(count for least, count in _DRAWS if weight >= least)
                            for weight in share.tolist()])
-        for i, draws in enumerate(sample(one.spectra, rows, counts)):
-            found.append((draws.evidence, rows.take(np.array([i])), one,
-                          draws.x, draws.share))
-    evidence = np.array([each[0] for each in found])
+        found += [(draws.evidence, Drawn(rows.take(np.array([i])), one.spectra, one.found, 0.0,
+                                         draws.x, draws.share))
+                  for i, draws in enumerate(sample(one.spectra, rows, counts))]
+    evidence = np.array([own for own, _ in found])
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
-    order = np.argsort(-weight, kind='stable').tolist()
-    return tuple(Drawn(found[i][1], found[i][2].spectra, found[i][2].found, float(weight[i]),
-                       found[i][3], found[i][4]) for i in order)
+    return tuple(replace(found[i][1], weight=float(weight[i]))
+                 for i in np.argsort(-weight, kind='stable').tolist())

@@ -11,14 +11,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.posterior.answer import answer, Estimate, ramp_beside, Reported
+from imu_allan.noise.posterior.estimates import (
+    bends,
+    drifts,
+    Estimate,
+    marginals,
+    ramp_beside,
+    ramp_of,
+    reported_trends,
+    ReportedTrend,
+    weight_of,
+    window_of,
+)
 from imu_allan.noise.posterior.judgments import (
     DESCRIBED,
     LEAST_DESCRIBED,
     OBSERVABLE,
     REPORTED,
     TOLERATED_MISFIT,
-    WIDEST,
 )
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.terms import SLOW_TERMS
@@ -147,34 +157,35 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     AxisReport
 
     """
-    said = answer(posterior, dt)
-    ramp = said.ramp if record is None or not posterior.models[0].trends else ramp_beside(
+    found = marginals(posterior, dt)
+    sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (
+        'sigma', 'correlation_time', 'exponent', 'amplitude', 'corner'))
+    ramp = ramp_of(posterior) if record is None or not posterior.models[0].trends else ramp_beside(
         posterior, record)
-    terms = {**said.terms, 'rate_ramp': ramp}
-    density = terms['noise_density']
-    if said.flat_part > WIDEST:
-        terms['noise_density'] = replace(density, observable=False)
-    if said.exponent.observable:
-        terms['bias_instability'] = replace(terms['bias_instability'], observable=False)
-    identified = (said.sigma.observable or said.exponent.observable or bool(said.trends)
-                  or ramp.observable or terms['rate_random_walk'].observable)
-    change = posterior.change.typical
-    trends = {one.kind.key: one for one in said.trends}
-    step, cycle, heat = (trends.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
-    warm = sorted((_warm_up(one) for one in said.trends if one.kind.key == 'warm_up'),
+    found['rate_ramp'] = ramp
+    if exponent.observable:
+        found['bias_instability'] = replace(found['bias_instability'], observable=False)
+    moving = reported_trends(posterior)
+    identified = (sigma.observable or exponent.observable or bool(moving) or ramp.observable
+                  or found['rate_random_walk'].observable)
+    change, edge = posterior.change.typical, posterior.edge
+    edge_hz = None if edge is None else float(posterior.models[0].spectra.frequency[edge - 1])
+    low_pass = edge is not None or weight_of(posterior, bends) > OBSERVABLE
+    by_kind = {one.kind.key: one for one in moving}
+    step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
+    warm = sorted((_warm_up(one) for one in moving if one.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
-    found = AxisReport(
-        terms, posterior.p_value, posterior.misfit,
-        said.window_s if said.low_pass > OBSERVABLE else None, said.edge_hz,
+    report = AxisReport(
+        found, posterior.p_value, posterior.misfit,
+        window_of(posterior, dt) if low_pass else None, edge_hz,
         gauss_markov=GaussMarkov(
-            said.sigma.value, said.correlation_time_s.value, (said.sigma.low, said.sigma.high),
-            (said.correlation_time_s.low, said.correlation_time_s.high))
-        if said.sigma.observable else None,
+            sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
+        if sigma.observable else None,
         power_law=PowerLaw(
-            said.exponent.value, (said.exponent.low, said.exponent.high),
-            said.law.value**2 / (2 * np.pi)**said.exponent.value)
-        if said.exponent.observable else None,
-        random_walk_unclear=not identified and said.drift > REPORTED,
+            exponent.value, (exponent.low, exponent.high),
+            amplitude.value**2 / (2 * np.pi)**exponent.value)
+        if exponent.observable else None,
+        random_walk_unclear=not identified and weight_of(posterior, drifts) > REPORTED,
         trend=Trend(
             Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
             warm[0] if warm else None,
@@ -183,19 +194,18 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             warm[1] if len(warm) > 1 else None,
             1 / cycle.value if cycle is not None else None),
         bias_step=BiasStep(step.value, step.columns[0][0]) if step is not None else None,
-        between={'noise_density': density.value * change / 2} if change > 0 else {},
-        shallow=said.edge_hz is not None and said.edge_hz * dt < LEAST_DESCRIBED)
-    corner = said.high_pass_hz
-    return found.behind_high_pass(corner.value) if corner.observable else found
+        between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
+        shallow=edge_hz is not None and edge_hz * dt < LEAST_DESCRIBED)
+    return report.behind_high_pass(corner.value) if corner.observable else report
 
 
-def _warm_up(trend: Reported) -> WarmUp:
+def _warm_up(trend: ReportedTrend) -> WarmUp:
     [(size, error)] = trend.columns
     half = NORMAL95 * error
     return WarmUp(size, trend.value, (size - half, size + half), (trend.low, trend.high))
 
 
-def _dependence(trend: Reported, temperature: TemperatureSeries) -> TemperatureDependence:
+def _dependence(trend: ReportedTrend, temperature: TemperatureSeries) -> TemperatureDependence:
     size, error = trend.columns[0]
     half = NORMAL95 * error
     lags = not trend.low <= 0 <= trend.high

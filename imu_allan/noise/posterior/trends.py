@@ -200,23 +200,24 @@ class Bank:
                            [trend for each in trends for trend in each], _SLOWEST)
         return np.asarray(found.T.reshape(len(values), len(trends[0]), -1))
 
-    def of(self, record: RecordSpectrum) -> 'AxisBank':
-        """Return the candidates for one axis of the recording."""
-        return AxisBank(self, record)
-
 
 class AxisBank:
     """Candidate trends at the slowest coefficients of one axis, without those of lines."""
 
     def __init__(self, bank: Bank, record: RecordSpectrum) -> None:
         self.bank, self.record, self.kinds = bank, record, bank.kinds
-        self._slow = record.slowest(_SLOWEST)
-        slow = record.bins.whole & (record.bins.index <= _SLOWEST)
-        self._frequency = record.bins.frequency[slow][self._slow.which]
+        bins = record.bins
+        used = slow = bins.whole & (bins.index <= _SLOWEST)
+        if record.keep is not None:
+            used = slow & record.keep
+        # Which of the slowest coefficients are not part of a line
+        self._which = used[slow]
+        self._frequency, self._ramp = bins.frequency[used], bins.of_ramp[used]
+        self._coefficient = bins.coefficient[record.axis, used]
 
     @cached_property
     def _columns(self) -> list[Array]:
-        return [columns[:, :, self._slow.which] for columns in self.bank.columns]
+        return [columns[:, :, self._which] for columns in self.bank.columns]
 
     def trends(self, found: Sequence[Found]) -> list[Waveform]:
         """Return the trends as functions of time."""
@@ -228,11 +229,12 @@ class AxisBank:
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
         # The lower limit keeps products with the reciprocal finite.
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
-        others = [self._slow.ramp[:, None]]
+        others = [self._ramp[:, None]]
         if self.record.trends or beside:
-            others.append(self._slow.regressors([*self.record.trends, *self.trends(beside)]))
+            others.append(regressors(self.record.sections, self.record.dt, [
+                *self.record.trends, *self.trends(beside)], _SLOWEST)[self._which])
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
-        value = (self._slow.coefficient * root)[:, :, None]
+        value = (self._coefficient * root)[:, :, None]
         value = value - basis @ (basis.transpose(0, 2, 1) @ value)
         return Whitened(root, basis * root[:, :, None], value[:, :, 0] * root)
 
@@ -240,7 +242,7 @@ class AxisBank:
         """Return the gains of a kind along its grid, or at `values`, shape (noises, values)."""
         return about.gains(
             self._columns[number] if values is None else
-            self.bank.regressors(self.kinds[number], values)[:, :, self._slow.which])
+            self.bank.regressors(self.kinds[number], values)[:, :, self._which])
 
 
 @dataclass(frozen=True)
@@ -309,7 +311,7 @@ def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
         Fitted sets by axis.
 
     """
-    searches = [_Search(spectra, axis, start, of_axis(rows, axis), bank.of(record))
+    searches = [_Search(spectra, axis, start, of_axis(rows, axis), AxisBank(bank, record))
                 for axis, (start, record) in enumerate(zip(starts, records, strict=True))
                 if record is not None and record.duration_s > 0]
     found: list[list[TrendSet]] = [[] for _ in starts]

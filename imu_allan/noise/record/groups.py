@@ -60,18 +60,6 @@ class Groups:
         return replace(self, **{name: part[which] for name, part in vars(self).items()
                                 if part is not None})
 
-    def widened(self, regressors: int) -> 'Groups':
-        """Return the same groups, padded with zero regressors to a given number."""
-        assert self.along is not None
-        assert self.among is not None
-        more = regressors - self.along.shape[1]
-        return replace(self, along=np.pad(self.along, ((0, 0), (0, more))),
-                       among=np.pad(self.among, ((0, 0), (0, more), (0, more))))
-
-    def with_design(self, design: Array) -> 'Groups':
-        """Return the same power with another design."""
-        return replace(self, design=design)
-
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     """
@@ -89,31 +77,31 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
 
 
 def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
-            regressors: Array | None = None) -> Groups:
+            regressors: Array | None = None, *, known: Groups | None = None) -> Groups:
     """
     Average the bins of one axis over bands of an eighth of an octave.
 
     `bins`: the spectrum of all axes. `keep`, shape (bins,): False excludes a bin. `regressors`,
     shape (bins, n): coefficients of trends of the mean, zero outside the whole-record part. The
-    ramp is always the first regressor and not part of them. Returns: groups in which the lowest
-    48 coefficients of every whole-record part stay single.
+    ramp is always the first regressor and not part of them. `known`: groups of the same bins with
+    other regressors, if they exist already. Returns: groups in which the lowest 48 coefficients of
+    every whole-record part stay single.
     """
     bands = _Bands(bins, keep)
-    still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
-                   np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                   bands.mean(bins.ramp), bands.mean(bins.step), bands.mean(bins.length),
-                   bands.mean(bins.interpolated))
-    return _regressed(still, bands, bins, axis, regressors)
-
-
-def regressed(still: Groups, bins: Bins, axis: int, keep: NDArray[np.bool_] | None,
-              regressors: Array) -> Groups:
-    """
-    Replace the regressors of groups that `grouped` made from the same bins.
-
-    `still`: the groups. `bins`, `axis`, `keep`, `regressors`: as for `grouped`.
-    """
-    return _regressed(still, _Bands(bins, keep), bins, axis, regressors)
+    if known is None:
+        known = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
+                       np.stack([bands.mean(column) for column in bins.design.T], axis=1),
+                       bands.mean(bins.ramp), bands.mean(bins.step), bands.mean(bins.length),
+                       bands.mean(bins.interpolated))
+    whole = np.flatnonzero(bins.whole)
+    columns = [bins.of_ramp[whole],
+               *([] if regressors is None else regressors[whole].T)]
+    along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
+    among = np.empty((len(bands.dof), len(columns), len(columns)))
+    for i, one in enumerate(columns):
+        for j, other in enumerate(columns[:i + 1]):
+            among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
+    return replace(known, along=np.stack(along, axis=1), among=among)
 
 
 class _Bands:
@@ -136,20 +124,6 @@ class _Bands:
         return np.asarray(total[self._some] / self.dof)
 
 
-def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: Array | None
-               ) -> Groups:
-    """Return groups with the products of the ramp and other regressors."""
-    whole = np.flatnonzero(bins.whole)
-    columns = [bins.of_ramp[whole],
-               *([] if regressors is None else regressors[whole].T)]
-    along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
-    among = np.empty((len(bands.dof), len(columns), len(columns)))
-    for i, one in enumerate(columns):
-        for j, other in enumerate(columns[:i + 1]):
-            among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
-    return replace(still, along=np.stack(along, axis=1), among=among)
-
-
 def stacked(parts: Sequence[Groups]) -> Groups:
     """Concatenate groups of one record with the same number of regressors."""
     return Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
@@ -164,8 +138,14 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     common noise coefficients but regressors for each record. Records with fewer regressors are
     padded with zeros.
     """
-    most = max(part.along.shape[1] for part in parts if part.along is not None)
-    parts = [part.widened(most) for part in parts]
     record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
-    every = stacked(parts)
+    most = max(part.along.shape[1] for part in parts if part.along is not None)
+    padded = []
+    for part in parts:
+        assert part.along is not None
+        assert part.among is not None
+        more = (0, most - part.along.shape[1])
+        padded.append(replace(part, along=np.pad(part.along, ((0, 0), more)),
+                              among=np.pad(part.among, ((0, 0), more, more))))
+    every = stacked(padded)
     return replace(every, record=record).taken(np.argsort(every.frequency, kind='stable'))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from imu_allan.noise.record.bins import Bins
-from imu_allan.noise.record.groups import grouped, Groups, joined_groups, regressed
+from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.trends.mean_in_blocks import is_little, leaks, Waveform
 import numpy as np
@@ -21,24 +21,6 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SlowCoefficients:
-    """Slowest whole-record coefficients of one axis."""
-
-    sections: Sequence[SpectrumSection]    # of the record
-    count: int    # index of the last coefficient
-    which: NDArray[np.bool_]    # which coefficients up to that index are not part of a line
-    dt: float    # sample interval in seconds
-    design: Array    # (n, columns)
-    # (n,): values, and those of a unit ramp
-    coefficient: Array
-    ramp: Array
-
-    def regressors(self, trends: Sequence[Waveform]) -> Array:
-        """Transform trends of the mean, which must be slow; return shape (n, trends)."""
-        return regressors(self.sections, self.dt, trends, self.count)[self.which]
 
 
 @dataclass(frozen=True)
@@ -60,22 +42,13 @@ class RecordSpectrum:
         """Seconds from the beginning of the record to its end."""
         return duration(self.sections, self.dt)
 
-    def slowest(self, count: int) -> SlowCoefficients:
-        """Return the slowest whole-record coefficients, up to index `count`."""
-        which = slow = self.bins.whole & (self.bins.index <= count)
-        if self.keep is not None:
-            which = slow & self.keep
-        return SlowCoefficients(self.sections, count, which[slow], self.dt,
-                                self.bins.design[which], self.bins.coefficient[self.axis, which],
-                                self.bins.of_ramp[which])
-
     def groups(self, *trends: Waveform) -> Groups:
         """Return the spectrum in narrow bands, with the ramp and trends as regressors."""
         if not trends:
-            return self._still
+            return self._without_trends
         columns = regressors(self.sections, self.dt, trends)
-        return regressed(self._still, *self._kept,
-                         np.column_stack((*self._columns, columns)))
+        return grouped(*self._kept, np.column_stack((*self._columns, columns)),
+                       known=self._without_trends)
 
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
@@ -83,7 +56,7 @@ class RecordSpectrum:
         return (regressors(self.sections, self.dt, self.trends),) if self.trends else ()
 
     @cached_property
-    def _still(self) -> Groups:
+    def _without_trends(self) -> Groups:
         """Return the groups without further trends; cached, as they are needed repeatedly."""
         return grouped(*self._kept, *self._columns)
 
@@ -124,11 +97,6 @@ class RecordSpectrum:
         one = replace(bins, power=power, coefficient=bins.coefficient[own],
                       ramp=np.maximum(bins.ramp, 0.0))
         return replace(self, bins=one, axis=0, keep=keep)
-
-
-def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
-    """Join the spectra of several records of one axis, each with its own mean."""
-    return joined_groups([record.groups() for record in records])
 
 
 def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Waveform],

@@ -15,7 +15,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
 from imu_allan.noise.posterior.regression import about_mean
-from imu_allan.noise.posterior.trends import Bank, TrendKind
+from imu_allan.noise.posterior.trends import AxisBank, Bank, TrendKind
 from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
     Cycle,
@@ -156,7 +156,7 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
     theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
     lam = np.maximum(groups.design @ theta, 1e-300)
-    axis = bank.of(replace(record, keep=keep))
+    axis = AxisBank(bank, replace(record, keep=keep))
     gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]
     return float(bank.grids[0][int(np.argmax(gains))])
 

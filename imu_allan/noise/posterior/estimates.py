@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results from a posterior: presence, value, interval and bound of each quantity, in SI units."""
+"""Presence, value, interval and bound of each quantity, from a posterior, in SI units."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED
+from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED, WIDEST
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     fitted_mean,
@@ -27,6 +28,7 @@ from imu_allan.noise.posterior.shapes import (
     SMOOTH_DRIFT,
     TERMS,
     WALK,
+    WHITE,
 )
 from imu_allan.noise.posterior.trends import TrendKind
 from imu_allan.noise.terms import TERMS as SYMBOLS
@@ -73,8 +75,11 @@ class Estimate:
     presence: float = 1.0
 
 
+_NO_RAMP = Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
+
+
 @dataclass(frozen=True)
-class Reported:
+class ReportedTrend:
     """
     A trend of the mean that is reported.
 
@@ -95,112 +100,50 @@ class Reported:
     columns: tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True)
-class Answer:
+def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     """
-    Results for one axis.
+    Compute the marginal posteriors of one axis from its draws.
 
-    Attributes
-    ----------
-    terms : dict of str to Estimate
-        By key of `TERMS`.
-    ramp : Estimate
-    sigma, correlation_time_s : Estimate
-        Standard deviation and correlation time of a Gauss-Markov process.
-    exponent, law : Estimate
-        Exponent and amplitude of slow noise whose exponent is not that of flicker.
-    high_pass_hz : Estimate
-        Corner of a filter that removes the bias.
-    low_pass : float
-        Probability of a low-pass or roll-off that can be detected.
-    window_s : float or None
-        Width of the boxcar that attenuates white noise like the most probable filter.
-    edge_hz : float or None
-        Frequency above which no model describes the spectrum.
-    trends : tuple of Reported
-    flat_part : float
-        Ratio of the interval ends of the noise density, without its change over the record.
-    drift : float
-        Probability of anything slower than flicker: random walk, smooth drift, Gauss-Markov
-        process, another exponent or a trend of the mean.
-
-    """
-
-    terms: dict[str, Estimate]
-    ramp: Estimate
-    sigma: Estimate
-    correlation_time_s: Estimate
-    exponent: Estimate
-    law: Estimate
-    high_pass_hz: Estimate
-    low_pass: float
-    window_s: float | None
-    edge_hz: float | None
-    trends: tuple[Reported, ...]
-    flat_part: float
-    drift: float
-
-
-def answer(posterior: Posterior, dt: float) -> Answer:
-    """
-    Compute all results for one axis from the draws.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Of one axis.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    Answer
-
+    `dt`: sample interval in seconds. Returns: by key of `TERMS`, all but the ramp. Besides, the
+    standard deviation and correlation time of a Gauss-Markov process, ``sigma`` and
+    ``correlation_time``; ``exponent`` and ``amplitude`` of slow noise whose exponent is not that
+    of flicker; and ``corner``, in Hz, of a filter that removes the bias.
     """
     models = posterior.models
     weight = np.concatenate([model.weight * model.share for model in models])
     x = np.concatenate([model.x for model in models])
     has = np.repeat(np.concatenate([model.row.has for model in models]),
                     [len(model.share) for model in models], axis=0)
-    amplitude, there = _amplitudes(posterior, x, has)
     size = _free_amplitudes(posterior, x, has)
-    spectra, of = models[0].spectra, int(models[0].row.of[0])
+    amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
     # Output noise, added after a filter, is part of the level in its pass band.
     amplitude[:, ALWAYS] = np.hypot(amplitude[:, ALWAYS],
                                     np.where(there[:, _OUTPUT], amplitude[:, _OUTPUT], 0.0))
     low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
-    amplitude[:, ALWAYS] *= posterior.changes(len(x))
-    terms = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE,
-                                  float(spectra.unit[of, k]))
+    amplitude[:, ALWAYS] *= posterior.change.factors(len(x))
+    unit = models[0].spectra.unit[int(models[0].row.of[0])]
+    found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE, float(unit[k]))
              for k, shape in enumerate(TERMS) if shape.key in SYMBOLS}
-    law, process = has[:, PLAIN], has[:, PLAIN + 2]
-    alpha, time = x[:, PLAIN + 1], np.exp(x[:, PLAIN + 3]) * dt
-
-    def free(values: Array, own: NDArray[np.bool_]) -> Estimate:
-        return _estimate(values, own, weight, REPORTED)
-
-    edge = posterior.edge
-    return Answer(
-        terms, _ramp(posterior), free(size[:, 1], process), free(time, process),
-        free(alpha, law), free(size[:, 0] * dt**((1 - alpha) / 2), law),
-        free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]),
-        _weight_of(posterior, _bends) if edge is None else 1.0,
-        _window(posterior, dt), None if edge is None else float(spectra.frequency[edge - 1]),
-        _trends(posterior), high / low if low > 0 else np.inf,
-        _weight_of(posterior, _drifts))
+    # Without its change over the record, which widens the interval but hides nothing.
+    if low <= 0 or high / low > WIDEST:
+        found[WHITE] = replace(found[WHITE], observable=False)
+    law, process, alpha = has[:, PLAIN], has[:, PLAIN + 2], x[:, PLAIN + 1]
+    for key, values, own in (
+            ('sigma', size[:, 1], process),
+            ('correlation_time', np.exp(x[:, PLAIN + 3]) * dt, process),
+            ('exponent', alpha, law),
+            ('amplitude', size[:, 0] * dt**((1 - alpha) / 2), law),
+            ('corner', np.exp(x[:, HIGH]) / dt, has[:, HIGH])):
+        found[key] = _estimate(values, own, weight, REPORTED)
+    return found
 
 
-def _weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
+def weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
     """Return the total weight of the models for which `which` is true."""
     return float(sum(model.weight for model in posterior.models if which(model)))
 
 
-def _weight_of_trend(posterior: Posterior, key: str) -> float:
-    """Return the probability of a kind of trend."""
-    return _weight_of(posterior, lambda model: any(one.kind.key == key for one in model.trends))
-
-
-def _bends(model: Drawn) -> bool:
+def bends(model: Drawn) -> bool:
     """Return whether a model has a detectable low-pass, or leaves the top unexplained."""
     gentle = LOW_PASSES[int(model.row.family[0])].key == GENTLE \
         and model.row.x[0, LOW] > model.spectra.gentle[model.row.of[0]] - 0.7
@@ -208,14 +151,18 @@ def _bends(model: Drawn) -> bool:
                 or (model.row.has[0, LOW] and not gentle))
 
 
-def _drifts(model: Drawn) -> bool:
+def drifts(model: Drawn) -> bool:
     """Return whether a model has anything slower than flicker."""
     return bool(model.row.has[0, [*SLOWER, PLAIN]].any() or model.trends)
 
 
-def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
+def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_], size: Array
                 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the amplitudes of the terms in each draw, and whether they are present."""
+    """
+    Return the amplitudes of the terms in each draw, and whether they are present.
+
+    `size`: amplitudes of slow noise with another exponent than flicker.
+    """
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
     unit = spectra.unit[of]
@@ -236,7 +183,7 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
         place = table.place(np.zeros(int(law.sum()), np.int64), x[law, PLAIN + 1])
         value = cubic(table.rows[:, [pivot]], *place)[0][:, 0]
         flicker = np.log(spectra.columns[of, _FLICKER, pivot]) - 2 * np.log(unit[_FLICKER])
-        amplitude[law, _FLICKER] = _sizes(posterior, x, law, 0) * np.exp(
+        amplitude[law, _FLICKER] = size[law] * np.exp(
             0.5 * (value + spectra.like[of, 0, pivot] - flicker))
         there[law, _FLICKER] = True
     return amplitude, there
@@ -244,22 +191,16 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
 
 def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> Array:
     """Return the amplitudes of the free terms in each draw, zero where absent."""
-    size = np.zeros((len(x), FREE))
-    for k in range(FREE):
-        own = has[:, PLAIN + 2 * k]
-        if own.any():
-            size[own, k] = _sizes(posterior, x, own, k)
-    return size
-
-
-def _sizes(posterior: Posterior, x: Array, own: NDArray[np.bool_], k: int) -> Array:
-    """Return the amplitudes of free term `k` in the draws that contain it."""
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
-    place = spectra.tables.terms[k].place(np.zeros(int(own.sum()), np.int64),
-                                          x[own, PLAIN + 2 * k + 1])
-    unit = cubic(spectra.sizes[k][of][:, None], *place)[0][:, 0]
-    return np.asarray(np.exp(np.minimum(x[own, PLAIN + 2 * k] + unit, 60.0)))
+    size = np.zeros((len(x), FREE))
+    for k, table in enumerate(spectra.tables.terms):
+        slot = PLAIN + 2 * k
+        own = has[:, slot]
+        place = table.place(np.zeros(int(own.sum()), np.int64), x[own, slot + 1])
+        unit = cubic(spectra.sizes[k][of][:, None], *place)[0][:, 0]
+        size[own, k] = np.exp(np.minimum(x[own, slot] + unit, 60.0))
+    return size
 
 
 def _estimate(values: Array, there: NDArray[np.bool_], weight: Array, least: float,
@@ -299,10 +240,10 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     return size[:, 0], error[:, 0], share / share.sum()
 
 
-def _ramp(posterior: Posterior) -> Estimate:
+def ramp_of(posterior: Posterior) -> Estimate:
     """Estimate the signed ramp of a single record; several records have no common one."""
     if posterior.models[0].spectra.records > 1:
-        return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
+        return _NO_RAMP
     sizes, errors, weights, wanders = [], [], [], []
     for model in posterior.models:
         if model.weight > 0.01:
@@ -314,7 +255,7 @@ def _ramp(posterior: Posterior) -> Estimate:
     size, error, weight, wandering = map(
         np.concatenate, (sizes, errors, weights, wanders))
     if not np.isfinite([size, error]).all() or not size.any():
-        return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
+        return _NO_RAMP
     low, middle, high = quantiles((size[:, None] + error[:, None] * _QUANTILES).ravel(),
                                   np.repeat(weight / len(_QUANTILES), len(_QUANTILES)), _ENDS)
     # The other sign is a matter of the tails, which a few quantiles do not resolve.
@@ -326,13 +267,17 @@ def _ramp(posterior: Posterior) -> Estimate:
     return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
 
 
-def _trends(posterior: Posterior) -> tuple[Reported, ...]:
+def reported_trends(posterior: Posterior) -> tuple[ReportedTrend, ...]:
     """Return the trends of the mean to report, each from its most probable model."""
-    found, keys = [], []
+    weight: dict[str, float] = defaultdict(float)
     for model in posterior.models:
+        for key in {one.kind.key for one in model.trends}:
+            weight[key] += model.weight
+    found: list[ReportedTrend] = []
+    for model in posterior.models:
+        known = {one.kind.key for one in found}
         for number, one in enumerate(model.trends):
-            key = one.kind.key
-            if key in keys or _weight_of_trend(posterior, key) <= REPORTED:
+            if one.kind.key in known or weight[one.kind.key] <= REPORTED:
                 continue
             size, error, share = _regressed(model)
             widths = [len(each.kind.columns(each.value, 1.0)) for each in model.trends]
@@ -341,8 +286,7 @@ def _trends(posterior: Posterior) -> tuple[Reported, ...]:
                 share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
                 for k in range(first, first + widths[number]))
             low, high = one.interval
-            found.append(Reported(one.kind, one.value, low, high, columns))
-        keys += [one.kind.key for one in found if one.kind.key not in keys]
+            found.append(ReportedTrend(one.kind, one.value, low, high, columns))
     return tuple(found)
 
 
@@ -390,9 +334,9 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (ALWAYS, _OUTPUT)), 0].sum(axis=0) / 2
 
 
-def _window(posterior: Posterior, dt: float) -> float | None:
+def window_of(posterior: Posterior, dt: float) -> float | None:
     """Return the width of the boxcar that attenuates white noise like the most probable filter."""
-    model = next((model for model in posterior.models if _bends(model)),
+    model = next((model for model in posterior.models if bends(model)),
                  posterior.models[0] if posterior.edge is not None else None)
     if model is None:
         return None
