@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from math import gamma
 from typing import Any
 
+from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np
 from numpy.typing import NDArray
@@ -239,20 +240,13 @@ class MarkovBank:
     def __init__(self, times: Array, sigmas: Array, dt: float, rng: np.random.Generator, *,
                  settled: bool = True) -> None:
         self._rng = rng
-        a = dt / times
-        self.decay = np.exp(-a)
         # Joint distribution of end value and mean of an Ornstein-Uhlenbeck process.
-        gain = -np.expm1(-a) / a
-        end_var = -np.expm1(-2 * a)
-        small = a < 1e-3
-        safe = np.where(small, 1.0, a)
-        mean_var = np.where(small, 2 * a / 3 * (1 - 0.75 * a),
-                            (2 * safe - 3 + 4 * np.exp(-safe) - np.exp(-2 * safe)) / safe**2)
-        cross = np.where(small, a * (1 - a), (-np.expm1(-safe)) ** 2 / safe)
-        self.gain = sigmas * gain
-        self.end = np.sqrt(end_var)
-        self.mean_on_end = sigmas * cross / self.end
-        self.mean_rest = sigmas * np.sqrt(np.maximum(mean_var - (cross / self.end) ** 2, 0))
+        self.decay = np.exp(-dt / times)
+        self.gain = sigmas * on_mean(times, dt)
+        self.end = np.sqrt(-np.expm1(-2 * dt / times))
+        on_end = on_mean(times, dt) * -np.expm1(-dt / times) / self.end
+        self.mean_on_end = sigmas * on_end
+        self.mean_rest = sigmas * np.sqrt(np.maximum(rest_of_mean(times, dt) - on_end**2, 0))
         # A stream starts slow processes at zero, so that its mean starts at that of the model.
         self._state = np.where(settled | (times < 10 * dt), rng.standard_normal(len(times)), 0.0)
 

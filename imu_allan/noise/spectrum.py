@@ -15,6 +15,7 @@ walk reduce to elementary functions.
 
 """
 
+from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.noise.terms import moving_averages
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,13 +127,11 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     array([1.])
 
     """
-    a = dt / correlation_time_s
-    decay = -np.expm1(-a)
-    # Autocovariance of the averages: r0 at lag 0, tail exp(-a (k-1)) at lag k >= 1.
-    r0 = 2 / a * (1 - decay / a) if a > 1e-4 else 1 - a / 3 + a * a / 12
-    tail = (decay / a) ** 2
+    # Autocovariance of the averages: r0 at lag 0, tail exp(-(k - 1) dt/T) at lag k >= 1.
+    r0, tail = mean_variance(correlation_time_s, dt), on_mean(correlation_time_s, dt)**2
     z = np.exp(2j * np.pi * np.asarray(nu))
-    return np.asarray(r0 + 2 * tail * np.real(z / (1 - np.exp(-a) * z)))
+    return np.asarray(
+        r0 + 2 * tail * np.real(z / (1 - np.exp(-dt / correlation_time_s) * z)))
 
 
 def low_pass(nu: ArrayLike, width: float) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import cos, gamma, log, pi, sqrt
 
+from imu_allan.noise.process_means import rest_of_mean
 from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,12 +145,8 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     array([0.249, 0.617, 0.14 ])
 
     """
-    tau = np.asarray(tau, dtype=np.float64)
-    x = tau / correlation_time_s
-    # 3 - 4 exp(-x) + exp(-2 x) = 2 x - 2 x^3/3 + O(x^4): cancellation for small x.
-    full = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.where(x > 0, x, 1))
-    bump = np.where(x < 1e-3, x * x / 3 * (1 - 0.75 * x), full)
-    return np.asarray(2 * sigma**2 / x * bump)
+    # The variance of a mean minus the covariance of neighbours.
+    return np.asarray(sigma**2 * rest_of_mean(correlation_time_s, tau))
 
 
 def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray[np.float64]:
