@@ -13,7 +13,7 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.faults import axis_fault, Constant, CutOff, sample_noise, StoodStill
+from imu_allan.noise.faults import axis_fault, Clipped, Constant, sample_noise, StoodStill
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.estimates import Estimate
@@ -23,7 +23,7 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
-from imu_allan.noise.tones import strongest
+from imu_allan.noise.tones import split_lines
 from imu_allan.noise.uncertainty import below_curve, CERTAIN, leaves_at
 from imu_allan.result import (
     AxisResult,
@@ -137,7 +137,7 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
             span = Span(first * dt, samples * dt)
             return replace(base, stood_still=span), [
                 finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)]
-        case CutOff(value, share, is_highest):
+        case Clipped(value, share, is_highest):
             return replace(base, saturated=Saturation(value, share)), [
                 finding('saturated', share=share, value=value, unit=base.unit,
                         end='highest' if is_highest else 'lowest')]
@@ -179,7 +179,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     if leaves_s is not None and fitted.acceptable:
         # The model does not follow the curve at long averaging times.
         remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
-    named, weaker = strongest(found.lines)
+    named, weaker = split_lines(found.lines)
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
     return with_model_curve(replace(

@@ -11,9 +11,9 @@ at its start.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
-from imu_allan.characterization.taken import FinishedRecord
-from imu_allan.noise.faults import is_cut_off
+from imu_allan.noise.faults import is_clipped
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
@@ -63,7 +63,7 @@ def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
             own = estimator.samples - (before.samples.get(name, 0) if before else 0)
             # If an end has moved, no earlier sample is there.
             earlier = dict(before.ends.get(name, ())) if before else {}
-            if own and any(is_cut_off(estimator, axis, count - earlier.get(value, 0), own)
+            if own and any(is_clipped(estimator, axis, count - earlier.get(value, 0), own)
                            for value, count in ends):
                 mark.cut_off.append(name)
     return mark

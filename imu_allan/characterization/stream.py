@@ -10,12 +10,13 @@ state.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group, groups_of
 from imu_allan.characterization.findings import (
     halves_remarks,
     length_remarks,
@@ -25,7 +26,6 @@ from imu_allan.characterization.findings import (
     with_start,
 )
 from imu_allan.characterization.power_ons import Mark, mark_of, MOST, spread_of_means
-from imu_allan.characterization.taken import FinishedGroup, FinishedRecord, Group, groups_of
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
@@ -112,8 +112,7 @@ class Characterization:
             If the timeline cannot make sense of them.
 
         """
-        epoch = self._timeline.epoch_ns
-        self._absorb(self._timeline.push(block), epoch)
+        self._absorb(lambda: self._timeline.push(block))
 
     def take_temperature(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
         """
@@ -163,13 +162,11 @@ class Characterization:
 
     def finish(self) -> None:
         """Take in what the timeline still holds back, at the end of a recording."""
-        epoch = self._timeline.epoch_ns
-        self._absorb(self._timeline.flush(), epoch)
+        self._absorb(self._timeline.flush)
 
     def break_run(self) -> None:
         """Begin a new run after an interruption of unknown length; what was learned is kept."""
-        epoch = self._timeline.epoch_ns
-        self._absorb(self._timeline.break_run(), epoch)
+        self._absorb(self._timeline.break_run)
 
     def power_on(self) -> None:
         """Begin a new run after a power-on of the sensor, whose bias may have changed."""
@@ -178,8 +175,7 @@ class Characterization:
             marks = self._memory.power_ons
             marks.append(mark_of(record, marks))
             del marks[:-MOST]
-        epoch = self._timeline.epoch_ns
-        self._absorb(self._timeline.power_on(), epoch)
+        self._absorb(self._timeline.power_on)
 
     def summary(self) -> TimelineSummary:
         """Return the summary of clock and samples so far."""
@@ -310,9 +306,10 @@ class Characterization:
             temperature=twin._memory.groups[0].thermometer.signal(
                 columns, 1 / record.rate_hz)), fits
 
-    def _absorb(self, blocks: Iterable[EvenBlock], epoch_ns: int | None) -> None:
-        """Take in even blocks; `epoch_ns` is that of the timeline before it returned them."""
-        memory = self._memory
+    def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
+        """Take in the even blocks that a step of the timeline returns."""
+        memory, epoch_ns = self._memory, self._timeline.epoch_ns
+        blocks = step()
         if memory.epoch_ns is None:
             memory.epoch_ns = epoch_ns if epoch_ns is not None else self._timeline.epoch_ns
         for block in blocks:

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
-from imu_allan.noise.posterior.estimates import expected, moved_mean
-from imu_allan.noise.posterior.parts import goes_on
+from imu_allan.noise.posterior.estimates import expected, moving_mean
+from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
@@ -103,12 +103,11 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
     moved = []
     for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
-        if (mean := moved_mean(posterior, source.record)) is not None:
+        if (found_mean := moving_mean(posterior, source.record)) is not None:
             moved.append(number)
-            noise = np.exp(np.interp(np.log(source.record.bins.frequency),
-                                     np.log(mean.frequency), np.log(mean.noise)))
+            mean, noise = found_mean
             sources[number] = source.without_moving_mean(
-                finished, source.record.without_leak(mean.trend, noise), mean.trend)
+                finished, source.record.without_leak(mean, noise), mean)
     for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, kinds),
                                  strict=True):
         first[number] = posterior
@@ -130,12 +129,12 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
     report = reported(replace(posterior, change=_change(posterior, source, dt)), dt, temperature,
                       source.record)
     if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
-            and not goes_on(posterior, [[part] for part in parts], dt):
+            and not random_walk_persists(posterior, [[part] for part in parts], dt):
         report = report.without_random_walk()
     if source.cycle is not None:
-        report = report.with_cycle(source.cycle.period_s)
+        report = replace(report, trend=replace(report.trend, cycle_s=source.cycle.period_s))
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
-    beside = source.record.beside(posterior.trends(source.record.duration_s))
+    beside = source.record.with_trends(posterior.trends(source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
                    beside, source.parts)
 
@@ -230,13 +229,13 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform]
                     ) -> list[_Source]:
     """Remove strong cycles from every axis, including those found on the other axes."""
-    found = strong_cycles([source.record.beside(beside) for source in sources])
+    found = strong_cycles([source.record.with_trends(beside) for source in sources])
     known = [1 / one.period_s for one in found if one is not None]
     if not known:
         return list(sources)
     left = []
     for source, own in zip(sources, found, strict=True):
-        cycle = own or known_cycle(source.record.beside(beside), known)
+        cycle = own or known_cycle(source.record.with_trends(beside), known)
         if cycle is not None:
             source = replace(source, cycle=cycle).without_moving_mean(
                 finished, replace(cycle.record, trends=()))

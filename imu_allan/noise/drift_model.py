@@ -23,10 +23,10 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 from dataclasses import replace
 
+from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
-from imu_allan.noise.terms import gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,8 @@ MOST_PROCESSES = 4
 """Each process is a filter state and costs time; a fifth one improved no recording tried."""
 _EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # vibration, low-passes, quantizer tones lie above
 _PER_DECADE = 2         # candidate correlation times
+MISFIT = 0.1
+"""Misfit that limits the weight of a half-octave; else one at the fast end would dominate."""
 _ROUGH = 1e-2
 """Tolerance of the loss in first fits of candidate sets; the best sets are then fitted fully."""
 _FEWEST_GROUPS = 8
@@ -118,26 +120,15 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
     array([1.00003308e-03, 9.54064436e-05])
 
     """
-    tau = np.asarray(tau_s, dtype=np.float64)
-    total = model.noise_density**2 / tau + model.rate_random_walk**2 * tau / 3
-    for process in model.processes:
-        total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
-    for tone in tones:
-        total = total + line_avar(tone.frequency_hz, tone.amplitude, tau, tone.lines)
-    return np.asarray(total)
+    return FittedModel({'noise_density': model.noise_density,
+                        'rate_random_walk': model.rate_random_walk},
+                       processes=model.processes, lines=tones).allan_variance(tau_s, 1.0)
 
 
 def _process(groups: Groups, dt: float, time: float) -> Array:
     """Return the power of a process of unit sigma, shape (groups,)."""
     nu = np.minimum(groups.frequency * dt, 0.5)
     return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
-
-
-def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
-    """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
-    _, inverse = np.unique(np.floor(2 * np.log2(groups.frequency)), return_inverse=True)
-    dof: Array = np.bincount(inverse, groups.dof).astype(np.float64)
-    return inverse.astype(np.int64), dof
 
 
 def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
@@ -149,9 +140,10 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
         below = groups.below(hz * scale)
         if len(below.dof) < _FEWEST_GROUPS and terms is not None:
             break
-        edge, band = hz * scale, capped(below if len(below.dof) >= _FEWEST_GROUPS else groups)
+        edge = hz * scale
+        band = (below if len(below.dof) >= _FEWEST_GROUPS else groups).capped(MISFIT)
         terms = maximise(band, fixed={QUANTIZATION: 0.0})
-        octave, dof = _half_octaves(below)
+        octave, dof = below.half_octaves()
         ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)
         mean = np.bincount(octave, below.dof * ratio) / dof
         # Allow 20 % of the power in addition to sampling error at a level of 1 %.
@@ -165,26 +157,15 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
     return edge, band, terms
 
 
-def capped(groups: Groups) -> Groups:
-    """Limit the degrees of freedom of each half-octave to what a misfit of 10 % allows."""
-    octave, dof = _half_octaves(groups)
-    # Otherwise a misfit of 10 % at the fast end would dominate the slow end.
-    return _with(groups, groups.dof / (1 + dof[octave] * 0.1**2 / 2), groups.power)
-
-
-def _with(groups: Groups, dof: Array, power: Array) -> Groups:
-    return replace(groups, dof=dof, power=power, along=None, among=None, record=None)
-
-
 def _shrunk(band: Groups, terms: Solution) -> Groups:
     """Shrink the power of each half-octave towards a fit of white noise, flicker, random walk."""
     most = _most_random_walk(band, terms)
     prior = band.design @ (terms.theta + most.theta) / 2
-    octave, dof = _half_octaves(band)
+    octave, dof = band.half_octaves()
     # Four pseudo-observations per half-octave: with fewer, short records give spurious drift.
     pseudo = 4.0 * band.dof / dof[octave]
     counted = band.dof + pseudo
-    return _with(band, counted, (band.dof * band.power + pseudo * prior) / counted)
+    return replace(band, dof=counted, power=(band.dof * band.power + pseudo * prior) / counted)
 
 
 def _most_random_walk(band: Groups, best: Solution) -> Solution:

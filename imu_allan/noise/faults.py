@@ -43,7 +43,7 @@ class StoodStill(NamedTuple):
     samples: int
 
 
-class CutOff(NamedTuple):
+class Clipped(NamedTuple):
     """The output is clipped at a value."""
 
     value: float    # in the unit of a sample
@@ -51,14 +51,14 @@ class CutOff(NamedTuple):
     is_highest: bool    # whether it is the upper end of the range
 
 
-AxisFault = Constant | Deadband | StoodStill | CutOff
+AxisFault = Constant | Deadband | StoodStill | Clipped
 
 
 def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     """
     Return the fault of an axis, or None if its coefficients can be estimated.
 
-    Returns: the first that applies of `Constant`, `Deadband`, `StoodStill` and `CutOff`.
+    Returns: the first that applies of `Constant`, `Deadband`, `StoodStill` and `Clipped`.
     """
     if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
@@ -68,7 +68,7 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
         return StoodStill(*still)
-    return cut_off(finished, axis)
+    return clipping(finished, axis)
 
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:
@@ -105,7 +105,7 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     return Deadband(lower_edge(first), zeros / finished.measured)
 
 
-def cut_off(finished: Estimator, axis: int) -> CutOff | None:
+def clipping(finished: Estimator, axis: int) -> Clipped | None:
     """
     Find the value at which the output of an axis is clipped.
 
@@ -115,13 +115,13 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     census, samples = finished.census, finished.measured
     end = int(np.argmax(census.at_ends[:, axis]))
     count = int(census.at_ends[end, axis])
-    if finished.reference is None or not is_cut_off(finished, axis, count, samples):
+    if finished.reference is None or not is_clipped(finished, axis, count, samples):
         return None
     kept = (census.lowest, census.highest)[end][axis]
-    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
+    return Clipped(float(finished.reference[axis] + kept), count / samples, bool(end))
 
 
-def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool:
+def is_clipped(finished: Estimator, axis: int, count: int, samples: int) -> bool:
     """
     Return whether clipping explains that `count` of `samples` lie at an end of the range.
 

@@ -71,7 +71,7 @@ class FittedModel:
         size = np.asarray(size)
         tau = size * dt
         values = dict(self.coefficients)
-        total = np.zeros(len(size))
+        total = np.zeros(size.shape)
         if self.window_s is not None:
             density = values.pop('noise_density', 0.0)
             total = total + low_passed_avar(density, self.window_s, size, dt)

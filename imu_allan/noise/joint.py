@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.noise.posterior.parts import goes_on
+from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
@@ -76,7 +76,7 @@ def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float)
     splits = [quarters] if len(quarters) > 2 else []
     if len(quarters) == len(records):
         splits.append([list(same) for same in zip(*quarters, strict=True)])
-    return all(goes_on(posterior, split, dt) for split in splits)
+    return all(random_walk_persists(posterior, split, dt) for split in splits)
 
 
 def _trend(trends: Sequence[Trend]) -> Trend:

@@ -36,10 +36,7 @@ _STEPS = 97
 class Effects:
     """Fitted population of units."""
 
-    # (units,): measured values and their standard errors
-    values: Array
-    errors: Array
-    bounds: Array    # (censored,): upper bounds of further units
+    errors: Array    # (units,): standard errors of the measured values
     # Mean and standard deviation of the population, by restricted maximum likelihood
     mean: float
     between: float
@@ -110,7 +107,7 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
         # The scatter is smaller than errors alone cause in 39 of 40 populations, so that Q allows
         # no spread at all. That is chance; the likelihood still gives an upper limit.
         high = _likely_up_to(lambda s: _best_mean(y, e, u, s)[1], spread, float(np.max(e)))
-    return Effects(y, e, u, _best_mean(y, e, u, spread)[0], spread, (low, high))
+    return Effects(e, _best_mean(y, e, u, spread)[0], spread, (low, high))
 
 
 def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> float:

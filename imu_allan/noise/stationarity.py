@@ -14,7 +14,7 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of inconsistent measurements.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 from imu_allan.noise.chi_square import equal_variances
@@ -102,11 +102,8 @@ class Steadiness:
         """Limit the degrees of freedom, as a spread between segments does not average out."""
         if not self.differs:
             return groups
-        half = np.interp(np.log(groups.frequency), np.log(self.frequency_hz), self.spread)
-        number = np.floor(2 * np.log2(groups.frequency)).astype(np.int64)
-        _, place = np.unique(number, return_inverse=True)
-        dof = np.bincount(place, groups.dof)[place]
-        return replace(groups, dof=groups.dof / (1 + dof * half**2 / 2))
+        return groups.capped(np.interp(np.log(groups.frequency), np.log(self.frequency_hz),
+                                       self.spread))
 
 
 def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:

@@ -65,7 +65,7 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     return lines, np.ones(len(bins.frequency), dtype=bool)
 
 
-def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]]:
+def split_lines(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]]:
     """
     Split lines into those that a result lists, and the others, summed by octave.
 
@@ -137,7 +137,7 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < 64 else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
             line = Tone(centre, float(np.sqrt(2 * excess.sum() / section.length)))
-            if section.step == 1 or not folded(line, lines, section.step, dt, 3 * width):
+            if section.step == 1 or not is_alias(line, lines, section.step, dt, 3 * width):
                 lines.append(line)
     # Shorter blocks of the same stage contain the same lines at a lower resolution.
     for number, section in enumerate(sections):
@@ -266,7 +266,7 @@ def _peaks(level: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
-def folded(line: Tone, lines: list[Tone], step: int, dt: float, width: float) -> bool:
+def is_alias(line: Tone, lines: list[Tone], step: int, dt: float, width: float) -> bool:
     """Return whether a line in means over `step` samples is an alias of the known `lines`."""
     rate = 1 / (step * dt)
     images = [known.amplitude * np.sinc(known.frequency_hz / rate)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_model import capped
+from imu_allan.noise.drift_model import MISFIT
 from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.record.bins import Bins, bins_of
@@ -103,7 +103,8 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     bins = bins_of(sections, means.cell_s)
     found = {}
     for i, (name, axis) in enumerate(kept.items()):
-        spectrum = capped(grouped(_as_predicted(bins, sections, axis, means.cell_s), i))
+        predicted = _as_predicted(bins, sections, axis, means.cell_s)
+        spectrum = grouped(predicted, i).capped(MISFIT)
         found[name] = FieldTest(
             sum(part.shape[1] for part in parts) * means.cell_s, len(parts),
             _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis),

@@ -4,7 +4,7 @@
 
 from characterized import joint_fits, one_axis, shown
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.faults import cut_off, deadband
+from imu_allan.noise.faults import clipping, deadband
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole
 import numpy as np
 import pytest
@@ -120,10 +120,10 @@ NO_FAULT = {
         np.cos(angle) * np.rint(sigma * FIRST) - np.sin(angle) * np.rint(sigma * SECOND)
         for angle in np.deg2rad([5, 10, 20, 30, 40, 45]) for sigma in (0.5, 0.8, 1.5, 3)])]),
     'a coarse output that a matrix mixes': (deadband, mixed_by_a_matrix),
-    'steps of records of any length': (cut_off, lambda: noise_of_many_lengths(100, 320, 10_000)),
-    'steps of records of more lengths': (cut_off, lambda: noise_of_many_lengths(64, 1000)),
-    'vibrations': (cut_off, vibrations),
-    'few samples off the steps': (cut_off, few_samples_off_the_steps)}
+    'steps of records of any length': (clipping, lambda: noise_of_many_lengths(100, 320, 10_000)),
+    'steps of records of more lengths': (clipping, lambda: noise_of_many_lengths(64, 1000)),
+    'vibrations': (clipping, vibrations),
+    'few samples off the steps': (clipping, few_samples_off_the_steps)}
 
 
 @pytest.mark.parametrize('name', [
@@ -163,17 +163,17 @@ def test_a_clipped_axis_is_reported_at_either_end(level, step):
     stepped = step * np.round(WHITE / step)
     top = step * round(level / step)
     for sign in (1, -1):
-        found = cut_off(shown(sign * np.minimum(stepped, top)), 0)
+        found = clipping(shown(sign * np.minimum(stepped, top)), 0)
         assert found.value == pytest.approx(sign * top)
         assert found.share == pytest.approx(np.mean(stepped >= top), rel=1e-9)
         assert found.is_highest == (sign == 1)
-    assert cut_off(shown(stepped), 0) is None
+    assert clipping(shown(stepped), 0) is None
 
 
 def test_noise_clipped_at_two_and_a_half_sigma_is_reported():
     rows = np.random.default_rng(4).normal(size=(20_000, 48))
     finished = shown(np.clip(rows, -2.5, 2.5))
-    assert all(cut_off(finished, axis) is not None for axis in range(48))
+    assert all(clipping(finished, axis) is not None for axis in range(48))
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
@@ -182,7 +182,7 @@ def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, 
     for offset in (0.0, 0.2, 0.4):
         samples, missing = interpolated(step * np.round(WHITE[:6000] / step + offset), share)
         finished = shown(samples, missing)
-        assert cut_off(finished, 0) is None
+        assert clipping(finished, 0) is None
         assert finished.census.step[0] == step
 
 
@@ -190,7 +190,7 @@ def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, 
 def test_a_clipped_axis_is_reported_where_samples_are_missing_with_its_share_of_those_there(share):
     clipped = np.minimum(0.1 * np.round(WHITE / 0.1), 1.0)
     samples, missing = interpolated(clipped, share)
-    found = cut_off(shown(samples, missing), 0)
+    found = clipping(shown(samples, missing), 0)
     assert found.value == pytest.approx(1.0)
     assert found.share == np.mean(np.delete(clipped, missing) == clipped.max())
 

@@ -7,7 +7,7 @@ from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.change import change_of
 from imu_allan.noise.posterior.estimates import quantiles
-from imu_allan.noise.posterior.evidence import climb, evenly, sample
+from imu_allan.noise.posterior.evidence import evenly, maximise_rows, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.simulate import simulate
@@ -69,7 +69,7 @@ def test_evidence_of_white_noise_is_its_integral(spectra):
     of, starts = spectra
     own = search.Proposals(of, 0)
     own.add([1], starts[0].x)
-    rows = climb(of, own.rows(), 30, tolerance=1e-9)
+    rows = maximise_rows(of, own.rows(), 30, tolerance=1e-9)
     [draws] = sample(of, rows, np.array([512]))
 
     def likelihood(white):

@@ -6,7 +6,7 @@ from characterized import shown
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.terms import line_avar, line_power
-from imu_allan.noise.tones import find_lines, folded, higher_side, rises, strongest
+from imu_allan.noise.tones import find_lines, higher_side, is_alias, rises, split_lines
 from imu_allan.result import Tone
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_the_power_of_eighty_lines_is_in_those_named_and_the_sums_of_the_others(
         samples += size * np.sin(2 * np.pi * frequency * time + rng.uniform(0, 6))
     lines, keep = lines_of(samples)
     assert keep.mean() > 0.5
-    named, weaker = strongest(lines)
+    named, weaker = split_lines(lines)
     assert len(named) == 32
     # Neighbours closer than the resolution of a block are one.
     assert len(lines) == 32 + sum(tone.lines for tone in weaker) == pytest.approx(80, abs=6)
@@ -80,7 +80,7 @@ def test_the_power_of_eighty_lines_is_in_those_named_and_the_sums_of_the_others(
 
 def test_a_sum_of_lines_leaves_in_averages_what_they_leave():
     lines = [Tone(frequency, 0.1) for frequency in np.linspace(1.0, 30.0, 300)]
-    _, weaker = strongest(lines)
+    _, weaker = split_lines(lines)
     tau = np.geomspace(0.05, 3000.0, 200)
     each = sum(line_avar(line.frequency_hz, 0.1, tau) for line in lines[32:])
     summed = sum(line_avar(tone.frequency_hz, tone.amplitude, tau, tone.lines) for tone in weaker)
@@ -111,10 +111,10 @@ def test_what_rises_by_less_than_chance_allows_or_anyone_cares_about_is_no_line(
 def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image, step):
     left = abs(np.sinc(frequency * step * DT))
     lines = [Tone(17.4, 1.0), Tone(frequency, 1.0)]
-    assert folded(Tone(image, left), lines, step, DT, 0.01)
-    assert not folded(Tone(image + 0.02, left), lines[1:], step, DT, 0.01)
+    assert is_alias(Tone(image, left), lines, step, DT, 0.01)
+    assert not is_alias(Tone(image + 0.02, left), lines[1:], step, DT, 0.01)
     # Means leave little of it: what is larger is a line of its own.
-    assert not folded(Tone(image, 3 * left), lines[1:], step, DT, 0.01)
+    assert not is_alias(Tone(image, 3 * left), lines[1:], step, DT, 0.01)
 
 
 def test_no_line_is_sought_among_too_few_neighbours_or_twice():

@@ -30,7 +30,7 @@ from imu_allan.noise.posterior.shapes import (
     WALK,
     WHITE,
 )
-from imu_allan.noise.posterior.trends import TrendKind
+from imu_allan.noise.posterior.trends import TrendKind, waveforms
 from imu_allan.noise.terms import TERMS as SYMBOLS
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -280,11 +280,10 @@ def reported_trends(posterior: Posterior) -> tuple[ReportedTrend, ...]:
             if one.kind.key in known or weight[one.kind.key] <= REPORTED:
                 continue
             size, error, share = _regressed(model)
-            widths = [len(each.kind.columns(each.value, 1.0)) for each in model.trends]
-            first = size.shape[1] - sum(widths[number:])
+            first = size.shape[1] - sum(each.width for each in model.trends[number:])
             columns = tuple((float(share @ size[:, k]), float(np.sqrt(
                 share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
-                for k in range(first, first + widths[number]))
+                for k in range(first, first + one.width))
             low, high = one.interval
             found.append(ReportedTrend(one.kind, one.value, low, high, columns))
     return tuple(found)
@@ -297,7 +296,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
               for slope in one.kind.slopes(one.value, record.duration_s)]
     groups = record.groups(*posterior.trends(record.duration_s), *slopes)
     row = replace(best.row, of=np.zeros(1, np.int64))
-    spectra = best.spectra.beside([groups], [int(best.row.of[0])])
+    spectra = best.spectra.with_regressors([groups], [int(best.row.of[0])])
     _, _, size, covariance = fitted_mean(spectra, row, row.x)
     value, error = float(size[0, 0, 0]), float(np.sqrt(covariance[0, 0, 0, 0]))
     half = _QUANTILE * error
@@ -305,27 +304,23 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
                     value + half, abs(value) + half)
 
 
-@dataclass(frozen=True)
-class Mean:
-    """Moving mean as a function of time, and the power of the noise at frequencies in Hz."""
+def moving_mean(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform, Array] | None:
+    """
+    Return the mean of the most probable model, and the power of its noise in the bins.
 
-    trend: Waveform
-    noise: Array
-    frequency: Array
-
-
-def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
-    """Return the mean of the most probable model, or None if it contains no trend but the ramp."""
+    None if the model contains no trend but the ramp.
+    """
     best = posterior.models[0]
     if best.row.has[0, KEYS.index(SMOOTH_DRIFT)]:
         # Smooth drift may be a listed trend that leaks into blocks, so prefer a model with trends.
         best = next((model for model in posterior.models if model.trends), best)
     if not best.trends:
         return None
-    trends = best.waveforms(record.duration_s)
+    trends = waveforms(best.trends, record.duration_s)
     size, _, share = _regressed(best)
-    lam, _ = expected(best)
-    return Mean(record.beside(trends).mean(share @ size), lam, best.spectra.frequency)
+    noise = np.exp(np.interp(np.log(record.bins.frequency), np.log(best.spectra.frequency),
+                             np.log(expected(best)[0])))
+    return record.with_trends(trends).mean(share @ size), noise
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:

@@ -18,11 +18,11 @@ from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     AMPLITUDES,
     batches,
-    beyond,
     losses,
     losses_alone,
     LOW,
     NUISANCES,
+    out_of_range,
     Rows,
     SLOTS,
     Spectra,
@@ -54,8 +54,8 @@ _AT_END = 0.02
 """A nuisance this close to an end of its range makes the row equivalent to another model."""
 
 
-def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
-          tolerance: float = 0.02) -> Rows:
+def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
+                  tolerance: float = 0.02) -> Rows:
     """
     Maximise the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
 
@@ -89,7 +89,7 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
         gradient[better], information[better] = slope[good], bend[good]
         damping[live] = np.where(good, damping[live] / 6, np.maximum(damping[live], 1e-2) * 8)
         other &= ~_merged(kind, rows.has, x, loss, information)
-        going = (gained > tolerance) & (damping[live] < 1e6) & other[live] & ~beyond(
+        going = (gained > tolerance) & (damping[live] < 1e6) & other[live] & ~out_of_range(
             spectra, some, x[live], gradient[live])
         if step >= 1 and np.isfinite(hopeless):
             score = rows.prior - loss

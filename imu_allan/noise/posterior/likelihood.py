@@ -105,7 +105,7 @@ class Spectra:
         `along` and `among` of `Groups`; each record has its own regressors.
     records : int
     tables : Tables
-    left : ndarray, shape (spectra, groups + 1)
+    unexplained : ndarray, shape (spectra, groups + 1)
         Loss of the groups from a given one on, when they are left unexplained.
 
     """
@@ -123,23 +123,24 @@ class Spectra:
     products: Array
     records: int
     tables: Tables
-    left: Array
+    unexplained: Array
 
-    def taken(self, of: Index) -> 'Spectra':
+    def select(self, of: Index) -> 'Spectra':
         """Return a selection of the spectra."""
         each = {key: getattr(self, key)[of] for key in (
-            'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products', 'left')}
+            'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products',
+            'unexplained')}
         return replace(self, **each, sizes=tuple(size[of] for size in self.sizes),
-                       free=tuple(table.taken(of) for table in self.free))
+                       free=tuple(table.select(of) for table in self.free))
 
-    def beside(self, groups: Sequence[Groups], of: Sequence[int]) -> 'Spectra':
+    def with_regressors(self, groups: Sequence[Groups], of: Sequence[int]) -> 'Spectra':
         """Return a selection of the spectra, with the regressors of other groups."""
-        return replace(self.taken(np.array(of)), products=regressors(groups))
+        return replace(self.select(np.array(of)), products=regressors(groups))
 
-    def worth(self, dof: Array) -> 'Spectra':
+    def with_dof(self, dof: Array) -> 'Spectra':
         """Return the same spectra with other degrees of freedom."""
         spectra = replace(self, dof=dof)
-        return replace(spectra, left=left_to_itself(self.frequency, dof, self.power))
+        return replace(spectra, unexplained=unexplained_losses(self.frequency, dof, self.power))
 
 
 def half_octaves(frequency: Array) -> Index:
@@ -147,7 +148,7 @@ def half_octaves(frequency: Array) -> Index:
     return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1])), np.int64)
 
 
-def left_to_itself(frequency: Array, dof: Array, power: Array) -> Array:
+def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:
     """Return the loss above each edge with free levels by half-octave, shape (n, groups+1)."""
     half = half_octaves(frequency)
     new = np.concatenate(([True], half[1:] != half[:-1]))
@@ -190,7 +191,7 @@ class Rows:
     prior : ndarray, shape (rows,)
         Log prior of the structure.
     loss, hessian, evidence : ndarray
-        Set by `imu_allan.noise.posterior.evidence.climb`.
+        Set by `imu_allan.noise.posterior.evidence.maximise_rows`.
 
     """
 
@@ -341,7 +342,7 @@ def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
         dof = dof * (np.arange(lam.shape[1]) < rows.edge[:, None])
     weight = dof / lam
     each = dof * np.log(lam) + weight * spectra.power[of]
-    return weight, 0.5 * each.sum(axis=1) + spectra.left[rows.of, rows.edge]
+    return weight, 0.5 * each.sum(axis=1) + spectra.unexplained[rows.of, rows.edge]
 
 
 def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
@@ -377,7 +378,7 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     return value, slope, bend
 
 
-def beyond(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
+def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
     """Mark rows that have left the range of a nuisance towards a maximum still farther out."""
     first, last = spectra.tables.ranges(rows.family)
     nuisance = x[:, NUISANCES]

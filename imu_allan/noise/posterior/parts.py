@@ -11,7 +11,7 @@ agree on its strength. If they show it together, it must remain without any one 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from imu_allan.noise.posterior.evidence import climb
+from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.judgments import UNEVEN
 from imu_allan.noise.posterior.likelihood import PLAIN
 from imu_allan.noise.posterior.posterior import Posterior
@@ -21,7 +21,8 @@ from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 
 
-def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) -> bool:
+def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float
+                         ) -> bool:
     """
     Distinguish a random walk from a single movement of the mean.
 
@@ -57,7 +58,7 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
     dof = np.minimum(spectra.dof, spectra.whole * known)
     # Fit all but one part, each part alone, and all; the first and last also without random walk.
     seen = np.concatenate((~own, own, np.ones_like(own[:1])))
-    spectra = spectra.taken(np.zeros(len(seen), np.int64)).worth(dof * seen)
+    spectra = spectra.select(np.zeros(len(seen), np.int64)).with_dof(dof * seen)
     which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))
     flicker = np.arange(len(which)) >= len(seen)
     rows = model.row.take(np.zeros(len(which), np.int64))
@@ -68,7 +69,7 @@ def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) 
     has[flicker, K] = False
     has[flicker, B] |= not model.row.has[0, PLAIN]
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
-    loss = climb(spectra, replace(
+    loss = maximise_rows(spectra, replace(
         rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which))), 12).loss
     without, alone, [whole], still, [whole_still] = np.split(
         loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])

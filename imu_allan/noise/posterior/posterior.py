@@ -25,15 +25,16 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.prepared import prepared, Start
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
+from imu_allan.noise.posterior.search import best_of, KEPT, of_axis, refit, search_models
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.trends import (
     Bank,
-    beside_trends,
+    fit_trends,
     Found,
     TrendKind,
     TRENDS,
     TrendSet,
+    waveforms,
 )
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.mean_in_blocks import Waveform
@@ -78,10 +79,6 @@ class Drawn:
     x: Array
     share: Array
 
-    def waveforms(self, duration_s: float) -> list[Waveform]:
-        """Return the trends of the model as functions of time."""
-        return [trend for one in self.trends for trend in one.kind.columns(one.value, duration_s)]
-
 
 @dataclass(frozen=True)
 class Posterior:
@@ -110,7 +107,7 @@ class Posterior:
 
     def trends(self, duration_s: float) -> list[Waveform]:
         """Return the trends of the mean in the most probable model."""
-        return self.models[0].waveforms(duration_s)
+        return waveforms(self.models[0].trends, duration_s)
 
 
 def posteriors(groups: Sequence[Groups], dt: float,
@@ -137,7 +134,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
 
     """
     spectra, starts = prepared(groups, dt)
-    found = searched(spectra, starts, dt)
+    found = search_models(spectra, starts, dt)
     some = next((record for record in records
                  if record is not None and record.duration_s > 0), None)
     bank = None if some is None else Bank(some, kinds)
@@ -147,8 +144,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
     # Repeat the search for axes where a misfit reduces the weight of a group by a tenth or more.
     misfitted: NDArray[np.bool_] = np.any(factors > 1.1, axis=1)
     if misfitted.any():
-        spectra = spectra.worth(spectra.dof / factors)
-        found = again(spectra, found)
+        spectra = spectra.with_dof(spectra.dof / factors)
+        found = refit(spectra, found)
         fewer = [record if misfit else None
                  for record, misfit in zip(records, misfitted, strict=True)]
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
@@ -163,7 +160,7 @@ def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
     """Return the models of each axis, first without trends of the mean, then with each set."""
     beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
     if bank is not None:
-        beside = beside_trends(spectra, starts, found, records, bank)
+        beside = fit_trends(spectra, starts, found, records, bank)
     return [[TrendSet((), spectra, of_axis(found, axis)), *own]
             for axis, own in enumerate(beside)]
 

@@ -10,11 +10,11 @@ from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     AMPLITUDES,
     KEYS,
-    left_to_itself,
     OUTPUT,
     PLAIN,
     SLOTS,
     Spectra,
+    unexplained_losses,
 )
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean, regressors
@@ -75,7 +75,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     Spectra, list of Start
 
     """
-    power, levels, starts = [], [], []
+    power, levels = [], []
     for one in groups:
         first = maximise(one, moving_mean=True, tolerance=1e-3)
         expected = np.maximum(one.design @ first.theta, 1e-300)
@@ -109,10 +109,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
         np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, ALWAYS], information, whole),
         regressors(groups), groups[0].records, table,
-        left_to_itself(groups[0].frequency, dof, np.stack(power)))
-    for number, one in enumerate(groups):
-        starts.append(_start(one, unit[number], level[number]))
-    return spectra, starts
+        unexplained_losses(groups[0].frequency, dof, np.stack(power)))
+    return spectra, [_start(*each) for each in zip(groups, unit, level, strict=True)]
 
 
 def _scale(key: str, dt: float) -> float:
@@ -157,7 +155,7 @@ def _in_units(table: Table, like: Array, size: Array) -> Table:
     """Return the power of a free term at its detection limit, one shape per spectrum."""
     of = np.zeros(len(like), np.int64)
     rows = table.rows + like[:, None] + 2 * size[:, :, None]
-    return replace(table.taken(of), rows=rows.reshape(-1, like.shape[1]),
+    return replace(table.select(of), rows=rows.reshape(-1, like.shape[1]),
                    start=np.arange(len(like)) * table.count[0])
 
 

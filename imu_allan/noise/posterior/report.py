@@ -125,10 +125,6 @@ class AxisReport:
         slow = {key: replace(self.estimates[key], observable=False) for key in SLOW_TERMS}
         return replace(self, high_pass_hz=corner_hz, estimates={**self.estimates, **slow})
 
-    def with_cycle(self, period_s: float) -> 'AxisReport':
-        """Return the report with the cycle of the mean that was removed beforehand."""
-        return replace(self, trend=replace(self.trend, cycle_s=period_s))
-
     def without_random_walk(self) -> 'AxisReport':
         """Return the report with the random walk as an upper bound: it may have another cause."""
         bound = replace(self.estimates['rate_random_walk'], observable=False)

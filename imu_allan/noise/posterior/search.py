@@ -9,7 +9,7 @@ All axes are searched together, so that each step is one batch.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from imu_allan.noise.posterior.evidence import climb, distinct, inside, sees_pass_band
+from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
 from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
 from imu_allan.noise.posterior.likelihood import (
     GENTLE_FAMILY,
@@ -72,7 +72,7 @@ class Proposals:
                     np.zeros((count, SLOTS, SLOTS)), nothing)
 
 
-def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
+def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     Fit every model that may matter, for all axes.
 
@@ -93,19 +93,21 @@ def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
-    fast = best_of(spectra, climb(spectra, fast, 25, hopeless=20.0), _KEPT_FAST, 12)
+    fast = best_of(spectra, maximise_rows(spectra, fast, 25, hopeless=20.0), _KEPT_FAST, 12)
     behind = _behind_filters(spectra, starts, fast, dt)
     if len(behind):
-        fast = best_of(spectra, Rows.joined([fast, climb(spectra, behind, 25, hopeless=20.0)]),
-                       _KEPT_FAST, 12)
+        behind = maximise_rows(spectra, behind, 25, hopeless=20.0)
+        fast = best_of(spectra, Rows.joined([fast, behind]), _KEPT_FAST, 12)
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
-    found = best_of(spectra, climb(spectra, slow, 16, hopeless=16.0), _KEPT_FAST, _MOST_SLOW)
+    found = best_of(spectra, maximise_rows(spectra, slow, 16, hopeless=16.0), _KEPT_FAST,
+                    _MOST_SLOW)
     crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
         spectra, axis, own, of_axis(found, axis))]
     if crossed:
-        found = Rows.joined([found, climb(spectra, Rows.joined(crossed), 16, hopeless=16.0)])
+        more = maximise_rows(spectra, Rows.joined(crossed), 16, hopeless=16.0)
+        found = Rows.joined([found, more])
     return best_of(spectra, found, KEPT, MOST)
 
 
@@ -293,6 +295,6 @@ def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
     return [own.rows()]
 
 
-def again(spectra: Spectra, rows: Rows, steps: int = 10) -> Rows:
+def refit(spectra: Spectra, rows: Rows, steps: int = 10) -> Rows:
     """Fit rows again after the degrees of freedom have changed."""
-    return best_of(spectra, climb(spectra, replace(rows), steps), KEPT, MOST)
+    return best_of(spectra, maximise_rows(spectra, replace(rows), steps), KEPT, MOST)

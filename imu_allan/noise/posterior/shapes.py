@@ -184,7 +184,7 @@ class Table:
         i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
         return self.start[shape] + i, u - i, 1 / self.step[shape]
 
-    def taken(self, shapes: NDArray[np.int64]) -> 'Table':
+    def select(self, shapes: NDArray[np.int64]) -> 'Table':
         """Return a selection of the shapes, which shares `rows` with this table."""
         return replace(self, **{key: getattr(self, key)[shapes] for key in (
             'first', 'last', 'step', 'start', 'count')})

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-from imu_allan.noise.posterior.evidence import climb
+from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import (
     batches,
     fitted_mean,
@@ -159,6 +159,11 @@ class Found:
         return len(self.kind.columns(self.value, 1.0))
 
 
+def waveforms(found: Sequence[Found], duration_s: float) -> list[Waveform]:
+    """Return trends as functions of time."""
+    return [trend for one in found for trend in one.kind.columns(one.value, duration_s)]
+
+
 @dataclass(frozen=True)
 class TrendSet:
     """
@@ -219,11 +224,6 @@ class AxisBank:
     def _columns(self) -> list[Array]:
         return [columns[:, :, self._which] for columns in self.bank.columns]
 
-    def trends(self, found: Sequence[Found]) -> list[Waveform]:
-        """Return the trends as functions of time."""
-        return [trend for one in found
-                for trend in one.kind.columns(one.value, self.bank.duration_s)]
-
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
         """Whiten by the spectra `lam` and remove the ramp and the trends in `beside`."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
@@ -231,8 +231,9 @@ class AxisBank:
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
         others = [self._ramp[:, None]]
         if self.record.trends or beside:
-            others.append(regressors(self.record.sections, self.record.dt, [
-                *self.record.trends, *self.trends(beside)], _SLOWEST)[self._which])
+            trends = [*self.record.trends, *waveforms(beside, self.bank.duration_s)]
+            others.append(regressors(
+                self.record.sections, self.record.dt, trends, _SLOWEST)[self._which])
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
         value = (self._coefficient * root)[:, :, None]
         value = value - basis @ (basis.transpose(0, 2, 1) @ value)
@@ -286,9 +287,9 @@ class Whitened:
         return np.asarray((along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=2))
 
 
-def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
-                  records: Sequence[RecordSpectrum | None], bank: Bank
-                  ) -> list[list[TrendSet]]:
+def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
+               records: Sequence[RecordSpectrum | None], bank: Bank
+               ) -> list[list[TrendSet]]:
     """
     Fit the models of each axis with every promising trend, and then greedily with a second one.
 
@@ -317,7 +318,7 @@ def beside_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     found: list[list[TrendSet]] = [[] for _ in starts]
     if not searches:
         return found
-    still = climb(spectra, Rows.joined([search.tried for search in searches]), 12)
+    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]), 12)
     for search in searches:
         search.begin(of_axis(still, search.axis))
     for _ in range(_MOST):
@@ -407,7 +408,7 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
             occam = _occam(sizes[here], found)
             own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
             fitted.append((search, TrendSet(
-                found, beside.taken(np.array([number])), replace(
+                found, beside.select(np.array([number])), replace(
                     own, evidence=own.evidence + occam, prior=own.prior + occam))))
     return fitted
 
@@ -415,9 +416,10 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
 def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
              ) -> tuple[Spectra, Rows]:
     """Fit rows with candidates of equal column count; `of` of a row is the candidate's index."""
-    groups = [search.bank.record.groups(*search.bank.trends(found)) for search, found in same]
-    beside = spectra.beside(groups, [search.axis for search, _ in same])
-    return beside, climb(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
+    groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
+              for search, found in same]
+    beside = spectra.with_regressors(groups, [search.axis for search, _ in same])
+    return beside, maximise_rows(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:

@@ -10,7 +10,7 @@ in time is unknown, are never adjacent.
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.record.side_by_side import AXES_FIRST
+from imu_allan.noise.record.multi_axis import AXES_FIRST
 import numpy as np
 from numpy.typing import NDArray
 

@@ -10,7 +10,7 @@ the output and pairs of axes with equal samples are kept as well.
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.record.side_by_side import AXES_FIRST, AXES_SECOND, AXES_TWICE, SideBySide
+from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, AXES_TWICE, MultiAxis
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +35,7 @@ _REACH = BINS_PER_OCTAVE + 2
 
 
 @dataclass(eq=False)
-class Census(SideBySide):
+class Census(MultiAxis):
     """Statistics of the sample values of several axes, relative to a reference for each."""
 
     samples: int = 0    # number of samples counted
@@ -144,11 +144,9 @@ class Census(SideBySide):
 
     def check(self) -> None:
         """Raise ValueError if restored fields are inconsistent."""
-        new = Census(self.axes)
-        if (any(part.shape != vars(new)[name].shape for name, part in vars(self).items()
-                if isinstance(part, np.ndarray))
-                or any(np.any((counts < 0) | (counts > self.samples))
-                       for counts in (self.at_ends, self.zeros, self.sizes))):
+        if not self.has_shapes_of(Census(self.axes)) or any(
+                np.any((counts < 0) | (counts > self.samples))
+                for counts in (self.at_ends, self.zeros, self.sizes)):
             raise ValueError('counts of the samples do not fit together')
 
 

@@ -11,10 +11,10 @@ from itertools import pairwise
 from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
+from imu_allan.noise.record.multi_axis import AXES_FIRST, MultiAxis
 from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
 from imu_allan.noise.record.segments import SHORTEST_SEGMENT
-from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 from imu_allan.noise.record.signal_over_time import Signal
 from imu_allan.state import restored, State, state_of
 import numpy as np
@@ -27,7 +27,7 @@ CHUNK = SHORTEST_SEGMENT
 
 
 @dataclass(eq=False, repr=False)
-class Estimator(SideBySide):
+class Estimator(MultiAxis):
     """
     Streaming estimator of several axes in constant memory.
 
@@ -195,7 +195,7 @@ class Estimator(SideBySide):
         twin.periodogram.finish()
         return twin
 
-    def taken(self, axes: Sequence[int]) -> 'Estimator':
+    def select(self, axes: Sequence[int]) -> 'Estimator':
         """
         Return an independent copy with some of the axes.
 
@@ -208,7 +208,7 @@ class Estimator(SideBySide):
         --------
         >>> both = Estimator(axes=2)
         >>> both.update(np.arange(8.0).reshape(4, 2))
-        >>> both.taken([1]).mean
+        >>> both.select([1]).mean
         array([4.])
 
         """

@@ -53,12 +53,22 @@ class Groups:
 
     def below(self, frequency_hz: float) -> 'Groups':
         """Return the groups up to a frequency, inclusive."""
-        return self.taken(self.frequency <= frequency_hz)
+        return self.select(self.frequency <= frequency_hz)
 
-    def taken(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
+    def select(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
         """Return a selection of the groups, by mask or by index."""
         return replace(self, **{name: part[which] for name, part in vars(self).items()
                                 if part is not None})
+
+    def half_octaves(self) -> tuple[NDArray[np.int64], Array]:
+        """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
+        _, octave = np.unique(np.floor(2 * np.log2(self.frequency)), return_inverse=True)
+        return octave.astype(np.int64), np.bincount(octave, self.dof).astype(np.float64)
+
+    def capped(self, spread: Array | float) -> 'Groups':
+        """Limit the degrees of freedom of each half-octave to what a relative spread allows."""
+        octave, dof = self.half_octaves()
+        return replace(self, dof=self.dof / (1 + dof[octave] * spread**2 / 2))
 
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
@@ -148,4 +158,4 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
         padded.append(replace(part, along=np.pad(part.along, ((0, 0), more)),
                               among=np.pad(part.among, ((0, 0), more, more))))
     every = stacked(padded)
-    return replace(every, record=record).taken(np.argsort(every.frequency, kind='stable'))
+    return replace(every, record=record).select(np.argsort(every.frequency, kind='stable'))

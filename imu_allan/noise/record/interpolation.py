@@ -59,18 +59,14 @@ class Interpolation:
 NO_INTERPOLATION = Interpolation()
 
 
-def _places_apart() -> Array:
-    return np.zeros(LAGS)
-
-
 @dataclass(eq=False)
 class InterpolationSums(Record):
     """Sums over the pairs of places of a record."""
 
     # (LAGS,): sum of the covariance of white noise in two places by distance, in excess of
     # that of a complete record
-    shared: Array = field(default_factory=_places_apart)
-    pairs: Array = field(default_factory=_places_apart)    # (LAGS,): number of pairs
+    shared: Array = field(default_factory=lambda: np.zeros(LAGS))
+    pairs: Array = field(default_factory=lambda: np.zeros(LAGS))    # (LAGS,): number of pairs
 
     def add(self, interpolated: Sequence[int], samples: int) -> None:
         """Add `samples` consecutive places; `interpolated` are some of them, in rising order."""

@@ -70,7 +70,7 @@ class Part:
         keep = np.ones(len(groups.frequency), dtype=bool)
         for line in lines_hz:
             keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE
-        return groups.taken(keep)
+        return groups.select(keep)
 
     @cached_property
     def _slow(self) -> Bins | None:

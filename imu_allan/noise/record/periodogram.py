@@ -30,8 +30,8 @@ from imu_allan.noise.record.cells import (
     RUN_SHIFT,
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
+from imu_allan.noise.record.multi_axis import AXES_FIRST, MultiAxis
 from imu_allan.noise.record.segments import BLOCK, Segments
-from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
 from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +118,7 @@ class BlockSum(Record):
 
 
 @dataclass(eq=False)
-class Stage(SideBySide):
+class Stage(MultiAxis):
     """One stage of the spectrum: blocks of samples, or of means."""
 
     sums: dict[int, BlockSum] = field(default_factory=dict)    # by block length
@@ -205,7 +205,7 @@ class Stage(SideBySide):
 
 
 @dataclass(eq=False)
-class Periodogram(SideBySide):
+class Periodogram(MultiAxis):
     """Spectrum of several axes, computed block by block."""
 
     cell: int = 1    # samples in a cell of the series

@@ -18,7 +18,7 @@ D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measure
 
 from dataclasses import dataclass, field
 
-from imu_allan.noise.record.side_by_side import AXES_FIRST, AXES_SECOND, SideBySide
+from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, MultiAxis
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +36,7 @@ _MAX_STAGES = 48
 
 
 @dataclass(eq=False)
-class Pyramid(SideBySide):
+class Pyramid(MultiAxis):
     """Octave sums of squared second differences of several axes."""
 
     # (octaves, axes): sum of squared second differences of phase at cluster size

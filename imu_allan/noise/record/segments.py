@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
+from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -78,7 +78,7 @@ def layout(length: int, step: int) -> Layout:
 
 
 @dataclass(eq=False)
-class Segments(SideBySide):
+class Segments(MultiAxis):
     """Power by segment and band."""
 
     width: int = SHORTEST_SEGMENT    # samples in a whole segment, not counting gaps
@@ -126,11 +126,7 @@ class Segments(SideBySide):
 
     def _widen(self) -> None:
         """Add neighbouring segments in pairs."""
-        half = SEGMENTS // 2
-        power = self.power.reshape(self.axes, half, 2, _BANDS).sum(axis=2)
-        self.power = np.concatenate((power, np.zeros_like(power)), axis=1)
-        dof = self.dof.reshape(half, 2, _BANDS).sum(axis=1)
-        self.dof = np.concatenate((dof, np.zeros_like(dof)))
+        self.power, self.dof = in_pairs(self.power, 1), in_pairs(self.dof, 0)
         self.width *= 2
 
     def merge(self, other: 'Segments') -> None:
@@ -151,8 +147,7 @@ class Segments(SideBySide):
 
     def check(self) -> None:
         """Raise ValueError if restored fields are inconsistent."""
-        if (self.power.shape != (self.axes, SEGMENTS, _BANDS)
-                or self.dof.shape != (SEGMENTS, _BANDS) or (self.dof < 0).any()
+        if (not self.has_shapes_of(Segments(self.axes)) or (self.dof < 0).any()
                 or self.width < SHORTEST_SEGMENT or self.width & (self.width - 1)
                 or not 0 <= self.samples <= SEGMENTS * self.width):
             raise ValueError('arrays of the segments do not fit together')

@@ -11,7 +11,7 @@ borders of the columns depend only on the places, not on how the samples arrived
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from imu_allan.noise.record.side_by_side import AXES_FIRST, SideBySide
+from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,7 +69,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
 
 
 @dataclass(eq=False)
-class Signal(SideBySide):
+class Signal(MultiAxis):
     """Lowest, mean and highest value of several axes over time."""
 
     width: int = 1    # places of the grid in a column
@@ -152,19 +152,13 @@ class Signal(SideBySide):
 
     def check(self) -> None:
         """Raise ValueError if restored fields are inconsistent."""
-        if (any(part.shape != (self.axes, COLUMNS) for part in (self.sums, self.low, self.high))
-                or self.counts.shape != (COLUMNS,) or self.width < 1 or self.place < 0
+        if (not self.has_shapes_of(Signal(self.axes)) or self.width < 1 or self.place < 0
                 or (self.counts < 0).any() or (self.counts > self.width).any()):
             raise ValueError('arrays of the signal do not fit together')
 
     def _widen(self) -> None:
         """Merge neighbouring columns in pairs."""
-        half = COLUMNS // 2
-        pairs = self.counts.reshape(half, 2).sum(axis=1)
-        self.counts = np.concatenate([pairs, np.zeros(half, dtype=np.int64)])
-        shape = (self.axes, half, 2)
-        room = np.zeros((self.axes, half))
-        self.sums = np.hstack([self.sums.reshape(shape).sum(axis=2), room])
-        self.low = np.hstack([self.low.reshape(shape).min(axis=2), room + np.inf])
-        self.high = np.hstack([self.high.reshape(shape).max(axis=2), room - np.inf])
+        self.counts, self.sums = in_pairs(self.counts, 0), in_pairs(self.sums, 1)
+        self.low = in_pairs(self.low, 1, np.minimum, np.inf)
+        self.high = in_pairs(self.high, 1, np.maximum, -np.inf)
         self.width *= 2

@@ -45,23 +45,16 @@ class Cycle:
     cosines: Array
     sines: Array
     # Estimated correction of the logarithm of the frequency, and its standard error
-    off: float
+    log_frequency_correction: float
     error: float
     # (bins,): leverage of each coefficient
-    taken: Array
-
-    @property
-    def amplitude(self) -> float:
-        """Half the difference between the highest and the lowest value."""
-        # 512 phases are enough to find both.
-        time = np.linspace(0.0, 1 / self.frequency_hz, 512)
-        return float(np.ptp(self.trend(time))) / 2
+    leverage: Array
 
     def trend(self, time: Array) -> Array:
         """Return the cycle at given times."""
         return self._sum(time, self.cosines, self.sines)
 
-    def faster(self, time: Array) -> Array:
+    def log_frequency_derivative(self, time: Array) -> Array:
         """Return the derivative of the cycle by the logarithm of the frequency."""
         order = np.arange(1, len(self.sines) + 1)
         return (2 * pi * self.frequency_hz * (time - self.middle_s)
@@ -89,9 +82,9 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     for _ in range(8):
         found = _cycle(record, variance, frequency_hz, harmonics)
         # A further step would not change anything of importance.
-        if abs(found.off) < 0.02 * found.error:
+        if abs(found.log_frequency_correction) < 0.02 * found.error:
             break
-        frequency_hz *= float(np.exp(np.clip(found.off, -longest, longest)))
+        frequency_hz *= float(np.exp(np.clip(found.log_frequency_correction, -longest, longest)))
     return found
 
 
@@ -101,11 +94,11 @@ def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
     sizes, _, _ = part.regressed(part.waves)
     plain = Cycle(frequency_hz, part.middle_s, sizes[::2], sizes[1::2], 0.0, 0.0, np.zeros(0))
     sizes, errors, taken = part.regressed(
-        np.column_stack((part.waves, part.transformed([plain.faster]))))
+        np.column_stack((part.waves, part.transformed([plain.log_frequency_derivative]))))
     every = np.zeros(len(variance))
     every[part.here] = taken
-    return replace(plain, cosines=sizes[:-1:2], sines=sizes[1:-1:2], off=float(sizes[-1]),
-                   error=float(errors[-1]), taken=every)
+    return replace(plain, cosines=sizes[:-1:2], sines=sizes[1:-1:2], leverage=every,
+                   log_frequency_correction=float(sizes[-1]), error=float(errors[-1]))
 
 
 def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
@@ -136,9 +129,9 @@ def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpec
     bins = calm.bins
     coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.trend]).T
     # The limit keeps the band of a coefficient that the cycle explains completely.
-    left = np.maximum(1 - cycle.taken, 1e-9)
+    left = np.maximum(1 - cycle.leverage, 1e-9)
     # With a leverage of more than half, too little of a coefficient is noise.
-    return replace(calm, keep=calm.keep & (cycle.taken < 0.5), bins=replace(
+    return replace(calm, keep=calm.keep & (cycle.leverage < 0.5), bins=replace(
         bins, power=np.where(bins.whole, coefficient**2, bins.power), coefficient=coefficient,
         dof=left * bins.dof, design=left[:, None] * bins.design, ramp=record.bins.ramp))
 

@@ -58,7 +58,7 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
     return np.concatenate(found), np.concatenate(bounds)
 
 
-def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
+def is_negligible(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
     """Mark the bins whose leakage is small compared with their noise."""
     # Leakage with only a bound is not subtracted, so it must be much smaller.
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))

@@ -15,7 +15,7 @@ from functools import cached_property
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.mean_in_blocks import is_little, leaks, Waveform
+from imu_allan.noise.trends.mean_in_blocks import is_negligible, leaks, Waveform
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -39,8 +39,9 @@ class RecordSpectrum:
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the beginning of the record to its end."""
-        return duration(self.sections, self.dt)
+        """Seconds from the beginning of the record to its end, with runs joined."""
+        return max(((section.start + section.length * section.step) * self.dt
+                    for section in self.sections if section.coefficients is not None), default=0.0)
 
     def groups(self, *trends: Waveform) -> Groups:
         """Return the spectrum in narrow bands, with the ramp and trends as regressors."""
@@ -69,7 +70,7 @@ class RecordSpectrum:
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
 
-    def beside(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
+    def with_trends(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
         """Return the same spectrum with further trends in every fit."""
         return replace(self, trends=(*self.trends, *trends))
 
@@ -91,7 +92,7 @@ class RecordSpectrum:
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
         leak, bound = leaks(self.sections, self.dt, self.duration_s, mean)
-        keep = is_little(leak, bound, noise)
+        keep = is_negligible(leak, bound, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, coefficient=bins.coefficient[own],
@@ -123,9 +124,3 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
         rows = dct(np.stack([trend(time) for trend in trends]), norm='ortho')
         parts.append(rows[:, section.first:last].T * np.sqrt(section.length / length))
     return np.concatenate(parts)
-
-
-def duration(sections: Sequence[SpectrumSection], dt: float) -> float:
-    """Return the seconds from the beginning of the record to its end, with runs joined."""
-    return max(((section.start + section.length * section.step) * dt for section in sections
-                if section.coefficients is not None), default=0.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.taken import FinishedRecord
+from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
 from imu_allan.noise.terms import LASTING_TERMS

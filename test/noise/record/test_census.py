@@ -37,8 +37,8 @@ def test_copies_stay_copies_in_several_records_and_some_of_the_axes():
     merged = shown(rows[:9001])
     merged.merge(shown(rows[9001:]))
     assert copies(merged) == [(1, 3, OPPOSITE)]
-    assert merged.taken([2, 3]).census.copies() == []
-    assert merged.taken([3, 1]).census.copies() == [(1, 0, OPPOSITE)]
-    assert merged.taken([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
+    assert merged.select([2, 3]).census.copies() == []
+    assert merged.select([3, 1]).census.copies() == [(1, 0, OPPOSITE)]
+    assert merged.select([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
     merged.merge(shown(WHITE))
     assert copies(merged) == []

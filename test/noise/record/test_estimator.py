@@ -254,7 +254,7 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
     for part in np.array_split(rows[:40_000], 7):
         together.update(part)
         alone.update(part[:, [1, 4]])
-    taken = together.taken([1, 4])
+    taken = together.select([1, 4])
     for part in np.array_split(rows[40_000:], 3):
         taken.update(part[:, [1, 4]])
         alone.update(part[:, [1, 4]])

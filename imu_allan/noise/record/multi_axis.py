@@ -8,6 +8,7 @@ from typing import Any
 
 from imu_allan.state import Record
 import numpy as np
+from numpy.typing import NDArray
 
 AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
 """Field metadata: which dimensions of an array are those of the axes."""
@@ -16,7 +17,7 @@ _MOST = 1024
 
 
 @dataclass(eq=False)
-class SideBySide(Record):
+class MultiAxis(Record):
     """Statistics of several axes that are processed together."""
 
     axes: int    # number of axes
@@ -31,9 +32,23 @@ class SideBySide(Record):
         """Initialize the fields that are not arguments."""
         raise NotImplementedError
 
+    def has_shapes_of(self, new: 'MultiAxis') -> bool:
+        """Return whether all arrays have the shapes of those of a new instance."""
+        return all(part.shape == vars(new)[name].shape for name, part in vars(self).items()
+                   if isinstance(part, np.ndarray))
+
     def keep(self, axes: list[int]) -> None:
         """Keep only the given axes, in this order."""
         vars(self).update(vars(_kept(self, axes, ())))
+
+
+def in_pairs(values: NDArray[Any], axis: int, merge: np.ufunc = np.add, room: float = 0
+             ) -> NDArray[Any]:
+    """Merge neighbours along an axis in pairs, and fill the half that becomes free with `room`."""
+    shape = values.shape
+    pairs = merge.reduce(values.reshape(*shape[:axis], shape[axis] // 2, 2, *shape[axis + 1:]),
+                         axis=axis + 1)
+    return np.concatenate((pairs, np.full_like(pairs, room)), axis=axis)
 
 
 def _kept(part: Any, axes: list[int], dimensions: tuple[int, ...]) -> Any:
@@ -51,6 +66,6 @@ def _kept(part: Any, axes: list[int], dimensions: tuple[int, ...]) -> Any:
     twin = copy(part)
     for one in fields(part):
         vars(twin)[one.name] = _kept(getattr(part, one.name), axes, one.metadata.get('axes', ()))
-    if isinstance(twin, SideBySide):
+    if isinstance(twin, MultiAxis):
         twin.axes = len(axes)
     return twin

@@ -37,7 +37,7 @@ class Group(Record):
     def part(self, some: NDArray[np.bool_]) -> Group:
         """Return a group of some of the axes, which continue on their own."""
         return replace(self, columns=self.columns[some],
-                       estimator=self.estimator.taken(np.flatnonzero(some).tolist()),
+                       estimator=self.estimator.select(np.flatnonzero(some).tolist()),
                        thermometer=self.thermometer.copy())
 
     def add(self, block: EvenBlock, epoch_ns: int | None, interval_ns: float | None) -> None:
@@ -94,7 +94,7 @@ class FinishedGroup:
     def only(self, name: str) -> Estimator:
         """Return the estimator of one axis."""
         return (self.estimator if self.names == [name]
-                else self.estimator.taken([self.names.index(name)]))
+                else self.estimator.select([self.names.index(name)]))
 
 
 @dataclass(frozen=True)
