@@ -127,29 +127,23 @@ def test_damaged_result_files_are_used_or_refused(tmp_path, count, seed):
     assert judge.used > count / 5
 
 
-@pytest.mark.parametrize(('sigma', 'correlation_time_s'), [
-    (1e-4, 5e-324), (1e-4, 1e-200), (1e-200, 1e59)])
-def test_an_absurd_gauss_markov_process_is_drawn_or_refused(
-        tmp_path, sigma, correlation_time_s):
-    # Found by mutation: the square of a sample interval over 1e-200 s is no number any more.
+def gauss_markov(sigma: float, correlation_time_s: float) -> dict[str, float]:
+    return {'sigma': sigma, 'correlation_time_s': correlation_time_s}
+
+
+# Found by mutation: the square of a sample interval over 1e-200 s is no number any more; a quarter
+# of the smallest number there is, is zero; check named the copied axis as it stood in the file.
+@pytest.mark.parametrize(('path', 'key', 'value'), [
+    *((('axes', 'gyro_x'), 'gauss_markov', gauss_markov(*pair)) for pair in (
+        (1e-4, 5e-324), (1e-4, 1e-200), (1e-200, 1e59))),
+    *((('timeline',), 'sample_rate_hz', rate) for rate in (5e-324, 1e-200, 2e-60)),
+    (('axes', 'accel_x'), 'copy_of', '\x1b]0;title\x07')])
+def test_what_is_absurd_is_drawn_or_refused_and_steers_no_terminal(tmp_path, path, key, value):
     document = RESULT.to_dict()
-    document['axes']['gyro_x']['gauss_markov'] = {
-        'sigma': sigma, 'correlation_time_s': correlation_time_s}
-    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
-
-
-def test_the_name_of_the_axis_that_another_copies_steers_no_terminal(tmp_path):
-    # Found by mutation: check named it as it stood in the file.
-    document = RESULT.to_dict()
-    document['axes']['accel_x']['copy_of'] = '\x1b]0;title\x07'
-    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
-
-
-@pytest.mark.parametrize('rate', [5e-324, 1e-200, 2e-60])
-def test_an_absurd_sample_rate_is_drawn_or_refused(tmp_path, rate):
-    # Found by mutation: a quarter of the smallest number there is, is zero.
-    document = RESULT.to_dict()
-    document['timeline']['sample_rate_hz'] = rate
+    changed = document
+    for name in path:
+        changed = changed[name]
+    changed[key] = value
     Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
 
 
