@@ -156,6 +156,7 @@ HOSTILE: dict[str, Callable[[Path], Path]] = {
         TOPICS, 'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp '
         'INTEGER, data AS (zeroblob(900000000)))',
         'INSERT INTO messages(topic_id, timestamp) VALUES (1, 1), (1, 2), (1, 3)'),
+    'another database': from_script('CREATE TABLE birds(name TEXT)'),
     'virtual table': from_script(
         TOPICS, 'CREATE VIRTUAL TABLE messages USING rtree(id, timestamp, until, +topic_id, '
         '+data)'),
