@@ -8,25 +8,23 @@ from pathlib import Path
 from imu_allan.characterization import Characterization
 from imu_allan.node.run import Lane, Run
 from imu_allan.node.standards import Finding, Looks, Standards
-from imu_allan.result import Result, Tone
+from imu_allan.result import Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 import pytest
 from ros_harness import Driver, Health, Ros
-from whole_lines import refused, Varying
+from whole_lines import Varying
+
+MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
 
-def run_of(model: str, samples: int = 20_000, seed: int = 0) -> Characterization:
+def run_of(model: str, seed: int = 0) -> Characterization:
     run = Characterization(kind='topic', topic='/imu')
-    for block in simulated_blocks(parse_model(model), 100.0, samples, seed=seed):
+    for block in simulated_blocks(parse_model(model), 100.0, 20_000, seed=seed):
         run.update(block)
     return run
-
-
-def measured(model: str, samples: int = 20_000, seed: int = 0) -> Result:
-    return run_of(model, samples, seed).result()
 
 
 def judged(standards: Standards, run: Characterization) -> list[Finding]:
@@ -35,12 +33,7 @@ def judged(standards: Standards, run: Characterization) -> list[Finding]:
 
 @pytest.fixture(scope='module')
 def healthy_run() -> Characterization:
-    return run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
-
-
-@pytest.fixture(scope='module')
-def healthy(healthy_run: Characterization) -> Result:
-    return healthy_run.result()
+    return run_of(MODEL)
 
 
 def written(folder: Path, text: str) -> str:
@@ -57,17 +50,6 @@ def above(limit: str) -> str:
                      '(measured <number>, <number> .. <number>)' for letter in 'xyz')
 
 
-@pytest.mark.parametrize(('limit', 'level', 'words'), [
-    ('2e-3', 'ok', KEPT),
-    ('5e-4', 'error', above('5e-4'))])
-def test_a_limit_is_kept_or_broken(tmp_path: Path, healthy_run: Characterization, limit: str,
-                                   level: str, words: str) -> None:
-    spec = written(tmp_path, f'gyro: {{noise_density: {limit} rad/s/sqrt(Hz)}}')
-    [finding] = judged(Standards(spec_file=spec), healthy_run)
-    assert (finding.standard, finding.level) == ('specification', level)
-    assert finding.message == Varying(words)
-
-
 def test_a_look_takes_the_fits_that_the_result_was_made_of(
         tmp_path: Path, healthy_run: Characterization, monkeypatch: pytest.MonkeyPatch) -> None:
     standards = Standards(spec_file=written(
@@ -79,20 +61,14 @@ def test_a_look_takes_the_fits_that_the_result_was_made_of(
     assert standards.judge(result, healthy_run, Looks(), fits) == fitted_again
 
 
-def test_before_there_is_data_nobody_can_tell(tmp_path: Path) -> None:
-    spec = written(tmp_path, 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
-    empty = Characterization(kind='topic', topic='/imu')
-    [finding] = judged(Standards(spec_file=spec), empty)
-    assert finding == Finding('specification', 'warn', 'cannot tell yet: no axis has a result')
-
-
 def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
         tmp_path: Path) -> None:
     standards = Standards(spec_file=written(
         tmp_path, 'gyro: {noise_density: 1.3e-3 rad/s/sqrt(Hz)}'))
-    model = parse_model('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
     run, looks, levels = Characterization(kind='topic', topic='/imu'), Looks(), []
-    for block in simulated_blocks(model, 100.0, 3000, block_samples=300):
+    assert standards.judge(run.result(), run, looks) == [
+        Finding('specification', 'warn', 'cannot tell yet: no axis has a result')]
+    for block in simulated_blocks(parse_model(MODEL), 100.0, 3000, block_samples=300):
         run.update(block)
         [finding] = standards.judge(run.result(), run, looks)
         levels.append(finding.level)
@@ -103,27 +79,21 @@ def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_
     # It stays certain, whatever the next look would say, until the limit is broken.
     [same] = standards.judge(run.result(), run, looks)
     assert same == finding
-    noisy = measured('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
-    [broken] = standards.judge(noisy, run, looks)
+    noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
+    [broken] = standards.judge(noisy.result(), run, looks)
     assert broken.level == 'error'
     assert broken.message == Varying(above('1.3e-3'))
 
 
-def test_the_same_imu_is_as_in_the_reference(tmp_path: Path, healthy: Result) -> None:
-    save_result(healthy, tmp_path / 'before.json')
+def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_figures(
+        tmp_path: Path, healthy_run: Characterization) -> None:
+    save_result(healthy_run.result(), tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
-    again = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}', seed=1)
-    assert judged(standards, again) == [
+    assert judged(standards, run_of(MODEL, seed=1)) == [
         Finding('reference', 'ok', 'as in the reference: 3 axes')]
-
-
-def test_a_departure_from_the_reference_is_reported_with_figures(tmp_path: Path,
-                                                                 healthy: Result) -> None:
-    save_result(healthy, tmp_path / 'before.json')
-    standards = Standards(reference=str(tmp_path / 'before.json'))
-    shaken = measured('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
-                      '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
-                      'mean: 0.01 rad/s}}')
+    shaken = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
+                    '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
+                    'mean: 0.01 rad/s}}').result()
     axes = dict(shaken.axes)
     axes['gyro_z'] = replace(axes['gyro_z'], tones=(Tone(31.0, 1e-3),))
     [finding] = standards.judge(
@@ -133,13 +103,6 @@ def test_a_departure_from_the_reference_is_reported_with_figures(tmp_path: Path,
         'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: bias '
         '<number> rad/s, <number> in the reference; gyro_z: a line at 31 Hz of 0.001 rad/s, none '
         'in the reference')
-
-
-def test_a_file_that_cannot_be_read_is_named_with_its_parameter(tmp_path: Path) -> None:
-    with refused(f'parameter reference: {tmp_path / "nothing.json"}: cannot be read (No such file '
-                 'or directory); give the path of a result file, written by: imu_allan analyze '
-                 'RECORDING --json FILE'):
-        Standards(reference=str(tmp_path / 'nothing.json'))
 
 
 def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
