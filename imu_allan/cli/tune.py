@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers import tuning_table
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_file import load_result
-    from imu_allan.writers.terminal import console_of
+    from imu_allan.writers.terminal import console_of, wrapped
 
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
@@ -75,8 +75,9 @@ def run(args: argparse.Namespace) -> int:
     console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias))
     console.print()
     console.print(tuning_table.forecast_table(result, args.calibration))
-    for sentence in tuning_table.sentences(result, args.coast, args.calibration):
-        console.print(sentence, markup=False)
+    for line in wrapped(tuning_table.sentences(result, args.coast, args.calibration),
+                        console.width):
+        console.print(line)
     tables, verified = ([], {}) if args.verify is None else _verification(args, result)
     for table in tables:
         console.print()

@@ -211,12 +211,13 @@ def _forecast(result: Result, calibration_s: float) -> list[str]:
         if known:
             value, low, high, name = max(known, key=lambda one: one[0])
             which = '' if len(known) == len(forecasts) else ' that is known'
-            said.append(f'One unaided minute costs about {number(value * factor, 2)}'
-                        f'{unit} of {what} ({number(low * factor, 2)} to '
+            said.append(f'After one unaided minute the error of {what} is about '
+                        f'{number(value * factor, 2)}{unit} rms ({number(low * factor, 2)} to '
                         f'{number(high * factor, 2)}{unit}; {name}, the worst axis{which}).')
         elif forecasts:
-            said.append('This recording is too short to know what one unaided minute '
-                        f'costs of {what} (bias averaged over {duration(calibration_s)} before).')
+            said.append('This recording is too short to predict the error of '
+                        f'{what} after one unaided minute (bias averaged over '
+                        f'{duration(calibration_s)} before).')
     if any(axis.drift_model is not None
            and axis.drift_model.to_s < max(FORECAST_S[-1], calibration_s)
            for axis in result.axes.values()):

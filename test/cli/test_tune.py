@@ -37,13 +37,15 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
         assert re.search(r'ten times K +\S+ +< ', row)
     if width is not None:
         assert max(map(len, out.splitlines())) <= width
+        # A line that goes on is set in.
+        assert out.partition('On another day')[2].splitlines()[1].startswith('  ')
         return
     for row in ('Gyroscope: filter N rad/s/sqrt(Hz), filter K rad/s^2/sqrt(Hz), predicted rad/s',
                 'Accelerometer: filter N m/s^2/sqrt(Hz), filter K m/s^3/sqrt(Hz), predicted m/s^2',
                 'x tuned ', 'full model'):
         assert row in out
-    assert Varying('One unaided minute costs about <number>° of heading (<number> to <number>°; '
-                   'gyro_z, the worst axis).') in out.splitlines()
+    assert Varying('After one unaided minute the error of heading is about <number>° rms '
+                   '(<number> to <number>°; gyro_z, the worst axis).') in out.splitlines()
 
 
 def test_an_axis_without_numbers_or_that_knows_too_little_hides_no_sentence_of_the_others(
@@ -53,7 +55,7 @@ def test_an_axis_without_numbers_or_that_knows_too_little_hides_no_sentence_of_t
     save_result(with_axes(result, 'gyro_z', drift_model=lambda axis: replace(
         axis.drift_model, to_s=10.0)), path)
     [said] = [line for line in output_of('tune', path).splitlines() if ' of heading ' in line]
-    assert said == Varying('One unaided minute costs about <number>° of heading '
+    assert said == Varying('After one unaided minute the error of heading is about <number>° rms '
                            '(<number> to <number>°; gyro_y, the worst axis that is known).')
     for name, fault in (('gyro_y', {'saturated': Saturation(0.01, 0.2)}),
                         ('gyro_z', {'copy_of': 'gyro_x'}), ('accel_z', {'high_passed_hz': 0.2})):
@@ -117,9 +119,9 @@ def test_what_is_beyond_the_recording_is_said(result_file, output_of):
                 'widened; record for 9 h to know.') in lines
     # Every number of the table is in brackets.
     assert any(re.fullmatch(r'gyro x +heading, deg( +\([^)]+\)){5}', line) for line in lines)
-    assert ('This recording is too short to know what one unaided minute costs of '
-            'heading (bias averaged over 3 h before).') in lines
-    assert not any(line.startswith('One unaided minute') for line in lines)
+    assert ('This recording is too short to predict the error of heading after one unaided '
+            'minute (bias averaged over 3 h before).') in lines
+    assert not any(line.startswith('After one unaided minute') for line in lines)
 
 
 def test_the_numbers_hold_on_the_recording_they_come_from(
@@ -157,7 +159,7 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
     assert 'sigma, Tc' in out
     assert 'sigma times' in out
     assert 'K times' not in out
-    assert out.index('One unaided minute') < out.index('Filters with these numbers')
+    assert out.index('After one unaided minute') < out.index('Filters with these numbers')
     for axis in json.loads(path.read_text())['verification']['axes'].values():
         assert axis['sigma_factor'] > 0
         assert 'random_walk_factor' not in axis
