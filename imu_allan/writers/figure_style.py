@@ -177,50 +177,6 @@ def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
 
 
-def label_ends(panel: Axes, axes: Mapping[str, AxisResult]) -> None:
-    """Label each curve at its right end; shift labels that would overlap."""
-    # Points beyond the limits are not drawn; attach the label to the last visible one.
-    bottom, top = panel.get_ylim()
-    ends = []
-    for name, axis in axes.items():
-        seen = [(t, v) for t, v in zip(axis.curve.tau_s, axis.curve.adev, strict=True)
-                if bottom < v < top]
-        if seen:
-            ends.append((*seen[-1], name))
-    if not ends:
-        return
-    low, high = np.log((bottom, top))
-    tall = 72 * panel.bbox.height / panel.figure.dpi
-    apart = max(0.055, 1.3 * float(panel.yaxis.label.get_fontsize()) / tall) * (high - low)
-    heights = spread([float(np.log(value)) for _, value, _ in ends], apart)
-    # Keep the outermost labels clear of the frame by shifting all of them.
-    shift = max(0.0, low + apart - min(heights)) - max(0.0, max(heights) - (high - apart))
-    edge = max(axis.curve.tau_s[-1] for axis in axes.values())
-    start = min(axis.curve.tau_s[0] for axis in axes.values())
-    panel.set_xlim(start / 1.6, edge * 4.0)
-    for (tau, value, name), height in zip(ends, heights, strict=True):
-        panel.annotate(name[-1], (tau, value), xytext=(edge * 2.1, float(np.exp(height + shift))),
-                       color=COLOURS[name[-1]], fontweight='bold', va='center', zorder=8,
-                       arrowprops={'arrowstyle': '-', 'color': COLOURS[name[-1]],
-                                   'linewidth': 0.7, 'shrinkA': 1, 'shrinkB': 3})
-
-
-def spread(values: list[float], apart: float) -> list[float]:
-    """Return `values` moved so that neighbours are at least `apart`, in the same order."""
-    order = sorted(range(len(values)), key=values.__getitem__)
-    moved = [values[i] for i in order]
-    for _ in range(50):
-        for i in range(len(moved) - 1):
-            lack = apart - (moved[i + 1] - moved[i])
-            if lack > 1e-9:
-                moved[i] -= lack / 2
-                moved[i + 1] += lack / 2
-    result = list(values)
-    for place, i in enumerate(order):
-        result[i] = moved[place]
-    return result
-
-
 def write_in_a_row(panel: Axes, parts: Sequence[tuple[str, str]]) -> None:
     """Write coloured texts in a row above `panel`."""
     from matplotlib.artist import Artist

@@ -23,7 +23,6 @@ from imu_allan.writers.figure_style import (
     empty_figure,
     frame_allan,
     frame_density,
-    label_ends,
     MARKERS,
     plot_style,
 )
@@ -86,12 +85,8 @@ def overview_figure(result: Result) -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
-            frame_allan(panel, sensor, curves.limits_of(axes.values()))
-            for name, axis in axes.items():
-                if any(axis.curve.adev):
-                    draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
-                               result.timeline, DASHES[name[-1]])
-            label_ends(panel, axes)
+            # The table above names the axes by their markers.
+            _draw_curves(panel, sensor, axes, result)
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
             draw_signal(strip, axes, result)
         return figure
@@ -159,13 +154,23 @@ def paper_figure(result: Result, width_cm: float) -> 'Figure':
             left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
             panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,
                                      column - 1.14 / width, row - 0.68 / height))
-            frame_allan(panel, sensor, curves.limits_of(axes.values()))
-            for name, axis in axes.items():
-                draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
-                           result.timeline, DASHES[name[-1]])
-            label_ends(panel, axes)
+            _draw_curves(panel, sensor, axes, result)
+            panel.legend(loc='lower right', bbox_to_anchor=(1, 1), ncols=len(axes), frameon=False,
+                         borderaxespad=0, handlelength=1.7, handletextpad=0.4, columnspacing=1)
             panel.set_title(wording.SENSORS[sensor], loc='left')
         return figure
+
+
+def _draw_curves(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], result: Result
+                 ) -> None:
+    """Draw the Allan deviations of the axes of a sensor, named for a legend."""
+    frame_allan(panel, sensor, curves.limits_of(axes.values()))
+    for name, axis in axes.items():
+        if any(axis.curve.adev):
+            colour, marker, dashes = COLOURS[name[-1]], MARKERS[name[-1]], DASHES[name[-1]]
+            draw_curve(panel, axis, colour, marker, result.timeline, dashes)
+            panel.plot([], [], marker=marker, color=colour, linestyle=dashes, markersize=4.4,
+                       linewidth=1.3, label=name[-1])
 
 
 def render(figure: 'Figure', format: str = 'png',  # noqa: A002
