@@ -10,7 +10,7 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
-from imu_allan.recordings.reading.reading_process import pays, ReadingProcess
+from imu_allan.recordings.reading.reading_process import read_in_process, worth_a_process
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import NO_TOPIC
 
@@ -54,18 +54,18 @@ def read_blocks(
 
     """
     choose_topic(recording, topic)
-    return _taken(recording, _ahead(recording, topic), topic, progress)
+    return _with_progress(recording, _blocks_ahead(recording, topic), topic, progress)
 
 
-def _ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-    if pays(recording):
+def _blocks_ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+    if worth_a_process(recording):
         # If no further process can be started, fall back to a thread.
         with suppress(OSError):
-            return ReadingProcess(recording, topic).blocks()
+            return read_in_process(recording, topic)
     return read_ahead(larger_blocks(recording.decoded(topic)))
 
 
-def _taken(
+def _with_progress(
     recording: Recording, ahead: Iterator[tuple[ImuBlock, int]], topic: str,
     progress: Callable[[int], None] | None,
 ) -> Iterator[ImuBlock]:

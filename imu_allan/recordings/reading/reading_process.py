@@ -24,7 +24,7 @@ import pickle
 import signal
 import subprocess
 import sys
-from typing import Any, IO, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -48,9 +48,9 @@ _SLOT = np.dtype([
     ('samples', np.float64, (6, SLOT_MESSAGES)), ('absent', np.bool_, (2, SLOT_MESSAGES))])
 
 
-class ReadingProcess:
+def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
     """
-    A process that reads the messages of one topic, started on construction.
+    Start a process that reads the messages of one topic.
 
     Parameters
     ----------
@@ -59,92 +59,82 @@ class ReadingProcess:
     topic : str
         One of its topics.
 
+    Returns
+    -------
+    iterator of (ImuBlock, int)
+        The blocks, each with the number of bytes of the recording consumed so far. It raises any
+        exception of the reading, after the blocks before it, and ImuAllanError if the process was
+        terminated from outside.
+
     Raises
     ------
     OSError
         If no process can be started or no memory shared.
 
     """
+    _keep_memory()
+    memory = _shared_memory()
+    try:
+        slots = _slots(memory)
+        # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
+        process = start_python(
+            __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            pass_fds=[memory], start_new_session=True)
+    finally:
+        os.close(memory)
+    assert process.stdin is not None
+    with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
+        pickle.dump((memory, recording, topic), stdin)
+    return _received(recording, topic, process, slots)
 
-    def __init__(self, recording: Recording, topic: str) -> None:
-        self._recording, self._topic = recording, topic
-        _keep_memory()
-        memory = _shared_memory()
-        try:
-            self._slots = _Slots(memory)
-            # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
-            self._process = start_python(
-                __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                pass_fds=[memory], start_new_session=True)
-        finally:
-            os.close(memory)
-        with suppress(BrokenPipeError), open(self._stdin.fileno(), 'wb', closefd=False) as stdin:
-            pickle.dump((memory, recording, topic), stdin)
 
-    @property
-    def _stdin(self) -> IO[bytes]:
-        assert self._process.stdin is not None
-        return self._process.stdin
-
-    def blocks(self) -> Iterator[tuple[ImuBlock, int]]:
-        """
-        Yield blocks, each with the number of bytes of the recording consumed so far.
-
-        Raises
-        ------
-        ImuAllanError
-            If the process was terminated from outside.
-        Exception
-            Any exception raised by the reading, after the blocks before it.
-
-        """
-        assert self._process.stdout is not None
-        ready = False
-        try:
-            with open(self._process.stdout.fileno(), 'rb', closefd=False) as reported:
-                ready = pickle.load(reported)
-                while (item := pickle.load(reported)) is not None:
-                    slot, messages, frame_id, position = item
-                    block = self._slots.take(slot, messages, frame_id)
-                    with suppress(BrokenPipeError):
-                        self._stdin.write(bytes([slot]))
-                    yield block, position
-                failure, remarks = pickle.load(reported)
-        except (EOFError, pickle.UnpicklingError):
-            if ready:
-                code = self._process.wait()
-                how = f'signal {-code}' if code < 0 else f'exit status {code}'
-                raise ImuAllanError(
-                    f'{printable(self._recording.path)}: the process that reads it was ended '
-                    f'from outside ({how}), perhaps for want of memory'
-                ) from None
-        finally:
-            self._end()
-        if not ready:
-            # sys.executable is not Python, for example in a program that embeds it.
-            yield from read_ahead(larger_blocks(self._recording.decoded(self._topic)))
-            return
-        self._recording.remarks[:] = remarks
-        if failure is not None:
-            error, where = failure
-            raise error from (None if isinstance(error, (ImuAllanError, OSError))
-                              else RuntimeError(f'in the reading process:\n{where}'))
-
-    def _end(self) -> None:
+def _received(recording: Recording, topic: str, process: subprocess.Popen[bytes],
+              slots: NDArray[np.void]) -> Iterator[tuple[ImuBlock, int]]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    ready = False
+    try:
+        with open(process.stdout.fileno(), 'rb', closefd=False) as reported:
+            ready = pickle.load(reported)
+            while (item := pickle.load(reported)) is not None:
+                slot, messages, frame_id, position = item
+                block = ImuBlock(frame_id=frame_id, **{
+                    name: values.copy('K')
+                    for name, values in _arrays(slots[slot], messages).items()})
+                with suppress(BrokenPipeError):
+                    process.stdin.write(bytes([slot]))
+                yield block, position
+            failure, remarks = pickle.load(reported)
+    except (EOFError, pickle.UnpicklingError):
+        if ready:
+            code = process.wait()
+            how = f'signal {-code}' if code < 0 else f'exit status {code}'
+            raise ImuAllanError(
+                f'{printable(recording.path)}: the process that reads it was ended from outside '
+                f'({how}), perhaps for want of memory') from None
+    finally:
         # Keep the pipes open during cleanup: closing them would interrupt it a second time.
-        self._process.terminate()
+        process.terminate()
         try:
             # Removing unpacked files can take seconds on a slow disk.
-            self._process.wait(10.0)
+            process.wait(10.0)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            assert pipe is not None
-            pipe.close()
+            process.kill()
+            process.wait()
+        process.stdin.close()
+        process.stdout.close()
+    if not ready:
+        # sys.executable is not Python, for example in a program that embeds it.
+        yield from read_ahead(larger_blocks(recording.decoded(topic)))
+        return
+    recording.remarks[:] = remarks
+    if failure is not None:
+        error, where = failure
+        raise error from (None if isinstance(error, (ImuAllanError, OSError))
+                          else RuntimeError(f'in the reading process:\n{where}'))
 
 
-def pays(recording: Recording) -> bool:
+def worth_a_process(recording: Recording) -> bool:
     """Return whether a separate process reads this recording faster than a thread."""
     interpreter = bool(sys.executable) and not getattr(sys, 'frozen', False)
     return (recording.size_bytes >= WORTHWHILE_BYTES and interpreter
@@ -157,7 +147,7 @@ def serve() -> None:
     exit_on_sigterm()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
-    slots, free = _Slots(memory), list(range(SLOTS))
+    slots, free = _slots(memory), list(range(SLOTS))
     reports = os.fdopen(os.dup(1), 'wb')
 
     def report(item: object) -> None:
@@ -175,9 +165,10 @@ def serve() -> None:
                 for block, position in larger_blocks(decoded, SLOT_MESSAGES):
                     for start in range(0, len(block), SLOT_MESSAGES):
                         part = block.part(slice(start, start + SLOT_MESSAGES))
-                        free += b'' if free else _given_back()
+                        free += b'' if free else _returned_slots()
                         slot = free.pop(0)
-                        slots.put(slot, part)
+                        for name, values in _arrays(slots[slot], len(part)).items():
+                            values[:] = getattr(part, name)
                         report((slot, len(part), part.frame_id, position))
         except BrokenPipeError:
             raise
@@ -190,7 +181,7 @@ def serve() -> None:
     os._exit(0)
 
 
-def _given_back() -> bytes:
+def _returned_slots() -> bytes:
     """Wait for slots whose messages have been copied."""
     slots = os.read(0, SLOTS)
     if not slots:
@@ -211,25 +202,14 @@ def _keep_memory() -> None:
     np.empty(1 << 24, np.uint8)
 
 
-class _Slots:
-    """Shared memory of `SLOTS` slots with `SLOT_MESSAGES` messages each."""
+def _slots(memory: int) -> NDArray[np.void]:
+    """Map the shared memory as an array of `SLOTS` slots."""
+    return np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
 
-    def __init__(self, memory: int) -> None:
-        self._slots = np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
 
-    def put(self, slot: int, block: ImuBlock) -> None:
-        """Copy a block into a slot."""
-        for name, values in self._slot(slot, len(block)).items():
-            values[:] = getattr(block, name)
-
-    def take(self, slot: int, messages: int, frame_id: str) -> ImuBlock:
-        """Copy the first messages out of a slot."""
-        return ImuBlock(frame_id=frame_id, **{
-            name: values.copy('K') for name, values in self._slot(slot, messages).items()})
-
-    def _slot(self, slot: int, messages: int) -> dict[str, NDArray[Any]]:
-        """View the first messages of a slot; the samples are stored axis by axis."""
-        return {name: self._slots[slot][name].T[:messages] for name in _SLOT.names or ()}
+def _arrays(slot: np.void, messages: int) -> dict[str, NDArray[Any]]:
+    """View the first messages of a slot; the samples are stored axis by axis."""
+    return {name: slot[name].T[:messages] for name in _SLOT.names or ()}
 
 
 def _shared_memory() -> int:

@@ -107,7 +107,7 @@ def test_remarks_of_the_reading_come_back(tmp_path):
     ImuAllanError('bag: this and that'), OSError(5, 'Input/output error'), MemoryError('little'),
     ZeroDivisionError('a defect')], ids=lambda error: type(error).__name__)
 def test_an_exception_comes_after_the_blocks_before_it(error):
-    blocks = reading_process.ReadingProcess(FailingRecording(MESSAGES, error), '/imu').blocks()
+    blocks = reading_process.read_in_process(FailingRecording(MESSAGES, error), '/imu')
     taken = []
     with pytest.raises(type(error)) as caught:
         taken.extend(block for block, _ in blocks)
