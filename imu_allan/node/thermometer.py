@@ -9,7 +9,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.log import Log
-from imu_allan.recordings.thermometers import beside, in_celsius
+from imu_allan.recordings.thermometers import in_celsius, share_namespace
 import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -53,7 +53,7 @@ class Thermometer:
             return
         before, self._beside = self._beside, sorted(
             name for name, types in self._node.get_topic_names_and_types()
-            if 'sensor_msgs/msg/Temperature' in types and beside(self._facts.topic, name)
+            if 'sensor_msgs/msg/Temperature' in types and share_namespace(self._facts.topic, name)
             and self._node.count_publishers(name))
         if len(self._beside) != 1 or before != self._beside:
             return

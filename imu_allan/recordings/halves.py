@@ -122,7 +122,7 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             return _two(names['gyro'], names['accel'])
     chosen = choose_topic(recording, topic)
     _report_filtered(recording, chosen)
-    return _united(recording, chosen)
+    return _split_if_merged(recording, chosen)
 
 
 def _two(gyro: str, accel: str) -> list[Stream]:
@@ -174,7 +174,7 @@ def half_of(recording: Recording, topic: str) -> Half | None:
     return None
 
 
-def _united(recording: Recording, topic: str) -> list[Stream]:
+def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     """Separate halves that a driver merged from two rates; report those that were interpolated."""
     count = recording.imu(topic).count
     blocks = [] if count is not None and count < _ENOUGH else list(_beginning(recording, topic))

@@ -56,7 +56,7 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     if own or not separate:
         return own[0] if own else None
     source = recording.imu(topic).topic
-    near = [thermometer for thermometer in separate if beside(source, thermometer.name)]
+    near = [thermometer for thermometer in separate if share_namespace(source, thermometer.name)]
     if len(near) == 1:
         return near[0]
     frame_id = _frame_id(recording, topic)
@@ -65,7 +65,7 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     return same_frame[0] if len(same_frame) == 1 else None
 
 
-def beside(topic: str, thermometer: str) -> bool:
+def share_namespace(topic: str, thermometer: str) -> bool:
     """
     Return whether two topics share a namespace; the root namespace does not count.
 
@@ -76,7 +76,7 @@ def beside(topic: str, thermometer: str) -> bool:
 
     Examples
     --------
-    >>> beside('/imu/data_raw', '/imu/temperature'), beside('/imu', '/temperature')
+    >>> share_namespace('/imu/raw', '/imu/temp'), share_namespace('/imu', '/temp')
     (True, False)
 
     """

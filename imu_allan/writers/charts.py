@@ -192,11 +192,11 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
         term = TERMS[key]
         at = curves.reading_point(term, axis, tau)
         name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
-        lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}',
+        lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}',
                  name, *([] if term.read_at else [f'line at {FLICKER_FLOOR:.3f} B'])]
         height = float(term.adev(value, at)) * factor
         parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
-    for line, place, words in curves.beside_terms(axis, tau):
+    for line, place, words in curves.other_noise(axis, tau):
         parts.append(panel.line(tau, line * factor, 'term'))
         parts.append(panel.label(tau[place], line[place] * factor, words[:1] if brief else words,
                                  avoid, 'name', taken, ring=False))
@@ -272,7 +272,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         lines, marks = [], []
         for place, name in enumerate(known):
             time, mean = moved[name]
-            at = curves.marked(mean, place)
+            at = curves.marker_indices(mean, place)
             lines.append(_of(name, [main.line(time / scale, mean * factor, 'curve')]))
             # Markers distinguish the axes in greyscale print.
             marks.append(_of(name, [main.points(
@@ -327,7 +327,7 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
     steady = next((axis.stationarity for axis in axes.values()
                    if axis.stationarity is not None), None)
     for segment in steady.segments[1:] if steady else ():
-        panel.parts.append(panel.upright(segment.start_s / scale, 'segment', 'next segment'))
+        panel.parts.append(panel.vertical(segment.start_s / scale, 'segment', 'next segment'))
 
 
 def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
@@ -403,7 +403,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
             # Only the strongest, since more labels would overlap.
             for tone in axis.tones[:12]:
                 amount = number(tone.amplitude * factor, 3)
-                panel.parts.append(group(name[-1], 'detail', [panel.upright(
+                panel.parts.append(group(name[-1], 'detail', [panel.vertical(
                     tone.frequency_hz, 'tone',
                     f'{name[-1]} axis: line at {tone.frequency_hz:.4g} Hz, {amount} '
                     f'{typeset(shown)}, left out of the fit')]))

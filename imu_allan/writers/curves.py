@@ -176,7 +176,7 @@ def reading_point(term: Term, axis: AxisResult, tau: Array,
     return float(np.sqrt(flat[0] * flat[-1]))
 
 
-def written(coefficient: Coefficient, value: float) -> str:
+def value_with_unit(coefficient: Coefficient, value: float) -> str:
     """Return a value of `coefficient` with its unit, to the digits that its interval justifies."""
     shown, unit = engineering(value, coefficient.unit)
     if coefficient.ci95 is None:
@@ -281,7 +281,7 @@ def mean_over_time(axis: AxisResult) -> tuple[Array, Array]:
     return time, np.asarray(mean - np.nanmean(mean)) if len(mean) else mean
 
 
-def marked(mean: Array, place: int) -> NDArray[np.intp]:
+def marker_indices(mean: Array, place: int) -> NDArray[np.intp]:
     """
     Choose the points of a mean at which to draw the marker of its axis.
 
@@ -301,7 +301,7 @@ def time_unit(length_s: float) -> tuple[float, str]:
                  if length_s >= 2 * size), (1.0, 's'))
 
 
-def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[str]]]:
+def other_noise(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[str]]]:
     """
     Return the noise of an axis that is not one of the standard terms.
 

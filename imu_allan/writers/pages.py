@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-def filled(template: str, **context: Any) -> str:
+def rendered(template: str, **context: Any) -> str:
     """Return the page rendered from a template."""
     return _environment().get_template(template).render(
         mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS, **context)

@@ -97,7 +97,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
-    for line, place, name in curves.beside_terms(axis, tau) if truth is None else ():
+    for line, place, name in curves.other_noise(axis, tau) if truth is None else ():
         seen = np.flatnonzero((line > low) & (line < high))
         if len(seen):
             panel.plot(tau[seen], line[seen], color=COLOURS['soft'], linewidth=0.9,
@@ -112,7 +112,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
             continue
         panel.plot(tau[inside], line[inside], color=COLOURS['soft'], linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
-        lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}']
+        lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}']
         at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
         slope = f'slope {_SLOPES[term.slope]}'
@@ -224,7 +224,7 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
         for place, (name, (time, mean)) in enumerate(moved.items()):
             panel.plot(time / scale, mean * convert(1.0, quantity, shown), linewidth=0.8,
                        color=colours[name[-1]])
-            at = curves.marked(mean, place)
+            at = curves.marker_indices(mean, place)
             panel.plot(time[at] / scale, mean[at] * convert(1.0, quantity, shown),
                        MARKERS[name[-1]], color=colours[name[-1]], markersize=4.6, zorder=3,
                        markeredgewidth=0.6, markeredgecolor=colours['paper'])

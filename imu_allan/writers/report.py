@@ -41,7 +41,7 @@ from imu_allan.writers.charts import (
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.pages import filled, text_of
+from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.verdict import findings_line, verdict_lines, VERDICT_TEXT, verdicts_of
 from imu_allan.writers.words import for_display, message_of, title_of
 
@@ -105,8 +105,8 @@ def _page(template: str, **context: Any) -> str:
     # Style sheet and script are not templates, despite the suffix of their files.
     program = text_of('report.js')
     digest = b64encode(sha256(program.encode()).digest()).decode()
-    return filled(template, style=Markup(text_of('report.css')), program=Markup(program),
-                  hashes=f"'sha256-{digest}'", **context)
+    return rendered(template, style=Markup(text_of('report.css')), program=Markup(program),
+                    hashes=f"'sha256-{digest}'", **context)
 
 
 def _facts(result: Result) -> list[str]:

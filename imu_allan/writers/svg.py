@@ -210,7 +210,7 @@ class Panel:
                 f'width="{max(1.0, end - begin):.1f}" height="{bottom - top:g}">'
                 f'<title>{escape(title)}</title></rect>')
 
-    def upright(self, x: float, kind: str, title: str) -> str:
+    def vertical(self, x: float, kind: str, title: str) -> str:
         """Return a vertical line from top to bottom."""
         at = float(self.x(x))
         _, top, _, bottom = self.box

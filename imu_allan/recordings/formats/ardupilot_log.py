@@ -115,7 +115,7 @@ class ArduPilotRecording(TableLog):
 
         kinds = {}
         try:
-            with _hushed(), Index(str(self._stored)) as log:
+            with _silenced(), Index(str(self._stored)) as log:
                 for number, form in log.formats.items():
                     name = form.name.rstrip('0123456789')
                     if name not in ('IMU', 'GYR', 'ACC', 'ISBH', 'ISBD'):
@@ -196,7 +196,7 @@ class ArduPilotRecording(TableLog):
 
 
 @contextmanager
-def _hushed() -> Iterator[None]:
+def _silenced() -> Iterator[None]:
     """Hide what the library prints about damage, one line per byte, partly from C code."""
     sys.stderr.flush()
     kept = os.dup(2)

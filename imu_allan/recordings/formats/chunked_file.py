@@ -196,7 +196,7 @@ class ChunkedRecording(FileRecording):
         place = bisect_right(self._chunk_starts, at)
         return self._chunk_starts[place] if place < len(self._chunk_starts) else None
 
-    def _passed_over(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
+    def _skip_to_chunk(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
         """Note bytes that are not a record; return the offset of the next chunk, or None."""
         known = self._next_chunk(at)
         if known is None:

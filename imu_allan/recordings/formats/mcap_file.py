@@ -185,7 +185,7 @@ class McapRecording(ChunkedRecording):
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
             if opcode == 0 or start + length > (self._next_chunk(at) or self.size_bytes):
-                known = self._passed_over(at, damage, opcode == Opcode.CHUNK)
+                known = self._skip_to_chunk(at, damage, opcode == Opcode.CHUNK)
                 if known is None:
                     break
                 at = known

@@ -138,7 +138,7 @@ class Ros1Recording(ChunkedRecording):
                 yield part
                 part = None
             if record is None:
-                known = self._passed_over(at, damage)
+                known = self._skip_to_chunk(at, damage)
                 if known is None:
                     break
                 at = known

@@ -50,7 +50,7 @@ class TableFolder(Recording):
             (whole if len(sensors) > 1 else halves[sensors[0]]).append(file.name)
         if not all(halves.values()):
             raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
-                                f'together: {self._what_lacks(halves, whole)}')
+                                f'together: {self._why_no_imu(halves, whole)}')
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
         gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:
@@ -79,7 +79,7 @@ class TableFolder(Recording):
                 return CsvRecording(file, file, replace(self.options, columns=columns))
             raise
 
-    def _what_lacks(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
+    def _why_no_imu(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
         """Explain why the files are not an IMU: what they hold, or why they cannot be read."""
         if whole:
             return (f'gyroscope and accelerometer are both in {_some(whole)}; name the file '

@@ -13,8 +13,8 @@ from typing import Any
 
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import shorten
-from imu_allan.recordings.messages.forms import joint_field, OnMalformed, Place
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
+from imu_allan.recordings.messages.layouts import joint_field, OnMalformed, Place
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,7 +3,7 @@
 """
 Decoding of messages of any type to blocks, and choice of the clock among several stamps.
 
-`imu_allan.recordings.messages.forms` locates the fields of messages with the same layout, and
+`imu_allan.recordings.messages.layouts` locates the fields of messages with the same layout, and
 `imu_allan.recordings.messages.columns` extracts them as columns.
 """
 
@@ -23,8 +23,8 @@ from imu_allan.cdr import (
 )
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
 from imu_allan.recordings.messages.definitions import Types
-from imu_allan.recordings.messages.forms import OnMalformed, RecordLayout, RecordLayouts
 from imu_allan.recordings.messages.imu_fields import ImuFields
+from imu_allan.recordings.messages.layouts import OnMalformed, RecordLayout, RecordLayouts
 import numpy as np
 from numpy.typing import NDArray
 

@@ -22,7 +22,7 @@ from imu_allan.writers.datasheet.verdicts import (
     Verdict,
     with_interval,
 )
-from imu_allan.writers.pages import filled
+from imu_allan.writers.pages import rendered
 from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.verdict import findings_line
 
@@ -146,7 +146,7 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     if result.inspection is not None and result.inspection.serial is not None:
         title = f'{title}, {result.inspection.serial}'
     numbered = list(zip(verdicts, numbers, strict=True))
-    return filled(
+    return rendered(
         'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
         title=shorten(printable(title), _LONGEST), facts=_facts(result, specification),
         tables={sensor: {key: [one for one in own if one[0].key == key]

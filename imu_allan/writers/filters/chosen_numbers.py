@@ -208,7 +208,7 @@ class Numbers:
         return self.result.source.kind == 'datasheet'
 
     @property
-    def without(self) -> str:
+    def no_value(self) -> str:
         """Say that there is no number."""
         return f'{"the datasheet" if self.of_datasheet else "this result"} has no value for it'
 

@@ -141,7 +141,7 @@ def airsim(numbers: Numbers) -> str:
     for (sensor, key), (name, unit) in units.items():
         value, said = worst(numbers, sensor, key, times(1 / unit))
         if value is None:
-            remarks.append(f'{name}: {numbers.without}')
+            remarks.append(f'{name}: {numbers.no_value}')
         else:
             settings[name] = float(real(value))
             remarks += [f'{name}: {remark}' for remark in said]
@@ -224,7 +224,7 @@ def plain(numbers: Numbers) -> str:
             elif found.upper95 is not None:
                 lines.append(f'  {key}: {{below95: {real(found.upper95)}}}')
             else:
-                lines.append(f'  # {key}: {numbers.without}')
+                lines.append(f'  # {key}: {numbers.no_value}')
         for letter, number in own.items():
             word = {'N': 'filter_noise_density', 'K': 'filter_random_walk'}.get(letter)
             if word is not None:

@@ -155,7 +155,7 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
         return None if values is None else ', '.join(map(real, values)), remarks
     value, said = worst(numbers, sensor, key, scale)
     if value is None:
-        return None, [f'{what} {term}: {numbers.without}']
+        return None, [f'{what} {term}: {numbers.no_value}']
     remarks = [f'{what} {term}', *said]
     if field['layout'] == 'times identity':
         rows = ([value if i == j else 0.0 for j in range(3)] for i in range(3))

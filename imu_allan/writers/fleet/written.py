@@ -32,7 +32,7 @@ from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.output_path import folder_lock
-from imu_allan.writers.pages import filled, text_of
+from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.plot import render
 from imu_allan.writers.terminal import bare_table, wrapped
 from imu_allan.writers.verdict import findings_line
@@ -102,7 +102,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     from markupsafe import Markup
 
     population = fleet.population
-    return filled(
+    return rendered(
         'fleet.html', version=__version__, title=printable(title),
         style=Markup(f'{text_of("report.css")}{_both_colours()}'),
         facts=_facts(fleet),
