@@ -199,10 +199,16 @@ class ChunkedRecording(FileRecording):
     def _skip_to_chunk(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
         """Note bytes that are not a record; return the offset of the next chunk, or None."""
         known = self._next_chunk(at)
-        if known is None:
-            damage.ending(at, self.size_bytes - at, in_chunk)
+        left = self.size_bytes - at
+        if known is not None:
+            damage.holes += 1
+            damage.first_hole = damage.first_hole or f'{known - at} bytes from byte {at} on'
+        elif left == 0:
+            damage.end = _UNWRITTEN
+        elif in_chunk:
+            damage.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
         else:
-            damage.hole(at, known - at)
+            damage.end = f'{left} bytes from byte {at} on are not whole records and are lost'
         return known
 
 
@@ -250,20 +256,6 @@ class Damage:
         """Note a chunk with damaged content."""
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
-
-    def hole(self, at: int, length: int) -> None:
-        """Note bytes between chunks that are not records."""
-        self.holes += 1
-        self.first_hole = self.first_hole or f'{length} bytes from byte {at} on'
-
-    def ending(self, at: int, left: int, in_chunk: bool) -> None:
-        """Note where the file breaks off."""
-        if left == 0:
-            self.end = _UNWRITTEN
-        elif in_chunk:
-            self.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
-        else:
-            self.end = f'{left} bytes from byte {at} on are not whole records and are lost'
 
     def summary(self) -> str:
         """Describe the damage briefly; return '' if there is none."""
