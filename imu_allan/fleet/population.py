@@ -73,7 +73,7 @@ class Trait:
 
 
 @dataclass(frozen=True)
-class Oddity:
+class Outlier:
     """
     Reason why a unit is an outlier.
 
@@ -110,13 +110,13 @@ class Population:
 
     units: tuple[str, ...]
     traits: tuple[Trait, ...]
-    oddities: tuple[Oddity, ...]
+    outliers: tuple[Outlier, ...]
     unseen: tuple[tuple[str, str], ...] = ()
 
     @property
-    def odd_units(self) -> list[str]:
+    def outlier_units(self) -> list[str]:
         """Names of the outliers, each once."""
-        named = {oddity.unit for oddity in self.oddities}
+        named = {outlier.unit for outlier in self.outliers}
         return [unit for unit in self.units if unit in named]
 
 
@@ -141,7 +141,7 @@ def population(results: Mapping[str, Result]) -> Population:
 
     """
     units = tuple(sorted(results, key=natural))
-    oddities = list(_faults(results))
+    found = list(_faults(results))
     quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
                   if key != MEAN or axis.startswith('gyro')]
     samples = {quantity: _sample(results, *quantity) for quantity in quantities}
@@ -155,7 +155,7 @@ def population(results: Mapping[str, Result]) -> Population:
         strict=True) if out} for quantity, sample in samples.items()}
     together = list(_together(samples, {(name, key) for (_, key), names in alone.items()
                                         for name in names}))
-    apart = {(oddity.unit, oddity.axis, oddity.key) for oddity in together}
+    apart = {(outlier.unit, outlier.axis, outlier.key) for outlier in together}
     traits = []
     for (axis, key), sample in samples.items():
         # Outliers say nothing about the others.
@@ -164,24 +164,24 @@ def population(results: Mapping[str, Result]) -> Population:
         effects = random_effects([sample.values[name] for name in kept],
                                  [sample.errors[name] for name in kept], sample.bounds)
         traits.append(_trait(axis, key, sample, effects))
-        oddities += [_oddity(name, axis, key, sample, effects)
-                     for name in sample.values if name in alone[axis, key]]
-    oddities += together
+        found += [_outlier(name, axis, key, sample, effects)
+                  for name in sample.values if name in alone[axis, key]]
+    found += together
     order = {unit: place for place, unit in enumerate(units)}
-    oddities.sort(key=lambda oddity: (order[oddity.unit], -abs(oddity.spreads or 1e9)))
-    return Population(units, tuple(traits), tuple(oddities), unseen)
+    found.sort(key=lambda outlier: (order[outlier.unit], -abs(outlier.spreads or 1e9)))
+    return Population(units, tuple(traits), tuple(found), unseen)
 
 
-def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
+def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
     for axis in AXES:
         having = sum(axis in result.axes for result in results.values())
         for name, result in results.items():
             if axis not in result.axes:
                 # An axis that most units lack is not missing in any.
                 if 2 * having > len(results):
-                    yield Oddity(name, axis, None, 'missing')
+                    yield Outlier(name, axis, None, 'missing')
             elif (fault := result.axes[axis].fault) is not None:
-                yield Oddity(name, axis, None, fault)
+                yield Outlier(name, axis, None, fault)
 
 
 def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
@@ -240,7 +240,7 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
 
 
 def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tuple[str, str | None]]
-              ) -> Iterator[Oddity]:
+              ) -> Iterator[Outlier]:
     """
     Find units that are outliers on the axes of a sensor together, but not on a single one.
 
@@ -291,13 +291,13 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
             # actual one, 0.00 to 0.02, rises with the correlation of the axes of a unit.
             if 2 * t.sf(abs(away), freedom) < 0.005 / tests:
                 for axis, value, others in zip(axes, values[place], rest.T, strict=True):
-                    yield Oddity(unit, axis, key, None, exp(value), exp(median(others)), away)
+                    yield Outlier(unit, axis, key, None, exp(value), exp(median(others)), away)
 
 
-def _oddity(name: str, axis: str, key: str, sample: _Sample, effects: Effects) -> Oddity:
+def _outlier(name: str, axis: str, key: str, sample: _Sample, effects: Effects) -> Outlier:
     value, error = sample.values[name], sample.errors[name]
     scatter = (effects.between**2 + error**2)**0.5
     spreads = (value - effects.mean) / scatter if scatter > 0 else None
     if key in _SIGNED:
-        return Oddity(name, axis, key, None, value, effects.mean, spreads)
-    return Oddity(name, axis, key, None, exp(value), exp(effects.mean), spreads)
+        return Outlier(name, axis, key, None, value, effects.mean, spreads)
+    return Outlier(name, axis, key, None, exp(value), exp(effects.mean), spreads)

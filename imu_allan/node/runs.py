@@ -176,7 +176,7 @@ class Runs:
         was, topic.publisher = topic.publisher, publisher
         topic.heard_ns = int(held[-1].receive_ns[-1])
         lane = self.run.lanes[topic.number]
-        why = lane.known.departure(held, by_level=by_level)
+        why = lane.known.mismatch(held, by_level=by_level)
         if why is not None:
             self._give_to_another_run(topic, why, held, by_level, is_new)
             return
@@ -206,7 +206,7 @@ class Runs:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
         number, before = topic.number, self._other
         runs = [run for run in (before, *self._left) if run is not None]
-        other = next((run for run in runs if run.lanes[number].known.departure(
+        other = next((run for run in runs if run.lanes[number].known.mismatch(
             held, by_level=by_level) is None), None)
         if other is None:
             other = new_run(self._setup)

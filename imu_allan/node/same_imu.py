@@ -129,7 +129,7 @@ class Known(Record):
                 return True
         return False
 
-    def departure(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
+    def mismatch(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
         """Return why messages are not from this IMU; None if they may be."""
         frame_id = blocks[-1].frame_id
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):

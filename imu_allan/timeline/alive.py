@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 from imu_allan.state import Record
 from imu_allan.timeline.clock import Bools, Floats, runs
-from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
+from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
 import numpy as np
 
 FROZEN_RUN = 24
@@ -43,7 +43,7 @@ class Repeats:
         Messages that were polled again, and those of a sensor that has stopped.
     spikes : ndarray of bool
         Isolated outliers.
-    woke : bool
+    started : bool
         Whether the sensor has just started: everything before the window was one frozen value.
     evenly : bool
         Whether repeats come evenly, as from polling, and not in place of new samples.
@@ -53,7 +53,7 @@ class Repeats:
     held: Bools
     frozen: Bools
     spikes: Bools
-    woke: bool = False
+    started: bool = False
     evenly: bool = False
 
 
@@ -75,7 +75,7 @@ class Content(Record):
     head : int
         Messages before the first change.
     settled : bool
-        Whether the axes are known to be lively.
+        Whether the axes are known to be noisy.
     held : bool
         Whether repeats are due to polling.
     frozen : int, frozen_s : float or None
@@ -99,9 +99,9 @@ class Content(Record):
     noise: list[float] = field(default_factory=list)
 
     @property
-    def lively(self) -> bool:
+    def is_noisy(self) -> bool:
         """Whether a repetition of all axes by chance is practically excluded."""
-        # Fewer changes do not show how lively the axes are.
+        # Fewer changes do not show how noisy the axes are.
         if self.changes < 64:
             return False
         # Noise of one quantization step changes four of five samples of an axis.
@@ -114,7 +114,7 @@ class Content(Record):
         if {len(self.last), len(self.noise)} - {0, 6}:
             raise ValueError('values are not those of six axes')
 
-    def is_fresh(self, samples: Floats) -> bool:
+    def has_no_repeats(self, samples: Floats) -> bool:
         """Return quickly whether more repeats than by chance are excluded."""
         if self.held or self.run or not self.settled:
             return False
@@ -133,15 +133,16 @@ class Content(Record):
                 return True
         return False
 
-    def is_tame(self, samples: Floats) -> bool:
+    def has_no_outliers(self, samples: Floats) -> bool:
         """Return quickly whether samples without NaN certainly contain no isolated outlier."""
-        return len(self.noise) == 6 and not may_be_wild(self._steps(samples), np.array(self.noise))
+        return len(self.noise) == 6 and not may_have_outlier(
+            self._steps(samples), np.array(self.noise))
 
     def _spikes(self, samples: Floats) -> Bools:
         """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
         known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
         # Fewer samples do not give the noise with which an outlier is compared.
-        if len(known) < 8 or self.is_tame(known):
+        if len(known) < 8 or self.has_no_outliers(known):
             return np.zeros(len(known), dtype=bool)
         # After a change of the noise level, the full search is needed only once.
         self.noise = noise_of_steps(self._steps(known)).tolist()
@@ -163,7 +164,7 @@ class Content(Record):
         The state advances by the first `consumed` messages.
         """
         wild, none = self._spikes(samples), np.zeros(len(samples), dtype=bool)
-        if self.is_fresh(samples[:consumed]):
+        if self.has_no_repeats(samples[:consumed]):
             self.last = np.nan_to_num(samples[consumed - 1]).tolist()
             return Repeats(none, none, wild)
         known = np.nan_to_num(samples)
@@ -182,15 +183,15 @@ class Content(Record):
                         zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
         self.repeats += int(np.count_nonzero(same[:consumed] & ~long[:consumed]))
         self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
-        if not self.lively:
+        if not self.is_noisy:
             return Repeats(none, none, wild)
-        woke = not (self.settled or first) and self.head >= FROZEN_RUN
+        started = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
         evenly = _come_evenly(same & ~long)
         # One repeat in five is due to polling, not to an occasional double delivery.
         self.held |= evenly or self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
-        return Repeats(same & ~long if self.held else none, long, wild, woke, evenly)
+        return Repeats(same & ~long if self.held else none, long, wild, started, evenly)
 
 
 def _come_evenly(again: Bools) -> bool:
@@ -239,14 +240,14 @@ class Presence(Record):
     value: list[float] = field(default_factory=lambda: [0.0] * 6)
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
-    def goes_on(self, samples: Floats) -> bool:
+    def is_unchanged(self, samples: Floats) -> bool:
         """Return whether every axis is present, and none wakes in `samples`, shape (n, 6)."""
         return all(self.there) and all(
             asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
             for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True)))
 
     def count(self, messages: int) -> None:
-        """Count messages for which `goes_on` holds."""
+        """Count messages for which `is_unchanged` holds."""
         self.asleep = [asleep + messages if asleep > 0 else asleep for asleep in self.asleep]
 
     def look(self, unusable: Bools, consumed: int) -> Bools:

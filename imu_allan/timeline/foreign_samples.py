@@ -88,7 +88,7 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     return line & own, own & (quarter <= _ALTERNATING * level)
 
 
-def takes_turns(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
+def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
                 ) -> Literal['', 'half', 'apart']:
     """
     Detect two sensors that publish in turn, even with losses: their values depend on the time.
@@ -222,7 +222,7 @@ def noise_of_steps(steps: Floats) -> Floats:
     return sigma
 
 
-def may_be_wild(steps: Floats, sigma: Floats) -> bool:
+def may_have_outlier(steps: Floats, sigma: Floats) -> bool:
     """Return quickly whether any step is large enough to lead to an outlier."""
     # Even on a ramp, an outlier is reached by a step of at least 0.7 of its distance.
     largest = 0.7 * _SPIKE_SIGMAS * sigma

@@ -26,7 +26,7 @@ from imu_allan.timeline.clock import (
     SECOND,
     Stamps,
 )
-from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
+from imu_allan.timeline.foreign_samples import alternates, are_interleaved, LARGEST
 from imu_allan.timeline.memory import FASTEST_NS, Memory
 from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.options import RATE_TOLERANCE
@@ -85,10 +85,10 @@ class Intake(Record):
     def is_clean(self, window: Window) -> bool:
         """Return whether every value of every axis is present and usable, the usual case."""
         return bool(not window.absent.any()
-                    and self.presence.goes_on(window.samples[:window.consumed])
+                    and self.presence.is_unchanged(window.samples[:window.consumed])
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
-                    and self.content.is_fresh(window.samples[:window.consumed])
-                    and self.content.is_tame(window.samples))
+                    and self.content.has_no_repeats(window.samples[:window.consumed])
+                    and self.content.has_no_outliers(window.samples))
 
     def count_even(self, window: Window) -> None:
         """Count faultless messages; the clock in use is known to be even and needs no check."""
@@ -139,7 +139,7 @@ class Intake(Record):
         if window.numbers is not None:
             numbers = window.numbers - decision.repeated - np.cumsum(twice)
             decision.repeated += again
-        if repeats.woke:
+        if repeats.started:
             counts.forget()
             self._memory.motion = None
             decision.restart = self._memory.cursor.fresh_run = True
@@ -203,7 +203,8 @@ class Intake(Record):
         # Even stamps come from one sensor, or from two in strict alternation, found above.
         if 'noise' not in seen and (decision.first_interval_ns is None
                                     or not _is_nearly_full(decision.pace, clocks[0])):
-            seen += [takes_turns(stamps, samples, decision.pace.interval_ns) for stamps in clocks]
+            seen += [are_interleaved(stamps, samples, decision.pace.interval_ns)
+                     for stamps in clocks]
         if any(seen):
             # With a clock that is read in batches, a vibration looks like two publishers.
             two = 'noise' in seen or ('apart' in seen and 'half' not in seen)
@@ -270,10 +271,10 @@ class Intake(Record):
         if repeats.evenly:
             polls = ~(repeats.frozen | twice)
             polled, beside = (stamps[polls] for stamps in self.stamps(window))
-            if _none_lost(polled, beside, decision.unties):
+            if _none_lost(polled, beside, decision.separates_equal_stamps):
                 # Removed repeats leave gaps on both clocks, but no sample is lost.
-                return _pace_of(own, None, None, bursts=decision.unties, each=True)
-        pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
+                return _pace_of(own, None, None, bursts=decision.separates_equal_stamps, each=True)
+        pace, count = _pace_of(own, other, numbers, bursts=decision.separates_equal_stamps)
         if (pace is not None and decision.clock == 'header' and self._options.clock == 'auto'
                 and len(own) >= _FEWEST_FOR_RATE and _leaps(own, other, pace)
                 and not flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)):
@@ -333,7 +334,7 @@ class Intake(Record):
         """Find duplicate messages, on a clock where different messages may share a stamp."""
         counts = self._counts
         same = np.zeros(len(stamps), dtype=bool)
-        if not self.decision.unties:
+        if not self.decision.separates_equal_stamps:
             return same
         tied = stamps[1:] == stamps[:-1]
         if tied.any():

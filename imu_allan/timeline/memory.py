@@ -216,7 +216,7 @@ class Decision(Record):
         return sqrt(12) * self.pace.spread / max(steps, 1)
 
     @property
-    def unties(self) -> bool:
+    def separates_equal_stamps(self) -> bool:
         """Whether messages with equal stamps are distinguished by their values."""
         return not self.counted_only and (self.clock == 'receive' or self.ticks
                                           or self.overlaps)

@@ -222,11 +222,11 @@ class MotionDetector(Record):
         beyond = windows.implausible(segment, first)[:last - first]
         if segment.closed or segment.base + first < windows.farthest:
             beyond |= windows.beyond_before(segment, first, last)
-        moving = beyond | level.unlike(loudness, wander, shorter)
+        moving = beyond | level.exceeds_rest(loudness, wander, shorter)
         unclear = moving | level.awake(loudness)
         if unclear.any() and level.refine_resolution(
                 segment, np.flatnonzero(unclear) + first, self._windows.size):
-            moving = beyond | level.unlike(loudness, wander, shorter)
+            moving = beyond | level.exceeds_rest(loudness, wander, shorter)
         segment.moving = np.concatenate([segment.moving, moving])
         if not short and (begins := level.deeper_rest(segment, first, last)) is not None:
             self._begin_at_rest(segment, level, begins, last)
@@ -254,7 +254,7 @@ class MotionDetector(Record):
         segment.moving[:first] = True
         segment.moving[first:] = (
             self._windows.implausible(segment, first)[:last - first]
-            | level.unlike(segment.loudness[first:last], segment.wander()[first:last], 1.0))
+            | level.exceeds_rest(segment.loudness[first:last], segment.wander()[first:last], 1.0))
         self.summary = self.summary.all_cut(
             segment.first_index + segment.given * self._windows.size,
             max(self.summary.seen // self._windows.size, 1))

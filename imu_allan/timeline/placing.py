@@ -86,7 +86,7 @@ class Placing(Record):
         """Fast path of `place` for messages that `is_even` accepts."""
         cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
         assert cursor.last_ns is not None
-        if self._decision.unties:
+        if self._decision.separates_equal_stamps:
             cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
         begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
         block = EvenBlock(messages.samples[:c], cursor.index + 1, start_s=begins / SECOND)
@@ -114,7 +114,7 @@ class Placing(Record):
     def _runs(self, messages: Messages) -> Iterator[Messages]:
         """Put messages in order and split them where the clock jumps."""
         cursor, counts, c = self.cursor, self._counts, messages.consumed
-        if self._decision.unties:
+        if self._decision.separates_equal_stamps:
             messages = replace(messages, stamps=self._untie(messages.stamps, c))
         order = order_stamps(messages.stamps, None if cursor.fresh_run else cursor.last_ns)
         jumps = np.zeros(len(messages.stamps), dtype=bool)

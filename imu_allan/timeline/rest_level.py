@@ -155,7 +155,7 @@ class RestLevel(Record):
         past = np.hstack([loudness, wander])[rest]
         return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
 
-    def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
+    def exceeds_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         """Find windows whose loudness or wander exceeds rest; `shorter` as in `loudest`."""
         loudest, widest = self.baseline.limits
         if shorter > 1:

@@ -78,7 +78,7 @@ class TimelineStage(Record):
         self._pending.append(block)
         blocks: list[EvenBlock] = []
         while self._pending.messages >= WINDOW:
-            blocks += self._work_off(self._pending.take(WINDOW, WINDOW - LOOK_AHEAD))
+            blocks += self._process(self._pending.take(WINDOW, WINDOW - LOOK_AHEAD))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
@@ -92,7 +92,7 @@ class TimelineStage(Record):
 
         """
         n = self._pending.messages
-        blocks = self._work_off(self._pending.take(n, n)) if n else []
+        blocks = self._process(self._pending.take(n, n)) if n else []
         if self._memory.motion is not None:
             rest = self._memory.motion.flush()
             blocks += [] if self._keeps_motion else rest
@@ -188,7 +188,7 @@ class TimelineStage(Record):
         decision = self._intake.decision
         return None if decision.first_interval_ns is None else decision.pace.interval_ns
 
-    def _work_off(self, window: Window) -> list[EvenBlock]:
+    def _process(self, window: Window) -> list[EvenBlock]:
         intake, placing = self._intake, self._placing
         if intake.decision.clock is not None:
             stamps, other = intake.stamps(window)

@@ -12,12 +12,12 @@ import pytest
 def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
     found = population(fleet)
     assert found.units[:3] == ('unit1', 'unit2', 'unit3')
-    assert found.odd_units == ['unit7', 'unit23']
-    noisy, *_ = (oddity for oddity in found.oddities if oddity.unit == 'unit7')
+    assert found.outlier_units == ['unit7', 'unit23']
+    noisy, *_ = (outlier for outlier in found.outliers if outlier.unit == 'unit7')
     assert (noisy.axis, noisy.key, noisy.fault) == ('gyro_y', 'noise_density', None)
     assert noisy.value / noisy.median == pytest.approx(1.6, rel=0.15)
     assert noisy.spreads > 5
-    dead, = (oddity for oddity in found.oddities if oddity.unit == 'unit23')
+    dead, = (outlier for outlier in found.outliers if outlier.unit == 'unit23')
     assert (dead.axis, dead.key, dead.fault) == ('accel_x', None, 'constant')
 
 
@@ -49,7 +49,7 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
     found = population({**fleet, **odd})
     traits = {(trait.axis, trait.key): trait for trait in found.traits}
     assert traits['gyro_x', 'mean'].observable == len(fleet) - len(odd)
-    assert not odd.keys() & set(found.odd_units)
+    assert not odd.keys() & set(found.outlier_units)
 
 
 def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet):
@@ -57,15 +57,15 @@ def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet)
                         ('unit4', {'stood_still': Span(60.0, 300.0)})):
         fleet[unit] = with_axes(fleet[unit], 'gyro_x', **fault)
     fleet['unit9'] = without(fleet['unit9'], 'gyro_z')
-    assert {(oddity.unit, oddity.axis, oddity.fault) for oddity in population(fleet).oddities
-            if oddity.fault is not None} == {
+    assert {(outlier.unit, outlier.axis, outlier.fault) for outlier in population(fleet).outliers
+            if outlier.fault is not None} == {
         ('unit3', 'gyro_x', 'saturated'), ('unit4', 'gyro_x', 'dead'),
         ('unit9', 'gyro_z', 'missing'), ('unit23', 'accel_x', 'constant')}
 
 
 def test_an_axis_that_no_unit_has_is_missing_in_none(fleet):
     gyros = {name: only(result, 'gyro') for name, result in fleet.items()}
-    assert population(gyros).odd_units == ['unit7']
+    assert population(gyros).outlier_units == ['unit7']
 
 
 def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
@@ -78,19 +78,19 @@ def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
         with_axes(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
         **UNSEEN, upper95=3e-5)
     found = population(fleet)
-    assert [oddity for oddity in found.oddities if oddity.axis == 'gyro_x'] == []
+    assert [outlier for outlier in found.outliers if outlier.axis == 'gyro_x'] == []
     fleet['unit1'] = with_axes(fleet['unit1'], 'gyro_x', mean=20 * drift)
-    assert [(oddity.unit, oddity.key) for oddity in population(fleet).oddities
-            if oddity.axis == 'gyro_x'] == [('unit1', 'mean')]
+    assert [(outlier.unit, outlier.key) for outlier in population(fleet).outliers
+            if outlier.axis == 'gyro_x'] == [('unit1', 'mean')]
 
 
 def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(six):
-    assert population(six()).odd_units == []
+    assert population(six()).outlier_units == []
     found = population(six(1.095))
-    assert found.odd_units == ['unit2']
-    assert [(oddity.axis, oddity.key) for oddity in found.oddities] == [
+    assert found.outlier_units == ['unit2']
+    assert [(outlier.axis, outlier.key) for outlier in found.outliers] == [
         (f'gyro_{letter}', 'noise_density') for letter in 'xyz']
-    assert {round(oddity.value / oddity.median, 1) for oddity in found.oddities} == {1.1}
+    assert {round(outlier.value / outlier.median, 1) for outlier in found.outliers} == {1.1}
 
 
 def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(fleet):
@@ -103,4 +103,4 @@ def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(flee
     found = population({name: fleet[name] for name in ('unit1', 'unit2')})
     assert found.units == ('unit1', 'unit2')
     assert not found.traits
-    assert not found.oddities
+    assert not found.outliers

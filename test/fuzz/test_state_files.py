@@ -83,7 +83,7 @@ def resumed(content: bytes) -> bool:
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
-        run.lanes[0].known.departure(MORE, by_level=True)
+        run.lanes[0].known.mismatch(MORE, by_level=True)
     except checkpoint.UnusableState as error:
         assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
         return False

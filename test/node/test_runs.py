@@ -183,7 +183,7 @@ def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
 
 def test_a_message_that_comes_twice_is_one() -> None:
     twice = at_rest(1000).part(np.sort(np.append(np.arange(1000), np.arange(0, 1000, 5))))
-    assert Known('imu', 'header', RATE_HZ).departure([twice], by_level=False) is None
+    assert Known('imu', 'header', RATE_HZ).mismatch([twice], by_level=False) is None
 
 
 def test_a_stranger_for_some_seconds_does_not_end_a_long_run() -> None:
@@ -228,7 +228,7 @@ def test_a_look_takes_longer_where_jitter_could_be_the_reason(
         assert len(held) < 40
         held.append(at_rest(round(rate_hz / 2), rate_hz, start_s=0.5 * len(held)))
     assert 0.5 * len(held) == pytest.approx(needed_s, abs=0.5)
-    why = known.departure(held, by_level=False)
+    why = known.mismatch(held, by_level=False)
     assert (why and why.reason) == reason
     if why is not None:
         assert str(why) == f'it is of 200 Hz, the messages now come at {rate_hz:g} Hz'

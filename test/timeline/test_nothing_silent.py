@@ -10,7 +10,7 @@ from time import process_time
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
-from imu_allan.timeline.foreign_samples import alternates, takes_turns
+from imu_allan.timeline.foreign_samples import alternates, are_interleaved
 from imu_allan.timeline.pace import follow_a_beat
 from imu_allan.timeline.rest_level import baseline_of
 from imu_allan.writers.words import for_display, message_of
@@ -482,7 +482,8 @@ def passes_for_two(samples: np.ndarray, lost: float = 0.0, late: float = 0.0) ->
     there = rng.random(len(samples)) >= lost
     stamps = np.maximum.accumulate(np.arange(len(samples)) + late * rng.exponential(
         size=len(samples)))[there] * 1e7
-    return alternates(samples[there]) or takes_turns(stamps.astype(np.int64), samples[there], 1e7)
+    return alternates(samples[there]) or are_interleaved(
+        stamps.astype(np.int64), samples[there], 1e7)
 
 
 def hum(cycles: float, axes: Sequence[float], noise: float = 1.0, wander: float = 0.0
@@ -539,7 +540,7 @@ def test_stamps_of_two_distances_are_looked_at_without_a_warning() -> None:
         # One in five comes at once: no distance lies where a fifth of them are shorter.
         steps = np.where(np.arange(count) % 5 == 0, 1_000_000, 10_000_000)
         white = np.random.default_rng(count).normal(size=(count, 6))
-        assert not takes_turns(np.cumsum(steps), white, 1e7)
+        assert not are_interleaved(np.cumsum(steps), white, 1e7)
 
 
 def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second():

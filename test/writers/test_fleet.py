@@ -5,7 +5,7 @@ import json
 
 from browser import faults_of, needs_browser, pages_in_print
 from changed import UNSEEN, with_coefficient
-from imu_allan.fleet.population import Oddity
+from imu_allan.fleet.population import Outlier
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
@@ -30,15 +30,15 @@ def fleet(make_result):
                  (Failure('unit13', 'units/13', 'units/13: cannot be read'),))
 
 
-@pytest.mark.parametrize(('oddity', 'words'), [
-    (Oddity('u', 'gyro_y', 'noise_density', None, 2e-4, 1e-4, 9.31),
+@pytest.mark.parametrize(('outlier', 'words'), [
+    (Outlier('u', 'gyro_y', 'noise_density', None, 2e-4, 1e-4, 9.31),
      'gyro_y angle random walk 0.6875 deg/sqrt(h): 2.00 times the median of the others, '
      '9.3 spreads away'),
-    (Oddity('u', 'gyro_y', 'mean', None, 1e-3, 1e-4, -4.0),
+    (Outlier('u', 'gyro_y', 'mean', None, 1e-3, 1e-4, -4.0),
      'gyro_y zero bias 206.3 deg/h: the mean of the others is 20.63, 4.0 spreads away'),
-    (Oddity('u', 'accel_z', None, 'constant'), 'accel_z is constant')])
-def test_an_oddity_is_a_sentence(oddity, words):
-    assert sentence(oddity) == words
+    (Outlier('u', 'accel_z', None, 'constant'), 'accel_z is constant')])
+def test_an_outlier_is_a_sentence(outlier, words):
+    assert sentence(outlier) == words
 
 
 def test_units_that_do_not_differ_have_no_range_and_a_spread_that_does_not_show_a_limit(fleet):

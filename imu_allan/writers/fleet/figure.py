@@ -62,7 +62,8 @@ def curves_figure(fleet: Fleet) -> 'Figure':
         drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
         named: dict[str, Line2D] = {}
         for name, panel in allan_panels(figure, grid, drawn):
-            named |= _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units)
+            named |= _draw_curves(
+                panel, _axes(fleet, name), colours, fleet.population.outlier_units)
         # A legend, as names beside the curves would overlap.
         figure.legend([*named.values()], [shorten(printable(unit), 18) for unit in named],
                       loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / figure.get_figheight()),
@@ -148,8 +149,8 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
         panel.axhline(middle, color=COLOURS['ink'], linewidth=0.9)
     many = len(axes) > _MOST_CURVES
     # Name only outliers in this coefficient; other names would cover neighbouring points.
-    odd = {oddity.unit for oddity in fleet.population.oddities
-           if (oddity.axis, oddity.key) == (name, key)}
+    odd = {outlier.unit for outlier in fleet.population.outliers
+           if (outlier.axis, outlier.key) == (name, key)}
     for place, member in enumerate(fleet.population.units, 1):
         if member in axes:
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
@@ -194,7 +195,7 @@ def _heading(figure: 'Figure', title: str, more: str) -> None:
 
 
 def _odd_colours(fleet: Fleet) -> dict[str, str]:
-    return dict(zip(fleet.population.odd_units, _PALETTE, strict=False))
+    return dict(zip(fleet.population.outlier_units, _PALETTE, strict=False))
 
 
 def _sensors(fleet: Fleet) -> list[str]:

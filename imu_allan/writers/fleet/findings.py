@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from imu_allan.fleet.population import FEWEST_UNITS, MEAN, Oddity, Population, population
+from imu_allan.fleet.population import FEWEST_UNITS, MEAN, Outlier, Population, population
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
@@ -46,19 +46,19 @@ class Fleet:
         return population(self.results)
 
     def reasons(self, unit: str) -> list[str]:
-        """Return why a unit is an outlier, one sentence per oddity."""
-        return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
+        """Return why a unit is an outlier, one sentence per outlier."""
+        return [sentence(outlier) for outlier in self.population.outliers if outlier.unit == unit]
 
     def grouped_reasons(self, unit: str) -> list[str]:
         """Return the same, but with one sentence per quantity that is odd on several axes."""
-        groups: dict[tuple[object, ...], list[Oddity]] = {}
-        for oddity in self.population.oddities:
-            if oddity.unit == unit:
-                signed = oddity.key in (MEAN, 'rate_ramp') or oddity.median == 0
+        groups: dict[tuple[object, ...], list[Outlier]] = {}
+        for outlier in self.population.outliers:
+            if outlier.unit == unit:
+                signed = outlier.key in (MEAN, 'rate_ramp') or outlier.median == 0
                 groups.setdefault((
-                    oddity.key and quantity_name(oddity.axis, oddity.key), oddity.fault,
-                    oddity.key and _unit_of(oddity), signed, oddity.spreads is None),
-                    []).append(oddity)
+                    outlier.key and quantity_name(outlier.axis, outlier.key), outlier.fault,
+                    outlier.key and _unit_of(outlier), signed, outlier.spreads is None),
+                    []).append(outlier)
         return [sentence(*same) for same in groups.values()]
 
     @property
@@ -85,18 +85,18 @@ def quantity_name(axis: str, key: str) -> str:
     return 'zero bias' if key == MEAN else TERMS[key].name(AXES[axis])
 
 
-def sentence(*same: Oddity) -> str:
+def sentence(*same: Outlier) -> str:
     """Return why a unit is an outlier in one quantity, on one or several axes."""
     first = same[0]
-    axes = first.axis if len(same) == 1 else named([oddity.axis for oddity in same])
+    axes = first.axis if len(same) == 1 else named([outlier.axis for outlier in same])
     if first.key is None or first.value is None or first.median is None:
         return f'{axes} {"is" if len(same) == 1 else "are"} {first.fault}'
     unit = _unit_of(first)
     shown_unit = engineering(1.0, unit)[1]
 
     values, medians = ([engineering(value or 0.0, unit)[0] for value in each] for each in zip(
-        *((oddity.value, oddity.median) for oddity in same), strict=True))
-    spreads = [abs(oddity.spreads) for oddity in same if oddity.spreads is not None]
+        *((outlier.value, outlier.median) for outlier in same), strict=True))
+    spreads = [abs(outlier.spreads) for outlier in same if outlier.spreads is not None]
     away = f', {ranged(spreads, "{:.1f}".format)} spreads away' if spreads else ''
     what = f'{axes} {quantity_name(first.axis, first.key)} {ranged(values, number)} {shown_unit}'
     if first.key in (MEAN, 'rate_ramp') or first.median == 0:
@@ -105,8 +105,8 @@ def sentence(*same: Oddity) -> str:
     return f'{what}: {ranged(ratios, rounded)} times the median of the others{away}'
 
 
-def _unit_of(oddity: Oddity) -> str:
-    quantity = AXES[oddity.axis]
-    if oddity.key is None or oddity.key == MEAN:
+def _unit_of(outlier: Outlier) -> str:
+    quantity = AXES[outlier.axis]
+    if outlier.key is None or outlier.key == MEAN:
         return quantity.unit
-    return TERMS[oddity.key].unit(quantity)
+    return TERMS[outlier.key].unit(quantity)

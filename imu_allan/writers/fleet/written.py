@@ -59,7 +59,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
     if fleet.unseen:
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
     parts += wrapped([', '.join(_counts(fleet))], width, 'bold')
-    for unit in fleet.population.odd_units:
+    for unit in fleet.population.outlier_units:
         parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.grouped_reasons(unit))}'],
                          width, 'yellow')
     for failure in fleet.failures:
@@ -69,7 +69,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
 
 def _counts(fleet: Fleet) -> list[str]:
     """Return the numbers of units, outliers and failed recordings as text."""
-    odd = len(fleet.population.odd_units)
+    odd = len(fleet.population.outlier_units)
     few = not fleet.population.traits and not odd
     return [counted(len(fleet.results), 'unit'),
             f'too few to compare (fewer than {FEWEST_UNITS})'
@@ -179,7 +179,7 @@ def fleet_json(fleet: Fleet) -> str:
     units, and the failed recordings.
     """
     population = fleet.population
-    odd = set(population.odd_units)
+    odd = set(population.outlier_units)
     document: dict[str, Any] = {
         'schema': 'imu_allan.fleet/1', 'imu_allan_version': __version__,
         'units': [{
