@@ -3,7 +3,6 @@
 """The pages are in plain English: short sentences, the field's terms, and a glossary of them."""
 
 import ast
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from pydoc_data.topics import topics
@@ -26,7 +25,7 @@ MOST_WORDS = 18_000
 """Of README and docs, tables and code included; a bar between cells is no word."""
 ORDINARY = tuple((ROOT / 'test' / 'ordinary_words.txt').read_text().split())
 """Of everyday English, or names of products, formats and units; no term of statistics."""
-MOST_ORDINARY = 450
+MOST_ORDINARY = 330
 PRIVATE = re.compile(
     r'\b(told|doubt\w*|borne out|stick(s|ing)? out|stand(s|ing)? in for|bridg\w+|stretch(es)?|'
     r'stands? out|coast\w*|claim\w*|band-limited|course of|courses of the mean|a word of|'
@@ -189,9 +188,7 @@ def forms_of(word: str) -> set[str]:
 
 def unexplained(words: set[str]) -> set[str]:
     """Return the words that are in the glossary, in Python's manual and in our list nowhere."""
-    counts = Counter(re.findall('[a-z]+', ' '.join(topics.values()).lower()))
-    # What a manual says once or twice, the next edition may not.
-    known = {word for word, count in counts.items() if count > 2} | set(ORDINARY)
+    known = set(re.findall('[a-z]+', ' '.join(topics.values()).lower())) | set(ORDINARY)
     known |= set(re.findall('[a-z]+', (ROOT / 'docs' / 'glossary.md').read_text().lower()))
     return {word for word in words if not forms_of(word) & known}
 
