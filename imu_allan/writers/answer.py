@@ -148,8 +148,13 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
 
 
 def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
-                 aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[str]:
-    """Say what to give a filter, in SI, and how far off the sensor is unaided."""
+                 aiding_s: float = AIDING_S, coast_s: float = COAST_S, *,
+                 measured: bool = True) -> list[str]:
+    """
+    Say what to give a filter, in SI, and how far off the sensor is unaided.
+
+    With `measured`, the measured K is stated beside the tuned one.
+    """
     lines = []
     if any(figures.for_filter for figures in found):
         lines.append(f'Tuned for a filter corrected every {aiding_s:g} s, up to '
@@ -165,7 +170,7 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
             lines += [f'  {figures.sensor:<5}  worst axis {axis}: '
                       f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
                       for axis, worst in figures.worst.values()]
-    lines += _measured_beside(found, width)
+    lines += _measured_beside(found, width) if measured else []
     drifts = {figures.sensor: _unaided(figures, result.timeline.rest_s) for figures in found
               if figures.forecast}
     head = f'Unaided drift after {wording.duration(coast_s)}:'

@@ -78,8 +78,11 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    head = [list(wrapped(verdict_lines(result, units), width, 'bold')),
-            list(wrapped(filter_lines(result, found, width), width)), _heading(result, width)]
+    verdicts = list(wrapped(verdict_lines(result, units), width, 'bold'))
+    # The measured K also stands in the table, if a line is wanting.
+    tuned = [list(wrapped(filter_lines(result, found, width, measured=measured), width))
+             for measured in (True, False)]
+    heading = _heading(result, width)
     rows = [list(_rows(axes_of(result, figures.sensor), units, result.timeline.rest_s,
                        verbose=verbose)) for figures in found]
     tables = _tables(found, rows, width, tuned=units != 'si', named=verbose)
@@ -91,10 +94,12 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                          width, 'dim'))
     middles = [tables]
     # If head and tables fit on a screen but not with the findings, omit the coefficients.
-    if width >= COLUMNS and sum(map(len, (*head, *tables, count))) <= SCREEN:
+    if width >= COLUMNS and sum(
+            map(len, (verdicts, tuned[-1], heading, *tables, count))) <= SCREEN:
         middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
-    for middle, last in product(middles, (names, count)):
-        blocks = [block for block in (*head, *middle, notes, [*said, *last]) if block]
+    for middle, last, for_filter in product(middles, (names, count), tuned):
+        blocks = [block for block in (
+            verdicts, for_filter, heading, *middle, notes, [*said, *last]) if block]
         spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
         if spare >= 0:
             break

@@ -228,7 +228,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
 
 
 CHECKED = {'bare', 'halves', 'named fields', 'px4 fifo', 'ULog', 'named columns'}
-"""Of every kind of file, with options and on two topics: analyze and check read each the same way."""
+"""Of every kind of file, with options and on two topics: analyze and check read the same."""
 
 
 @pytest.mark.parametrize(('name', 'checked'), [

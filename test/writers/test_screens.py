@@ -35,6 +35,10 @@ def test_a_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(stored: Pat
     assert [line.split()[:3] for line in whole[3:5]] == [
         ['gyro', 'filter', 'N'], ['accel', 'filter', 'N']]
     # The tuned K and the measured one stand in one block, by different names.
+    if stored.stem == 'vibration':
+        # Its findings leave no line; the table has K, too.
+        assert [line for line in lines if re.match(r'K deg/h/sqrt\(h\) .* <', line)]
+        return
     [measured] = [line for line in lines if 'measured K' in line]
     assert lines.index(measured) == lines.index(whole[4]) + 1
     assert re.fullmatch(r'  measured K: gyro (not visible, < )?\d\S*( \(.*\))?; '
