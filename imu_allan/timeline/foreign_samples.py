@@ -89,7 +89,7 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
 
 
 def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
-                ) -> Literal['', 'half', 'apart']:
+                    ) -> Literal['', 'half', 'apart']:
     """
     Detect two sensors that publish in turn, even with losses: their values depend on the time.
 

@@ -28,6 +28,7 @@ import zstandard
 
 NO_FILE = ': no file that metadata.yaml lists is there; copy them beside it'
 
+
 def compress(path: Path) -> Path:
     """Replace a file by its zstd-compressed form, as rosbag2 does."""
     packed = path.with_name(f'{path.name}.zstd')
