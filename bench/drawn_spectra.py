@@ -16,7 +16,7 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import FLICKER, WHITE
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.trends.mean_in_blocks import leaks, Waveform
-from imu_allan.noise.trends.regressors import duration, RecordSpectrum
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -93,7 +93,8 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
             dof = section.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
             if trends:
-                power[:, lines] += leaks([section], dt, duration(sections, dt), mean)[0]
+                length_s = RecordSpectrum(sections, bins, 0, dt).duration_s
+                power[:, lines] += leaks([section], dt, length_s, mean)[0]
             drawn.append(replace(section, power=power))
             continue
         signed = np.zeros((records, section.length))

@@ -15,7 +15,7 @@ from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 import pytest
 from ros_harness import Driver, Health, Ros
-from whole_lines import Varying
+from whole_lines import refused, Varying
 
 MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
@@ -114,3 +114,10 @@ def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
     ros.until(lambda: driver.publish(500) or health.said(
         'specification', Varying(above('1e-4')), b'\2'))
     assert Varying(f'specification: {above("1e-4")}') in node.lines
+
+
+def test_a_file_that_cannot_be_read_is_named_with_its_parameter(tmp_path: Path) -> None:
+    with refused(f'parameter reference: {tmp_path / "nothing.json"}: cannot be read (No such file '
+                 'or directory); give the path of a result file, written by: imu_allan analyze '
+                 'RECORDING --json FILE'):
+        Standards(reference=str(tmp_path / 'nothing.json'))

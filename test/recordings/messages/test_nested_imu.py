@@ -9,7 +9,7 @@ from bags import database, figures, insert, joined, read, said
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, rows_like_first
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
-from imu_allan.recordings.messages import forms
+from imu_allan.recordings.messages import layouts
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
@@ -244,7 +244,7 @@ def test_messages_that_are_all_of_another_form_are_compared_in_linear_time(monke
         *(np.zeros(length, np.uint32) for length in three), imu(store, number)), 'x/msg/Forms'))
         for number, three in enumerate(lengths)), np.uint8).reshape(len(lengths), -1)
     compared = []
-    monkeypatch.setattr(forms, 'rows_like_first', lambda rows, spans: (
+    monkeypatch.setattr(layouts, 'rows_like_first', lambda rows, spans: (
         compared.append(len(rows)), rows_like_first(rows, spans))[1])
     decode = imu_messages('x/msg/Forms', full_definition(store, 'x/msg/Forms')).decoder()
     [block] = decode([MessageBatch(rows, np.zeros(len(rows), np.int64))])
