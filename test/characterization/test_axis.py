@@ -145,6 +145,21 @@ def test_an_axis_that_stood_still_for_a_while_has_no_coefficients(start, stop):
     assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
 
 
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('value', [0.0, 0.1])
+def test_a_coarse_axis_that_stands_still_in_all_long_runs_has_no_coefficients(value):
+    samples = np.full(400, value)
+    # Runs of fewer than 16 samples are too short for a spectrum.
+    samples[388:] += np.arange(12) % 4 / 2
+    estimator = taken_in(samples[:388])
+    estimator.skip(1000)
+    estimator.update(samples[388:])
+    axis, remarks = one_axis(estimator, RATE)
+    assert set(remarks) == {'stood_still'}
+    assert axis.stood_still.duration_s == pytest.approx(388 / RATE)
+    assert not any(found.observable for found in axis.coefficients.values())
+
+
 def test_coarse_steps_do_not_stand_still():
     rng = np.random.default_rng(5)
     columns = []
