@@ -8,12 +8,19 @@ from math import floor, log10
 
 from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
-from imu_allan.noise.axis_fit import AxisFit, fit_axes, SHORTEST_RECORD
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.faults import axis_fault, Clipped, Constant, sample_noise, StoodStill
+from imu_allan.noise.faults import (
+    axis_fault,
+    Clipped,
+    Constant,
+    one_value,
+    sample_noise,
+    StoodStill,
+)
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.estimates import Estimate
@@ -127,13 +134,7 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
               ) -> tuple[AxisResult, list[Finding]]:
     """Return an axis that could not be fitted, with its fault and the finding about it."""
     base = replace(base, curve=_curve(points, axis, dt, {}))
-    fault = axis_fault(finished, axis)
-    if fault is None and finished.samples >= SHORTEST_RECORD and (
-            sections := finished.periodogram.sections()):
-        # The runs that are long enough hold one value; there are others between gaps only.
-        longest = max(sections, key=lambda section: section.length * section.step)
-        fault = StoodStill(longest.start, longest.length * longest.step)
-    match fault:
+    match axis_fault(finished, axis) or one_value(finished.periodogram.sections(), axis):
         case Constant(value):
             return base, [finding('constant_axis', value=value, unit=base.unit)]
         case Deadband(width, share) as deadband:

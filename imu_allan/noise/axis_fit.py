@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.faults import axis_fault, steps_hide_noise
+from imu_allan.noise.faults import axis_fault, one_value, steps_hide_noise
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
 from imu_allan.noise.posterior.estimates import expected, moving_mean
 from imu_allan.noise.posterior.parts import random_walk_persists
@@ -91,7 +91,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     """
     sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
     axes = [axis for axis in range(finished.axes) if axis_fault(finished, axis) is None
-            and any(_has_noise(section, axis) for section in sections)]
+            and one_value(sections, axis) is None]
     found: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
         return found
@@ -115,13 +115,6 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
-
-
-def _has_noise(section: SpectrumSection, axis: int) -> bool:
-    """Return whether the section is more than one value; others may stand between gaps only."""
-    power = section.power[axis]
-    # Rounding leaves 1e-32 of a constant.
-    return bool(power[section.first:section.last].max(initial=0.0) > 1e-26 * power.max())
 
 
 def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[TrendKind]

@@ -13,10 +13,12 @@ samples are expected beyond, with the step d in units of the noise of a sample. 
 adds to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.record.signal_over_time import stood_still
 from imu_allan.result import Deadband
 import numpy as np
@@ -69,6 +71,23 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
         return StoodStill(*still)
     return clipping(finished, axis)
+
+
+def one_value(sections: Sequence[SpectrumSection], axis: int) -> StoodStill | None:
+    """
+    Find an axis that holds one value wherever a spectrum is possible, and others between gaps.
+
+    Returns: the longest section, or None if any has noise.
+    """
+    for section in sections:
+        power = section.power[axis]
+        # Rounding leaves 1e-32 of a constant.
+        if power[section.first:section.last].max(initial=0.0) > 1e-26 * power.max():
+            return None
+    if not sections:
+        return None
+    longest = max(sections, key=lambda section: section.length * section.step)
+    return StoodStill(longest.start, longest.length * longest.step)
 
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:

@@ -160,6 +160,12 @@ def test_a_coarse_axis_that_stands_still_in_all_long_runs_has_no_coefficients(va
     assert not any(found.observable for found in axis.coefficients.values())
 
 
+def test_an_axis_that_was_not_fitted_for_another_reason_did_not_stand_still():
+    # As of several recordings that are too short, each for itself.
+    axis, remarks = one_axis(taken_in(WHITE[:200]), RATE, [None])
+    assert (axis.stood_still, remarks) == (None, {})
+
+
 def test_coarse_steps_do_not_stand_still():
     rng = np.random.default_rng(5)
     columns = []
