@@ -120,6 +120,7 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
     array([1.00003308e-03, 9.54064436e-05])
 
     """
+    # A cluster of one sample of that length: without a low-pass, only the length matters.
     return FittedModel({'noise_density': model.noise_density,
                         'rate_random_walk': model.rate_random_walk},
                        processes=model.processes, lines=tones).allan_variance(tau_s, 1.0)
