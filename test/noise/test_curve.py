@@ -75,3 +75,9 @@ def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_ho
             for phase in phases if len(phase) > 2 * size])
         assert count == len(differences)
         assert avar == pytest.approx(np.mean(differences**2) / (2 * size**2), rel=1e-9)
+
+
+def test_nothing_gives_no_points():
+    points = octaves(Estimator(3).finished())
+    assert points.avar.shape == (0, 3)
+    assert len(points.size) == len(points.stride) == len(points.count) == 0

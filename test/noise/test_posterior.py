@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.posterior import search
+from imu_allan.noise.posterior import search, shapes
 from imu_allan.noise.posterior.change import change_of
 from imu_allan.noise.posterior.estimates import quantiles
 from imu_allan.noise.posterior.evidence import evenly, maximise_rows, sample
@@ -125,6 +125,17 @@ def test_behind_a_slow_filter_of_white_noise_no_slow_term_is_made_up():
         assert found['noise_density'].value == pytest.approx(1e-3, rel=0.15)
         assert not found['bias_instability'].observable
         assert not found['rate_random_walk'].observable
+
+
+def test_a_shape_is_one_line_of_the_table():
+    # A further low-pass: the mean of two samples, of no other width.
+    pair = shapes.Shape('mean_of_two', 0.05, lambda nu, c: np.cos(np.pi * nu)**2 + 0 * c,
+                        lambda _: shapes.Grid(0.0, 1.0, 0.25))
+    nu, band = np.geomspace(1e-4, 0.49, 80), shapes.Band(1e-4, 1e-3)
+    seen = shapes.Response(nu, np.ones(80), np.full(80, 64.0), np.zeros(80))
+    tables = shapes.table_of((*shapes.LOW_PASSES, pair), nu, band, seen)
+    assert len(tables.first) == len(shapes.LOW_PASSES) + 1
+    assert tables.count[-1] == 5
 
 
 def test_a_random_walk_that_is_a_single_bump_is_not_reported():

@@ -81,3 +81,16 @@ def test_gauss_markov_spectrum_is_exact_on_both_sides_of_its_series(a):
              + 2 * (decay / wide) ** 2 * np.real(z / (1 - np.exp(-wide) * z)))
     np.testing.assert_allclose(spectrum.gauss_markov(nu, DT, DT / a), exact.astype(float),
                                rtol=1e-6)
+
+
+@pytest.mark.parametrize('key', COLUMNS)
+def test_model_is_self_similar_under_averaging(key):
+    # The mean of m samples has the aliased, sinc-weighted spectrum of the samples.
+    m, nu = 4, np.array([0.03, 0.2, 0.41])
+    total = np.zeros(3)
+    for k in range(m):
+        fine = (nu + k) / m
+        fine = np.where(fine > 0.5, 1 - fine, fine)
+        weight = (np.sin(np.pi * nu) / (m * np.sin(np.pi * (nu + k) / m))) ** 2
+        total += weight * COLUMNS[key](fine, DT) / m
+    np.testing.assert_allclose(total, COLUMNS[key](nu, m * DT), rtol=1e-9)

@@ -4,7 +4,7 @@ from functools import cache
 from itertools import pairwise
 import re
 
-from characterized import ends, one_axis, shown, taken_in
+from characterized import ends, holds, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import octaves
@@ -291,3 +291,16 @@ def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
     same_state(whole, bits)
     nothing = shown(np.ones(5), range(5))
     assert (nothing.measured, nothing.census.highest[0]) == (0, -np.inf)
+
+
+@pytest.mark.parametrize('seed', [3, 6])
+def test_long_gaps_leave_the_coefficients_inside_their_intervals(seed):
+    record = simulate(SENSOR, 400_000, 100, seed)[:, None]
+    estimator = Estimator()
+    for begin in range(0, len(record), 80_000):
+        estimator.update(record[begin:begin + 75_000])
+        estimator.skip(5_000)
+    axis, _ = one_axis(estimator, 100)
+    for key, truth in SENSOR.items():
+        assert axis.coefficients[key].observable
+        assert holds(axis.coefficients[key], truth), key
