@@ -55,13 +55,14 @@ _AT_END = 0.02
 
 
 def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
-                  tolerance: float = 0.02) -> Rows:
+                  tolerance: float = 0.02, on_grid: bool = False) -> Rows:
     """
     Maximise the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
 
     Iteration stops early for rows that should stay `hopeless` nats below the best of their axis,
     and for rows whose nuisance leaves its range. A row that converges to the maximum of a better
-    row of the same structure is dropped.
+    row of the same structure is dropped. With `on_grid`, the rows of a structure are a grid of a
+    nuisance: the first step leaves it as it is, and then only rows near a maximum go on.
     """
     count = len(rows)
     # Drop the old Hessians, so that they are not copied with each selection of rows.
@@ -76,6 +77,9 @@ def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np
         diagonal = np.einsum('rii->ri', damped)
         diagonal *= 1 + damping[live, None]
         diagonal += 1e-9
+        held = on_grid and step == 0
+        if held:
+            diagonal[:, NUISANCES] *= 1e9
         move = -np.linalg.solve(damped, gradient[live][:, :, None])[..., 0]
         promised = -0.5 * np.einsum('ri,ri->r', move, gradient[live])
         move /= np.maximum(1, np.max(np.abs(move) / _LONGEST, axis=1))[:, None]
@@ -89,8 +93,13 @@ def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np
         gradient[better], information[better] = slope[good], bend[good]
         damping[live] = np.where(good, damping[live] / 6, np.maximum(damping[live], 1e-2) * 8)
         other &= ~_merged(kind, rows.has, x, loss, information)
-        going = (gained > tolerance) & (damping[live] < 1e6) & other[live] & ~out_of_range(
-            spectra, some, x[live], gradient[live])
+        if held:
+            own = rows.has[:, NUISANCES]
+            other &= _leading(kind, x[:, NUISANCES] * own, loss, gradient[:, NUISANCES] * own)
+        going = other[live]
+        if not held:
+            going &= (gained > tolerance) & (damping[live] < 1e6) & ~out_of_range(
+                spectra, some, x[live], gradient[live])
         if step >= 1 and np.isfinite(hopeless):
             score = rows.prior - loss
             best = np.full(int(rows.of.max()) + 1, -np.inf)
@@ -103,6 +112,27 @@ def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np
                 - 0.5 * np.linalg.slogdet(information)[1])
     return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence).take(
         np.flatnonzero(other))
+
+
+def _leading(kind: Index, values: Array, loss: Array, gradient: Array) -> NDArray[np.bool_]:
+    """
+    Mark rows from which a nuisance would climb past no better row of the same kind.
+
+    `values`, `gradient`, shape (rows, nuisances): zero for a nuisance that a row does not have.
+    """
+    lowest, highest = (np.full((kind.max() + 1, values.shape[1]), end) for end in (np.inf, -np.inf))
+    np.minimum.at(lowest, kind, values)
+    np.maximum.at(highest, kind, values)
+    every, varied = np.arange(len(kind)), np.argmax(highest - lowest, axis=1)[kind]
+    order = np.lexsort((values[every, varied], kind))
+    rises, loss = gradient[every, varied][order] < 0, loss[order]
+    same = kind[order][1:] == kind[order][:-1]
+    kept = np.ones(len(kind), dtype=bool)
+    kept[:-1] &= ~(rises[:-1] & same & (loss[1:] < loss[:-1]))
+    kept[1:] &= rises[1:] | ~(same & (loss[:-1] < loss[1:]))
+    found = np.empty(len(kind), dtype=bool)
+    found[order] = kept
+    return found | ((highest - lowest).max(axis=1) == 0)[kind]
 
 
 def _kinds(rows: Rows) -> Index:

@@ -151,8 +151,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
             if misfitted[axis]:
                 sets[axis] = own
-    return [Posterior(_drawn(own), p_value, misfit, edge)
-            for own, (p_value, misfit, edge, _) in zip(sets, judged, strict=True)]
+    return [Posterior(models, p_value, misfit, edge)
+            for models, (p_value, misfit, edge, _) in zip(_drawn(sets), judged, strict=True)]
 
 
 def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
@@ -212,24 +212,36 @@ def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
     return p_value, float(max(misfit.max(), 0.0)), edge, factor
 
 
-def _drawn(sets: Sequence[TrendSet]) -> tuple[Drawn, ...]:
-    """Draw from all models of one axis near the best, over all sets of trends."""
-    top = max(float(one.rows.evidence.max()) for one in sets)
-    total = np.logaddexp.reduce(np.concatenate([one.rows.evidence for one in sets]))
-    found: list[tuple[float, Drawn]] = []
-    for one in sets:
-        near = np.flatnonzero(one.rows.evidence > top - KEPT)
-        if not len(near):
-            continue
-        rows = best_of(one.spectra, one.rows.take(near), KEPT, _MOST)
-        share = np.exp(rows.evidence - total)
+def _drawn(sets: Sequence[Sequence[TrendSet]]) -> list[tuple[Drawn, ...]]:
+    """Draw from all models of each axis near its best; those of the same spectra in one batch."""
+    evidence = [np.concatenate([one.rows.evidence for one in own]) for own in sets]
+    batches: dict[int, list[tuple[int, TrendSet]]] = {}
+    for axis, own in enumerate(sets):
+        for one in own:
+            near = np.flatnonzero(one.rows.evidence > evidence[axis].max() - KEPT)
+            if len(near):
+                batches.setdefault(id(one.spectra), []).append(
+                    (axis, replace(one, rows=one.rows.take(near))))
+    found: list[list[Drawn]] = [[] for _ in sets]
+    for batch in batches.values():
+        spectra = batch[0][1].spectra
+        of = {int(one.rows.of[0]): (axis, one.found) for axis, one in batch}
+        rows = best_of(spectra, Rows.joined([one.rows for _, one in batch]), KEPT, _MOST)
+        axes = [of[number][0] for number in rows.of.tolist()]
+        total = np.array([np.logaddexp.reduce(each) for each in evidence])[axes]
         counts = np.array([next(count for least, count in _DRAWS if weight >= least)
-                           for weight in share.tolist()])
-        found += [(draws.evidence, Drawn(rows.take(np.array([i])), one.spectra, one.found, 0.0,
-                                         draws.x, draws.share))
-                  for i, draws in enumerate(sample(one.spectra, rows, counts))]
-    evidence = np.array([own for own, _ in found])
+                           for weight in np.exp(rows.evidence - total).tolist()])
+        for i, (axis, draws) in enumerate(zip(axes, sample(spectra, rows, counts), strict=True)):
+            row = rows.take(np.array([i]))
+            found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])), spectra,
+                                     of[int(row.of[0])][1], 0.0, draws.x, draws.share))
+    return [_weighted(own) for own in found]
+
+
+def _weighted(models: Sequence[Drawn]) -> tuple[Drawn, ...]:
+    """Weigh models by their evidence and sort them, the most probable first."""
+    evidence = np.array([model.row.evidence[0] for model in models])
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
-    return tuple(replace(found[i][1], weight=float(weight[i]))
+    return tuple(replace(models[i], weight=float(weight[i]))
                  for i in np.argsort(-weight, kind='stable').tolist())

@@ -93,15 +93,15 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
-    fast = best_of(spectra, maximise_rows(spectra, fast, 25, hopeless=20.0), _KEPT_FAST, 12)
+    fast = best_of(spectra, maximise_rows(spectra, fast, 25, hopeless=20.0, on_grid=True), _KEPT_FAST, 12)
     behind = _behind_filters(spectra, starts, fast, dt)
     if len(behind):
-        behind = maximise_rows(spectra, behind, 25, hopeless=20.0)
+        behind = maximise_rows(spectra, behind, 25, hopeless=20.0, on_grid=True)
         fast = best_of(spectra, Rows.joined([fast, behind]), _KEPT_FAST, 12)
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
-    found = best_of(spectra, maximise_rows(spectra, slow, 16, hopeless=16.0), _KEPT_FAST,
+    found = best_of(spectra, maximise_rows(spectra, slow, 16, hopeless=16.0, on_grid=True), _KEPT_FAST,
                     _MOST_SLOW)
     crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
         spectra, axis, own, of_axis(found, axis))]
@@ -190,7 +190,9 @@ def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: flo
     for family in range(len(LOW_PASSES)):
         first, last = table.first[family], table.last[family]
         last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
-        for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), 7):
+        # Each notch of a moving mean may be a maximum of its own.
+        count = 13 if LOW_PASSES[family].key == 'moving_mean' else 7
+        for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), count):
             at = int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0)))
             # Start with white noise at the level of the spectrum in the pass band.
             white = 0.5 * np.log(start.white[min(at, len(nu) - 1)] / unit)

@@ -173,7 +173,7 @@ class TrendSet:
     ----------
     found : tuple of Found
     spectra : Spectra
-        Spectra with the trends as regressors.
+        Spectra with the trends as regressors, those of other sets among them.
     rows : Rows
         Fitted models; prior and evidence include the amplitudes and nuisances of the trends.
 
@@ -405,11 +405,9 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
         sizes = _sizes(beside, rows, width)
         for number, (search, found) in enumerate(same):
             here = np.flatnonzero(rows.of == number)
-            occam = _occam(sizes[here], found)
-            own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
-            fitted.append((search, TrendSet(
-                found, beside.select(np.array([number])), replace(
-                    own, evidence=own.evidence + occam, prior=own.prior + occam))))
+            own, occam = rows.take(here), _occam(sizes[here], found)
+            fitted.append((search, TrendSet(found, beside, replace(
+                own, evidence=own.evidence + occam, prior=own.prior + occam))))
     return fitted
 
 
