@@ -231,8 +231,8 @@ def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[
 
 def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     """Return sizes and standard errors of all regressors in draws of a model, and the weights."""
-    # The 64 draws of the largest weight are enough.
-    most = np.argsort(-model.share, kind='stable')[:64]
+    # The 32 draws of the largest weight are enough.
+    most = np.argsort(-model.share, kind='stable')[:32]
     rows = model.row.take(np.zeros(len(most), np.int64))
     _, _, size, covariance = fitted_mean(model.spectra, rows, model.x[most])
     error = np.sqrt(np.maximum(np.einsum('mrii->mri', covariance), 0.0))
