@@ -13,7 +13,7 @@ from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.posterior.trends import lags_of, TrendKind, TRENDS, with_temperature
+from imu_allan.noise.posterior.trends import Bank, lags_of, TRENDS, with_temperature
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
@@ -98,9 +98,10 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     # Do not report a cycle that the temperature explains.
     heat = [] if temperature is None else [
         temperature.of_sensor(float(lag)).trends[0] for lag in lags_of(temperature)]
-    sources = _without_cycles(_sources(finished, sections, axes, dt), finished, heat)
-    kinds = TRENDS if temperature is None else with_temperature(temperature)
-    first = _weighed(sources, dt, kinds)
+    sources = _sources(finished, sections, axes, dt)
+    bank = Bank(sources[0].record, TRENDS if temperature is None else with_temperature(temperature))
+    sources = _without_cycles(sources, finished, heat, bank)
+    first = _weighed(sources, dt, bank)
     # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
     moved = []
     for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
@@ -109,7 +110,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
             mean, noise = found_mean
             sources[number] = source.without_moving_mean(
                 finished, source.record.without_leak(mean, noise), mean)
-    for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, kinds),
+    for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, bank),
                                  strict=True):
         first[number] = posterior
     for axis, source, posterior in zip(axes, sources, first, strict=True):
@@ -117,11 +118,10 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     return found
 
 
-def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[TrendKind]
-             ) -> list[Posterior]:
+def _weighed(sources: Sequence['_Source'], dt: float, bank: Bank) -> list[Posterior]:
     """Compute the posteriors of some axes in one batch."""
     return posteriors([source.capped for source in sources], dt,
-                      [source.record for source in sources], kinds) if sources else []
+                      [source.record for source in sources], bank) if sources else []
 
 
 def _fitted(source: '_Source', posterior: Posterior, dt: float,
@@ -227,10 +227,10 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     return found
 
 
-def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform]
-                    ) -> list[_Source]:
+def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform],
+                    bank: Bank) -> list[_Source]:
     """Remove strong cycles from every axis, including those found on the other axes."""
-    found = strong_cycles([source.record.with_trends(beside) for source in sources])
+    found = strong_cycles([source.record.with_trends(beside) for source in sources], bank)
     known = [1 / one.period_s for one in found if one is not None]
     if not known:
         return list(sources)

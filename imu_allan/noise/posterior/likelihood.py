@@ -211,7 +211,7 @@ class Rows:
 
     def take(self, which: Index) -> 'Rows':
         """Return a selection of the rows."""
-        return Rows(*(array[which] for array in vars(self).values()))
+        return Rows(*[array[which] for array in vars(self).values()])
 
     @staticmethod
     def joined(parts: Sequence['Rows']) -> 'Rows':

@@ -31,7 +31,6 @@ from imu_allan.noise.posterior.trends import (
     Bank,
     fit_trends,
     Found,
-    TrendKind,
     TRENDS,
     TrendSet,
     waveforms,
@@ -112,7 +111,7 @@ class Posterior:
 
 def posteriors(groups: Sequence[Groups], dt: float,
                records: Sequence[RecordSpectrum | None],
-               kinds: Sequence[TrendKind] = TRENDS) -> list[Posterior]:
+               bank: Bank | None = None) -> list[Posterior]:
     """
     Compute the posteriors over the noise models of several axes.
 
@@ -125,8 +124,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
     records : sequence of RecordSpectrum or None
         Spectra that the groups were made of, to fit trends of the mean; None to fit none, as for
         several records joined.
-    kinds : sequence of TrendKind, optional
-        Kinds of trend to consider.
+    bank : Bank, optional
+        Trends to consider, of the same records; otherwise `TRENDS`.
 
     Returns
     -------
@@ -135,9 +134,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
     """
     spectra, starts = prepared(groups, dt)
     found = search_models(spectra, starts, dt)
-    some = next((record for record in records
-                 if record is not None and record.duration_s > 0), None)
-    bank = None if some is None else Bank(some, kinds)
+    if bank is None and (some := next(filter(None, records), None)) is not None:
+        bank = Bank(some, TRENDS)
     sets = _sets(spectra, starts, found, records, bank)
     judged = [_judged(own) for own in sets]
     factors = np.stack([factor for *_, factor in judged])

@@ -189,8 +189,12 @@ class Bank:
 
     def __init__(self, record: RecordSpectrum, kinds: Sequence[TrendKind]) -> None:
         self.kinds, self.duration_s = kinds, record.duration_s
-        self.grids = [kind.grid(self.duration_s) for kind in kinds]
         self._record = record
+
+    @cached_property
+    def grids(self) -> list[Array]:
+        """Return the values of the nuisance of every kind."""
+        return [kind.grid(self.duration_s) for kind in self.kinds]
 
     @cached_property
     def columns(self) -> list[Array]:
@@ -491,12 +495,11 @@ def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Foun
     gains = gained(values, bank.gains(about, number)[0])
     if not kind.continuous or len(values) < 3:
         return values, gains
-    # Halve the spacing around the best value until the gain hardly changes.
-    for _ in range(24):
+    # Refine the grid around the best value until the gain hardly changes.
+    for _ in range(8):
         best = int(np.argmax(gains))
-        low, high = values[max(best - 1, 0)], values[min(best + 1, len(values) - 1)]
-        more = np.array([(low + values[best]) / 2, (values[best] + high) / 2])
-        more = more[(more > low) & (more < high) & (more != values[best])]
+        near = values[max(best - 1, 0):best + 2]
+        more = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
         if not len(more):
             break
         values, gains = (np.concatenate(pair) for pair in (

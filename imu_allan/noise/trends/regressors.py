@@ -72,7 +72,7 @@ class RecordSpectrum:
 
     def with_trends(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
         """Return the same spectrum with further trends in every fit."""
-        return replace(self, trends=(*self.trends, *trends))
+        return replace(self, trends=(*self.trends, *trends)) if trends else self
 
     def mean(self, sizes: Array) -> Waveform:
         """Return the mean with the given sizes of the ramp and of each trend."""

@@ -15,7 +15,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
 from imu_allan.noise.posterior.regression import about_mean
-from imu_allan.noise.posterior.trends import AxisBank, Bank, TrendKind
+from imu_allan.noise.posterior.trends import AxisBank, Bank
 from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
     Cycle,
@@ -27,7 +27,6 @@ from imu_allan.noise.trends.harmonics import (
     without,
 )
 from imu_allan.noise.trends.regressors import RecordSpectrum
-from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,9 +40,6 @@ _MOST_CYCLES = 32.0
 """Most cycles per record; faster ones cannot be confused with a random walk."""
 _FEW = (1, 4)
 """Numbers of harmonics with which the frequency is fitted first."""
-
-_KIND = TrendKind('slow_cycle', 0.0, lambda duration: np.arange(
-    1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
 
 
 @dataclass(frozen=True)
@@ -59,11 +55,10 @@ class SlowCycle:
         return 1 / self.cycle.frequency_hz
 
 
-def strong_cycles(records: Sequence[RecordSpectrum]) -> list[SlowCycle | None]:
-    """Find and remove the cycle of each axis, if it is significant."""
-    if records[0].duration_s == 0:
+def strong_cycles(records: Sequence[RecordSpectrum], bank: Bank) -> list[SlowCycle | None]:
+    """Find and remove the cycle of each axis, if it is significant; `bank`: trends to look for."""
+    if bank.duration_s == 0:
         return [None] * len(records)
-    bank = Bank(records[0], (_KIND,))
     return [_strong_cycle(record, bank) for record in records]
 
 
@@ -71,12 +66,12 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     noise = _noise(record)
     frequency_hz = _likeliest(record, noise, bank)
     variance = _variance(record, noise)
-    for few in _FEW:
-        frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
     # Continue only with harmonics that are unlikely by chance, or with an outlier.
     if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
         return None
+    for few in _FEW:
+        frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
     # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
     left = _variance(record, _noise(without(record, comb, variance)))
@@ -157,8 +152,9 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
     theta[RANDOM_WALK] = 0.0
     lam = np.maximum(groups.design @ theta, 1e-300)
     axis = AxisBank(bank, replace(record, keep=keep))
-    gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]
-    return float(bank.grids[0][int(np.argmax(gains))])
+    number = [kind.key for kind in bank.kinds].index('slow_cycle')
+    gains = axis.gains(axis.about(groups.frequency, lam, ()), number)[0]
+    return float(bank.grids[number][int(np.argmax(gains))])
 
 
 def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> float:
