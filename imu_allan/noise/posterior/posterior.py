@@ -47,7 +47,7 @@ _BY_CHANCE = 1e-3
 """Tail probability up to which the deviation of a half-octave counts as sampling error."""
 _MOST = 10
 """Most models per set of trends that draws are taken from."""
-_DRAWS = ((0.2, 256), (0.03, 96), (0.0, 32))
+_DRAWS = ((0.2, 512), (0.03, 96), (0.0, 32))
 """Least weight of a model, and its number of draws: the leading ones set the interval ends."""
 
 
