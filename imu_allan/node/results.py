@@ -20,12 +20,14 @@ from sensor_msgs.msg import CompressedImage
 
 FIT_GROWTH = 0.2
 """The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
+FIT_SHARE = 0.01
+"""Most of a core that fits may use: a node beside a driver on a small computer leaves the rest."""
 SETTLED_S = 2.0
 """After this long without a sample, a final fit includes all samples so far."""
 
 
 _Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float]
-"""The result, results by lane, messages, findings against standards, and seconds it took."""
+"""The result, results by lane, messages, findings against standards, and seconds of CPU."""
 
 
 class Results:
@@ -89,7 +91,7 @@ class Results:
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fitted:
-            started = time.monotonic()
+            started = time.thread_time()
             of_lanes, fits = snapshot.fitted(tested)
             fitted = snapshot.as_one(of_lanes)
             result = run.sequential.judged(fitted, more_comes=not to_the_end)
@@ -97,7 +99,7 @@ class Results:
             findings = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
-            return result, of_lanes, messages, findings, time.monotonic() - started
+            return result, of_lanes, messages, findings, time.thread_time() - started
 
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:
@@ -108,8 +110,7 @@ class Results:
             self.latest, of_lanes, messages, findings, took_s = future.result()
             self._facts.fit_s, self._facts.findings = took_s, findings
             run.learn(of_lanes, fed if tested is None else None)
-            # On a slow computer wait five times as long as the fit took, to use a fifth of a core.
-            self._next_fit = began + max(5.0 * took_s, FIT_GROWTH * run.duration_s)
+            self._next_fit = began + max(took_s / FIT_SHARE, FIT_GROWTH * run.duration_s)
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)

@@ -99,7 +99,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     heat = [] if temperature is None else [
         temperature.of_sensor(float(lag)).trends[0] for lag in lags_of(temperature)]
     sources = _sources(finished, sections, axes, dt)
-    bank = Bank(sources[0].record, TRENDS if temperature is None else with_temperature(temperature))
+    kinds = TRENDS if temperature is None else with_temperature(temperature)
+    bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
     # A moving mean would pass for changing noise and leak into the blocks, so remove it first.

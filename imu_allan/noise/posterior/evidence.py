@@ -116,23 +116,24 @@ def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np
 
 def _leading(kind: Index, values: Array, loss: Array, gradient: Array) -> NDArray[np.bool_]:
     """
-    Mark rows from which a nuisance would climb past no better row of the same kind.
+    Mark rows whose neighbour uphill in the nuisance is no better row of the same kind.
 
     `values`, `gradient`, shape (rows, nuisances): zero for a nuisance that a row does not have.
     """
-    lowest, highest = (np.full((kind.max() + 1, values.shape[1]), end) for end in (np.inf, -np.inf))
-    np.minimum.at(lowest, kind, values)
-    np.maximum.at(highest, kind, values)
-    every, varied = np.arange(len(kind)), np.argmax(highest - lowest, axis=1)[kind]
+    ends = np.full((2, int(kind.max()) + 1, values.shape[1]), np.inf)
+    np.minimum.at(ends[0], kind, values)
+    np.minimum.at(ends[1], kind, -values)
+    spread = -ends.sum(axis=0)
+    every, varied = np.arange(len(kind)), np.argmax(spread, axis=1)[kind]
     order = np.lexsort((values[every, varied], kind))
     rises, loss = gradient[every, varied][order] < 0, loss[order]
     same = kind[order][1:] == kind[order][:-1]
     kept = np.ones(len(kind), dtype=bool)
     kept[:-1] &= ~(rises[:-1] & same & (loss[1:] < loss[:-1]))
     kept[1:] &= rises[1:] | ~(same & (loss[:-1] < loss[1:]))
-    found = np.empty(len(kind), dtype=bool)
-    found[order] = kept
-    return found | ((highest - lowest).max(axis=1) == 0)[kind]
+    found = spread.max(axis=1)[kind] == 0
+    found[order] |= kept
+    return np.asarray(found)
 
 
 def _kinds(rows: Rows) -> Index:

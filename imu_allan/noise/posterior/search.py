@@ -93,7 +93,8 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
-    fast = best_of(spectra, maximise_rows(spectra, fast, 25, hopeless=20.0, on_grid=True), _KEPT_FAST, 12)
+    fast = maximise_rows(spectra, fast, 25, hopeless=20.0, on_grid=True)
+    fast = best_of(spectra, fast, _KEPT_FAST, 12)
     behind = _behind_filters(spectra, starts, fast, dt)
     if len(behind):
         behind = maximise_rows(spectra, behind, 25, hopeless=20.0, on_grid=True)
@@ -101,8 +102,8 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
-    found = best_of(spectra, maximise_rows(spectra, slow, 16, hopeless=16.0, on_grid=True), _KEPT_FAST,
-                    _MOST_SLOW)
+    slow = maximise_rows(spectra, slow, 16, hopeless=16.0, on_grid=True)
+    found = best_of(spectra, slow, _KEPT_FAST, _MOST_SLOW)
     crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
         spectra, axis, own, of_axis(found, axis))]
     if crossed:
