@@ -54,7 +54,7 @@ _AT_END = 0.02
 """A nuisance this close to an end of its range makes the row equivalent to another model."""
 
 
-def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
+def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
                   tolerance: float = 0.02, on_grid: bool = False) -> Rows:
     """
     Maximise the posterior of each row by damped Fisher scoring, and compute Laplace's evidence.
@@ -72,7 +72,8 @@ def maximise_rows(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np
     loss, gradient, information = losses(spectra, rows, x)
     damping, live = np.full(count, 1e-3), np.arange(count)
     other = np.ones(count, dtype=bool)
-    for step in range(steps):
+    # Twelve steps find the maxima that matter; others creep towards the end of a range.
+    for step in range(12):
         damped = information[live].copy()
         diagonal = np.einsum('rii->ri', damped)
         diagonal *= 1 + damping[live, None]

@@ -70,7 +70,7 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     has[flicker, B] |= not model.row.has[0, PLAIN]
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
     loss = maximise_rows(spectra, replace(
-        rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which))), 12).loss
+        rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))).loss
     without, alone, [whole], still, [whole_still] = np.split(
         loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
     # Leaving parts out is a test only if all parts together show the random walk.

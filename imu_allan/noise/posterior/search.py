@@ -7,7 +7,6 @@ All axes are searched together, so that each step is one batch.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
 from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
@@ -33,8 +32,8 @@ Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
 _FIRST_HALVES, _MOST_HALVES = 5, 20
 """Edges are tried at each of the first half-octaves from the top, then at every other one."""
-_KEPT_FAST, KEPT = 12.0, 9.0
-"""Nats below the best at which a fast end, or a model, is dropped: e^-9 is negligible."""
+_KEPT_FAST, KEPT = 12.0, 7.0
+"""Nats below the best at which a fast end, or a model, is dropped: e^-7 is negligible."""
 _MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
 """Fast ends kept, slow noises that are combined with them, and models in total, per axis."""
 FAST = (Q, OUTPUT, LOW)
@@ -93,21 +92,21 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
-    fast = maximise_rows(spectra, fast, 25, hopeless=20.0, on_grid=True)
+    fast = maximise_rows(spectra, fast, hopeless=16.0, on_grid=True)
     fast = best_of(spectra, fast, _KEPT_FAST, 12)
     behind = _behind_filters(spectra, starts, fast, dt)
     if len(behind):
-        behind = maximise_rows(spectra, behind, 25, hopeless=20.0, on_grid=True)
+        behind = maximise_rows(spectra, behind, hopeless=16.0, on_grid=True)
         fast = best_of(spectra, Rows.joined([fast, behind]), _KEPT_FAST, 12)
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
-    slow = maximise_rows(spectra, slow, 16, hopeless=16.0, on_grid=True)
+    slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
     found = best_of(spectra, slow, _KEPT_FAST, _MOST_SLOW)
     crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
         spectra, axis, own, of_axis(found, axis))]
     if crossed:
-        more = maximise_rows(spectra, Rows.joined(crossed), 16, hopeless=16.0)
+        more = maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)
         found = Rows.joined([found, more])
     return best_of(spectra, found, KEPT, MOST)
 
@@ -298,6 +297,6 @@ def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
     return [own.rows()]
 
 
-def refit(spectra: Spectra, rows: Rows, steps: int = 10) -> Rows:
+def refit(spectra: Spectra, rows: Rows) -> Rows:
     """Fit rows again after the degrees of freedom have changed."""
-    return best_of(spectra, maximise_rows(spectra, replace(rows), steps), KEPT, MOST)
+    return best_of(spectra, maximise_rows(spectra, rows), KEPT, MOST)

@@ -322,7 +322,7 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     found: list[list[TrendSet]] = [[] for _ in starts]
     if not searches:
         return found
-    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]), 12)
+    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
     for search in searches:
         search.begin(of_axis(still, search.axis))
     for _ in range(_MOST):
@@ -364,12 +364,12 @@ class _Search:
         for number, kind in enumerate(self.bank.kinds):
             if sum(one.kind.key == kind.key for one in self.chosen) >= kind.most:
                 continue
-            gains = self.bank.gains(self._about, number).max(axis=1)
-            best = int(np.argmax(gains))
+            gains = self.bank.gains(self._about, number)
+            best = int(np.argmax(gains.max(axis=1)))
             # With a gain below 9, a trend is not worth fitting.
-            if gains[best] < 9.0:
+            if gains[best].max() < 9.0:
                 continue
-            one = likeliest(self.bank, number, self._about.one(best), self.chosen)
+            one = likeliest(self.bank, number, self._about.one(best), gains[best], self.chosen)
             found.append((self, (*self.chosen, one)))
         return found
 
@@ -421,7 +421,7 @@ def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance:
     groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
               for search, found in same]
     beside = spectra.with_regressors(groups, [search.axis for search, _ in same])
-    return beside, maximise_rows(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
+    return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
@@ -435,14 +435,20 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
         first, *others = found
         about = search.bank.about(beside.frequency, lam, others)
         number = search.bank.kinds.index(first.kind)
-        found = (*others, likeliest(search.bank, number, about, others))
+        gains = search.bank.gains(about, number)[0]
+        found = (*others, likeliest(search.bank, number, about, gains, others))
     return search, found
 
 
-def likeliest(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]) -> Found:
-    """Find the best value of a nuisance, and the log of what integrating over it contributes."""
+def likeliest(bank: AxisBank, number: int, about: Whitened, gains: Array,
+              others: Sequence[Found]) -> Found:
+    """
+    Find the best value of a nuisance, and the log of what integrating over it contributes.
+
+    `gains`: along the grid of the kind.
+    """
     kind = bank.kinds[number]
-    values, gains = _profile(bank, number, about, others)
+    values, gains = _profile(bank, number, about, gains, others)
     near, grid = np.exp((gains - gains.max()) / 2), bank.bank.grids[number]
     # The integral runs over the index, because grid values are equally likely.
     place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
@@ -480,8 +486,8 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
     return total
 
 
-def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Found]
-             ) -> tuple[Array, Array]:
+def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
+             others: Sequence[Found]) -> tuple[Array, Array]:
     """Return nuisance values of a kind and their gains, refined around the best value."""
     kind, values = bank.kinds[number], bank.bank.grids[number]
     same = [one.value for one in others if one.kind.key == kind.key]
@@ -492,7 +498,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened, others: Sequence[Foun
             gains = np.where(np.abs(np.log(at / value)) < np.log(2), 0.0, gains)
         return gains
 
-    gains = gained(values, bank.gains(about, number)[0])
+    gains = gained(values, gains)
     if not kind.continuous or len(values) < 3:
         return values, gains
     # Refine the grid around the best value until the gain hardly changes.
