@@ -72,8 +72,8 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
     loss, gradient, information = losses(spectra, rows, x)
     damping, live = np.full(count, 1e-3), np.arange(count)
     other = np.ones(count, dtype=bool)
-    # Twelve steps find the maxima that matter; others creep towards the end of a range.
-    for step in range(12):
+    # The corner of a high-pass needs that many; what creeps on approaches the end of a range.
+    for step in range(16):
         damped = information[live].copy()
         diagonal = np.einsum('rii->ri', damped)
         diagonal *= 1 + damping[live, None]
