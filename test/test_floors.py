@@ -14,8 +14,8 @@ from sources import imported, libraries, MODULES, PACKAGE, tree_of
 
 FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
-     'imu_allan.blas_threads', 'imu_allan.json_of_dataclasses', 'imu_allan.finding',
-     'imu_allan.result', 'imu_allan.verdict', 'imu_allan.state',
+     'imu_allan.blas_threads', 'imu_allan.quick_start', 'imu_allan.json_of_dataclasses',
+     'imu_allan.finding', 'imu_allan.result', 'imu_allan.verdict', 'imu_allan.state',
      'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption'),
     ('imu_allan.noise', 'imu_allan.cdr'),
     ('imu_allan.timeline', 'imu_allan.sensor'),
@@ -75,6 +75,21 @@ def test_a_verb_that_estimates_nothing_does_not_wait_for_scipy(verb, short_recor
                            *([] if verb == 'explain' else [short_recording])],
                           capture_output=True, text=True, check=True)
     assert done.stderr == '[]\n'
+
+
+def test_parts_of_numpy_that_only_developers_use_are_executed_for_them_alone():
+    done = subprocess.run([sys.executable, '-c', """
+from imu_allan.quick_start import start_quickly
+start_quickly()
+import sys
+import scipy.special
+print('numpy.f2py.rules' in sys.modules, 'unittest.case' in sys.modules)
+from numpy import f2py, testing
+f2py.get_include()
+testing.assert_array_equal(scipy.special.ndtr(0), 0.5)
+print('numpy.f2py.rules' in sys.modules, 'unittest.case' in sys.modules)
+"""], capture_output=True, text=True, check=True)
+    assert done.stdout == 'False False\nTrue True\n'
 
 
 def unexplained(path):

@@ -26,6 +26,7 @@ from imu_allan.cli.dask_cluster import dask_client
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
+from imu_allan.quick_start import start_quickly
 
 if TYPE_CHECKING:
     from imu_allan.recordings import Recording
@@ -200,6 +201,7 @@ class WorkerProcesses(Executor):
 def serve() -> None:
     """Run a worker process, which executes what comes on standard input until that is closed."""
     exit_on_sigterm()
+    start_quickly()
     answers = os.fdopen(os.dup(1), 'wb')
     # Anything that a library prints must not get among the answers.
     os.dup2(2, 1)
