@@ -327,8 +327,8 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
     spread = 1.4826 * median(np.abs(loudness - centre), axis=0)
     inner = wander[~np.isnan(wander).all(axis=1)]
     wide = np.full(6, np.inf)
-    # Fewer windows with neighbours on both sides do not give the wander.
-    known = np.count_nonzero(~np.isnan(inner), axis=0) >= 4
+    # Of fewer windows the median may be far below the others by chance.
+    known = np.count_nonzero(~np.isnan(inner), axis=0) >= 16
     if known.any():
         wide[known] = 1.4826 * median(np.abs(inner[:, known]), axis=0)
     return Baseline(centre, spread, wide, resolution)

@@ -270,6 +270,16 @@ def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
     assert summary.motions == 0
 
 
+@pytest.mark.parametrize('seconds', [4.0, 4.5, 5.0, 6.0])
+def test_noise_of_a_few_seconds_is_no_motion(seconds):
+    for seed in range(300):
+        detector = MotionDetector(0.01)
+        rows = np.random.default_rng(seed).normal(size=(int(100 * seconds), 6))
+        detector.push(EvenBlock(rows, 0, new_run=True))
+        detector.flush()
+        assert detector.summary.cut.count == 0, seed
+
+
 @pytest.mark.parametrize(('rate_hz', 'rows'), [
     (100.0, 150), (100.0, 250), (100.0, 400), (100.0, 600), (25.0, 30), (200.0, 140),
     (4000.0, 2800)])
