@@ -207,7 +207,7 @@ def _wrapped(name: str, text: str) -> list[str]:
 def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                    ) -> list[tuple[str, str]]:
     from imu_allan.noise.terms import AXES
-    from imu_allan.wording import clock_of, counted, duration, is_table
+    from imu_allan.wording import clock_of, counted, duration, is_table, named
     from imu_allan.writers.words import message_of
 
     timeline = summary.timeline
@@ -228,7 +228,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                  + ', '.join(_READ[how] for how in summary.stamps_read)))
     absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]
     if absent:
-        rows.append(('absent', ', '.join(absent)))
+        rows.append(('absent', named(absent)))
     found = [f'{number:,} {what}' for what, number in (
         ('missing', timeline.missing), ('out of order', timeline.out_of_order),
         ('rejected', timeline.rejected)) if number]
