@@ -122,7 +122,7 @@ def verdicts(differences: Sequence[Difference]) -> list[str]:
     for other, sensor, key in product(dict.fromkeys(one.other for one in known), SENSORS, TERMS):
         own = [one for one in known if (one.other, one.key) == (other, key)
                and one.axis.startswith(sensor)]
-        for sign, word in ((1, 'higher'), (-1, 'lower')):
+        for sign, word in ((1, 'above'), (-1, 'below')):
             beyond = [one for one in own if sign * (one.in_intervals or 0.0) > 1]
             if beyond:
                 said.append(_sentence(beyond, len(own), SENSORS[sensor].lower(), word))
@@ -140,13 +140,12 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
             f'{first.axis.partition("_")[0]} ' + listed([one.axis[-1] for one in beyond]))
     intervals = ranged([abs(one.in_intervals or 0.0) for one in beyond], _TWO_DIGITS)
     ratios = [one.ratio for one in beyond if one.ratio is not None and one.ratio > 0]
-    by = 'is' if len(ratios) < len(beyond) else (
-        f'is {ranged([100 * abs(ratio - 1) for ratio in ratios], _TWO_DIGITS)} %'
-        if max(ratios) < 2 and min(ratios) > 0.5 else
-        f'is {ranged(ratios, _TWO_DIGITS)} times that, so')
-    return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} {by} {word} than '
-            f'that of {printable(first.reference)}, {intervals} '
-            f'{"interval" if intervals == "1" else "intervals"}')
+    by = word if len(ratios) < len(beyond) else (
+        f'{ranged([100 * abs(ratio - 1) for ratio in ratios], _TWO_DIGITS)} % {word}'
+        if max(ratios) < 2 and min(ratios) > 0.5 else f'{ranged(ratios, _TWO_DIGITS)} times')
+    return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} is {by} that of '
+            f'{printable(first.reference)} ({intervals} '
+            f'{"interval" if intervals == "1" else "intervals"})')
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':

@@ -93,10 +93,9 @@ def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_a
 
     *said, last = verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1.1e-3, 3e-5)}))
     assert said == [
-        Varying('N of all gyroscope axes of B is 10 % higher than that of A, <number> intervals'),
-        Varying('K of gyro x of B is 3 times that, so higher than that of A, <number> intervals'),
-        Varying('N of all accelerometer axes of B is 10 % higher than that of A, <number> '
-                'intervals')]
+        Varying('N of all gyroscope axes of B is 10 % above that of A (<number> intervals)'),
+        Varying('K of gyro x of B is 3 times that of A (<number> intervals)'),
+        Varying('N of all accelerometer axes of B is 10 % above that of A (<number> intervals)')]
     assert last == ('7 of 12 coefficients differ by more than the 95 % intervals; of two '
                     'recordings of one sensor, one coefficient in twenty does so by chance')
     assert verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)})) == [
