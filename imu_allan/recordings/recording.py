@@ -28,11 +28,6 @@ from imu_allan.recordings.options import RecordingOptions
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """Suffixes of the files in a rosbag2 directory."""
-_MOST_REMARKS = 10
-"""Most remarks of one kind to keep; a folder may hold thousands of damaged files."""
-_KEPT_BYTES = 1 << 26
-"""Most bytes of names and definitions to keep. The largest ROS definition has 40,000 bytes, but
-a few kilobytes of zstd can expand to hundreds of megabytes of them."""
 
 
 class Recording(ABC):
@@ -151,9 +146,12 @@ class Recording(ABC):
     def reserve_bytes(self, size: int) -> bool:
         """Return whether a description of `size` bytes can be kept; add a remark if not."""
         self._kept_bytes += size
-        if self._kept_bytes > _KEPT_BYTES:
+        # The largest ROS definition has 40,000 bytes, but a few kilobytes of zstd can expand to
+        # hundreds of megabytes of names and definitions.
+        most = 1 << 26
+        if self._kept_bytes > most:
             self.remark('many_definitions')
-        return self._kept_bytes <= _KEPT_BYTES
+        return self._kept_bytes <= most
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Add the temperature that the messages of an Imu topic contain, if any."""
@@ -177,14 +175,15 @@ class Recording(ABC):
         same = [kept.code for kept in self.remarks].count(remark.code)
         if remark in self.remarks:
             return
-        if same < _MOST_REMARKS:
+        most = 10   # a folder may hold thousands of damaged files
+        if same < most:
             self.remarks.append(remark)
             return
         withheld = self._withheld.setdefault(remark.code, set())
         withheld.add(repr(remark))
         rest = replace(remark, axes=(), values={'recording': printable(self.path),
                                                 'more': len(withheld)})
-        if same == _MOST_REMARKS:
+        if same == most:
             self.remarks.append(rest)
         else:
             last = max(i for i, kept in enumerate(self.remarks) if kept.code == remark.code)

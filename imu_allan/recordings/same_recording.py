@@ -15,12 +15,6 @@ from imu_allan.block import ImuBlock
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST = 1 << 15
-"""Messages (1.8 MB) above which half are dropped. Of an hour at 200 Hz one in 32 is kept, which
-reveals a common part of 1.3 s."""
-_FEWEST = 8
-"""Fewest common messages to rely on: with coarse resolution, single values can coincide."""
-
 
 def files_digest(path: str | Path) -> str | None:
     """
@@ -86,8 +80,9 @@ class Fingerprint:
                 self._stamps.append(stamps[chosen])
                 self._samples.append(block.samples[chosen])
                 self.kept += len(self._stamps[-1])
-            # Keep at least one message in 2^10: 5 MB for 100 million messages.
-            while self.kept > _MOST and self._bits < 10:
+            # Keep at least one message in 2^10: 5 MB for 100 million messages. Of an hour at
+            # 200 Hz one in 32 is kept, which reveals a common part of 1.3 s.
+            while self.kept > 1 << 15 and self._bits < 10:
                 self._thin()
             yield block
 
@@ -108,8 +103,9 @@ class Fingerprint:
         both = np.intersect1d(times, other_times)
         mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
         common = int(np.count_nonzero(np.isin(mine, others)))
-        # A part may begin within messages of one stamp, or have lost some.
-        return (common >= min(_FEWEST, self.kept, other.kept)
+        # A part may begin within messages of one stamp, or have lost some. With coarse
+        # resolution, single values can coincide.
+        return (common >= min(8, self.kept, other.kept)
                 and common >= 0.9 * min(len(mine), len(others)))
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:

@@ -7,9 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from imu_allan.block import ImuBlock
 import numpy as np
 
-_LATEST_NS = 2**63 - 1
-"""Latest stamp that fits into 64 bits of nanoseconds."""
-
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
             ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
@@ -57,4 +54,5 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
 
 def _later(stamp_ns: int, seconds: float) -> int:
     """Add seconds to a stamp; limit the sum to the latest stamp that can be represented."""
-    return min(stamp_ns + round(min(seconds, _LATEST_NS * 1e-9) * 1e9), _LATEST_NS)
+    latest_ns = 2**63 - 1   # the latest that fits into 64 bits
+    return min(stamp_ns + round(min(seconds, latest_ns * 1e-9) * 1e9), latest_ns)

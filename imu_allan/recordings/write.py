@@ -65,9 +65,10 @@ def write_recording(
     path = Path(path)
     if path.exists() or path.is_symlink():
         raise ImuAllanError(f'{printable(path)}: exists already; choose another name or remove it')
-    if storage not in _WRITERS:
+    writers = {'mcap': (_write_mcap, 'mcap'), 'sqlite3': (_write_sqlite, 'db3')}
+    if storage not in writers:
         raise ImuAllanError(
-            f'storage {printable(storage)}: not one of {", ".join(_WRITERS)}')
+            f'storage {printable(storage)}: not one of {", ".join(writers)}')
     unfinished = path.with_name(f'.{path.name}.unfinished')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -78,7 +79,7 @@ def write_recording(
             f'{printable(path)}: cannot be created ({error.strerror}: '
             f'{printable(error.filename)}); choose a folder that may be written to') from error
     try:
-        write, suffix = _WRITERS[storage]
+        write, suffix = writers[storage]
         file = unfinished / f'{path.name}_0.{suffix}'
         extent = write(file, blocks, topic, compression)
         (unfinished / 'metadata.yaml').write_text(
@@ -202,7 +203,6 @@ def _write_mcap(
     return extent
 
 
-_WRITERS = {'mcap': (_write_mcap, 'mcap'), 'sqlite3': (_write_sqlite, 'db3')}
 _SQLITE_SCHEMA = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
 CREATE TABLE metadata(

@@ -38,25 +38,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 _HEAD = 3    # bytes before each message: marker and type
-_US = 1000   # ns per microsecond of the log
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
 _BATCH = Vector(('x', 'y', 'z'), scale='scale')
-_SAMPLED = (Stamp('SampleUS', _US), Stamp('TimeUS', _US))
-_BATCHED = (Stamp('time_ns', 1),)
+_SAMPLED = (Stamp('SampleUS', 1000), Stamp('TimeUS', 1000))
 _FIELDS = {
-    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', _US),), what='as logged'),
+    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', 1000),), what='as logged'),
     'GYR': ImuFields(_GYRO, None, _SAMPLED, what='as logged'),
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged'),
-    'ISBD_GYR': ImuFields(_BATCH, None, _BATCHED, what='batches, unrolled'),
-    'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
-_SAMPLE = np.dtype([('time_ns', np.int64), ('scale', np.float64),
-                    *((axis, np.int16) for axis in 'xyz')])
-"""One sample of a batch."""
+    'ISBD_GYR': ImuFields(_BATCH, None, (Stamp('time_ns', 1),), what='batches, unrolled'),
+    'ISBD_ACC': ImuFields(None, _BATCH, (Stamp('time_ns', 1),), what='batches, unrolled')}
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 """Batch topics, indexed by the sensor type in the batch header."""
-_PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
-_ROWS = 1 << 14
-"""Messages gathered at a time."""
 
 _Kind = tuple[NDArray[np.int64], np.dtype[Any]]
 """Offsets of the complete messages of one type, and their layout after the head."""
@@ -88,8 +80,9 @@ class ArduPilotRecording(TableLog):
                     'ArduPilot IMU', fields=thermometer), source))
         unbroken = {topic.name: rates[topic.name] for topic in self.topics
                     if not topic.name.startswith('ISBD')}
-        self.preferred = fastest(unbroken, _PARTNER) or fastest(
-            {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
+        partner = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
+        self.preferred = fastest(unbroken, partner) or fastest(
+            {topic.name: rates[topic.name] for topic in self.topics}, partner)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic and of topics of the same message type."""
@@ -164,6 +157,8 @@ class ArduPilotRecording(TableLog):
             return
         heads = np.concatenate([rows for rows, _ in self._rows(kinds['ISBH'])])
         first = 0
+        sample = np.dtype([('time_ns', np.int64), ('scale', np.float64),
+                           *((axis, np.int16) for axis in 'xyz')])
         for rows, position in self._rows(kinds['ISBD']):
             starts = kinds['ISBD'][0][first:first + len(rows)]
             first += len(rows)
@@ -176,9 +171,9 @@ class ArduPilotRecording(TableLog):
                 own, samples = head[chosen], rows[chosen]
                 place = samples['seqno'][:, np.newaxis] * 32. + np.arange(32)
                 step_ns = 1e9 / own['smp_rate'].astype(np.float64)[:, np.newaxis]
-                times = own['SampleUS'].astype(np.int64)[:, np.newaxis] * _US + np.rint(
+                times = own['SampleUS'].astype(np.int64)[:, np.newaxis] * 1000 + np.rint(
                     np.minimum(place * step_ns, 2.0**62)).astype(np.int64)
-                records = np.empty(times.size, _SAMPLE)
+                records = np.empty(times.size, sample)
                 records['time_ns'] = times.reshape(-1)
                 records['scale'] = np.repeat(1 / own['mul'].astype(np.float64), 32)
                 for axis in 'xyz':
@@ -189,8 +184,9 @@ class ArduPilotRecording(TableLog):
         """Gather messages, some thousand at a time; yield them with the bytes consumed."""
         data = np.memmap(self._stored, np.uint8, 'r')
         places, layout = kind
-        for start in range(0, len(places), _ROWS):
-            starts = places[start:start + _ROWS]
+        at_a_time = 1 << 14
+        for start in range(0, len(places), at_a_time):
+            starts = places[start:start + at_a_time]
             body = data[starts[:, np.newaxis] + np.arange(_HEAD, _HEAD + layout.itemsize)]
             yield body.view(layout)[:, 0], int(starts[-1])
 

@@ -22,11 +22,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 import yaml
 
-_LARGEST_METADATA = 1 << 20
-"""Bytes; 500 topics of two publishers each take 700,000, with their quality of service."""
-_MOST_NODES = 30_000
-"""YAML nodes; a bag split into 3,000 files has 27,000, which take a second or two to parse."""
-
 
 class BagDirectory(Recording):
     """A rosbag2 directory, read with `open_file`; raises ImuAllanError if it has no files."""
@@ -123,11 +118,13 @@ class BagDirectory(Recording):
             if _recorded_files(self.path):
                 self.remark('no_metadata', reason=None)
             return []
+        # 500 topics of two publishers each take 700,000 bytes, with their quality of service.
+        largest = 1 << 20
         try:
             with path.open('rb') as file:
-                text = file.read(_LARGEST_METADATA + 1)
-            if len(text) > _LARGEST_METADATA:
-                raise ValueError(f'it is larger than {_LARGEST_METADATA} bytes')
+                text = file.read(largest + 1)
+            if len(text) > largest:
+                raise ValueError(f'it is larger than {largest} bytes')
             files, self.topics, self.other_topics = _parse(yaml.load(text, _Loader))
             return files
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
@@ -168,8 +165,9 @@ class _Loader(yaml.BaseLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Count the nodes and limit their number."""
         self._nodes += 1
-        if self._nodes > _MOST_NODES:
-            raise ValueError(f'it has more than {_MOST_NODES} entries')
+        # A bag split into 3,000 files has 27,000 nodes, which take a second or two to parse.
+        if self._nodes > 30_000:
+            raise ValueError('it has more than 30000 entries')
         return super().compose_node(parent, index)
 
 

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 LARGEST_CHUNK = 1 << 28
 """Largest size in bytes, compressed or not; recorders write 768 kB by default."""
 _UNWRITTEN = 'what was not yet written is missing'
-_SERIALIZATIONS: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
 
 Decode = Callable[[Iterable[MessageBatch]], list[ImuBlock]]
 
@@ -176,8 +175,9 @@ class ChunkedRecording(FileRecording):
             key = channel.topic, channel.type_name, channel.encoding
             groups.setdefault(key, []).append(number)
         listed: set[str] = set()
+        serializations: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
         for (topic, kind, encoding), numbers in groups.items():
-            serialization = _SERIALIZATIONS.get(encoding)
+            serialization = serializations.get(encoding)
             if serialization is None:
                 self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
                                             else kind or 'no type')

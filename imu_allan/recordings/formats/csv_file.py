@@ -28,7 +28,6 @@ from imu_allan.recordings.formats.csv_header import (
     echoed_imu,
     is_remark,
     is_rest_of_imu,
-    MOST_COMMENTS,
     QUOTES,
     read_header,
     with_units_below,
@@ -41,19 +40,13 @@ from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
-_READ_BYTES = 1 << 20
-"""Bytes read at a time, longer than any line; some 10,000 lines, for fast parsing by numpy."""
-_LONGEST_HEADER = 1 << 20
-"""Bytes, for 30,000 columns with names of 30 characters: all topics of a robot in one export."""
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which to look for decimal commas; the first numbers may all be zero."""
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
-_DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a comma-separated file."""
-_GROUPED = re.compile(r'(\d{1,3})(?:[.,]\d{3})+')
 
 
 class CsvRecording(FileRecording):
@@ -118,14 +111,16 @@ class CsvRecording(FileRecording):
 
     def _lines(self, start: int) -> Iterator[tuple[list[str], int]]:
         """Read complete lines, about 1 MiB at a time, with the number of bytes consumed so far."""
+        # Longer than any line; some 10,000 lines, for fast parsing by numpy.
+        at_a_time = 1 << 20
         with self._stored.open('rb') as file:
             file.seek(start)
-            while data := file.read(_READ_BYTES):
-                last = file.readline(_READ_BYTES + 1)
-                if len(last) > _READ_BYTES:
+            while data := file.read(at_a_time):
+                last = file.readline(at_a_time + 1)
+                if len(last) > at_a_time:
                     raise ImuAllanError(
                         f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
-                        f'than {_READ_BYTES} bytes; not a CSV file of samples')
+                        f'than {at_a_time} bytes; not a CSV file of samples')
                 text = self._with_points((data + last).decode('utf-8', 'replace'))
                 yield text.removesuffix('\n').split('\n'), file.tell()
 
@@ -147,20 +142,24 @@ class CsvRecording(FileRecording):
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
         options = self.options
+        # For 30,000 columns with names of 30 characters: all topics of a robot in one export.
+        longest = 1 << 20
         with self._stored.open('rb') as file:
-            for number in range(1, MOST_COMMENTS + 2):
+            # Up to 100 lines stand before the header line; loggers write about five on the device.
+            for number in range(1, 102):
                 self._data_at, self._first_line = file.tell(), number
-                line = file.readline(_LONGEST_HEADER)
-                if len(line) == _LONGEST_HEADER and not line.endswith(b'\n'):
+                line = file.readline(longest)
+                if len(line) == longest and not line.endswith(b'\n'):
                     raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                         'samples')
                 header = line.decode('utf-8-sig', 'replace')
                 if not is_remark(header, options):
                     break
-            behind, after = file.tell(), file.read(_LOOKED_AT) + file.readline(_LONGEST_HEADER)
+            behind, after = file.tell(), file.read(_LOOKED_AT) + file.readline(longest)
         delimiter, names = cells_of(header)
         text = after.decode('utf-8', 'replace')
-        self._decimal_comma = delimiter != ',' and _DECIMAL_COMMA.search(text) is not None
+        self._decimal_comma = (delimiter != ',' and
+                               re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
@@ -367,11 +366,12 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence
 
 def _refuse_grouped_times(times: Sequence[str]) -> None:
     """Raise an error if times have thousands separators, which would be read as decimal marks."""
+    in_groups = re.compile(r'(\d{1,3})(?:[.,]\d{3})+')
     for before, time in pairwise(times):
         whole = re.fullmatch('[0-9]{1,3}', before)
-        if not (whole or _GROUPED.fullmatch(before)):
+        if not (whole or in_groups.fullmatch(before)):
             return
-        grouped = _GROUPED.fullmatch(time)
+        grouped = in_groups.fullmatch(time)
         # Read as a fraction, it would be smaller than the time before.
         if (whole and grouped and int(re.sub(r'\D', '', time)) > int(before)
                 and int(before) > int(grouped[1]) + 1):

@@ -21,13 +21,8 @@ from imu_allan.sensor.units import convert
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 """A header line that needs no option."""
-MOST_COMMENTS = 100
-"""Lines allowed before the header line; loggers write about five on device and settings."""
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
-_LOOKED_AT = 1 << 14
-"""Characters of a comment to search for axis names; searching a hundred such lines takes
-seconds."""
 
 _SENSORS = {
     'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
@@ -41,10 +36,6 @@ _AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?
          for sensor, words in _SENSORS.items()}
 _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
-_LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
-                 'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
-"""Units that reveal the sensor of a column named only x, y or z. A capital G is not among them,
-as magnetometers use it (gauss)."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -63,11 +54,6 @@ _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 _REST_OF_IMU = re.compile(
     r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
     r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
-_TEMPERATURE = re.compile(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?')
-_COLUMN = re.compile(
-    r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
-_WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
-"""A name and its unit, in a header whose names are separated only by blanks."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +158,8 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     read = {*meanings, *((parts.column, parts.nanoseconds) if parts else ())}
     temperature = next((
         column for column in range(len(cells)) if column not in meanings and (
-            _TEMPERATURE.fullmatch(names[column].lower()) if options.temperature is None
+            re.fullmatch(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?',
+                         names[column].lower()) if options.temperature is None
             else options.temperature in ([str(column + 1)] if headless
                                          else [names[column], bare[column]]))), None)
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
@@ -224,7 +211,8 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
     """Return whether a line is empty or a comment, but not a header that begins like one."""
     if not line.lstrip().startswith(('#', '%', '//')):
         return line.isspace()
-    cells = cells_of(line[:_LOOKED_AT])[1]
+    # Searching a hundred lines of a megabyte for axis names takes seconds.
+    cells = cells_of(line[:1 << 14])[1]
     names = [cell.strip(' "') for cell in cells]
     return not (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
                 or any(_with_name(name, names) for _, text in options.columns
@@ -347,7 +335,10 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
             axis = match['axis'] or match['first'] or 'xyz'[int(match['number'])]
             return f'{sensor}_{axis}'
     letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', lower)
-    sensors = [sensor for sensor, units in _LETTER_UNITS.items() if (unit or '').strip() in units]
+    # A capital G is not among them, as magnetometers use it (gauss).
+    letter_units = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
+                    'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
+    sensors = [sensor for sensor, units in letter_units.items() if (unit or '').strip() in units]
     return f'{sensors[0]}_{letter[1]}' if letter and sensors else None
 
 
@@ -356,7 +347,8 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
     # Column names are shorter. Collapsed blanks and limited length keep the regular expression
     # from excessive backtracking.
     plain = ' '.join(cell.split()) if len(cell) <= 200 else ''
-    match = _COLUMN.fullmatch(plain)
+    match = re.fullmatch(
+        r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?', plain)
     if match is None:
         return '', None
     return match[1].strip().replace(' ', '_'), match[2] if match[2] is not None else match[3]
@@ -484,7 +476,8 @@ def cells_of(header: str) -> tuple[str | None, list[str]]:
         del marks[0]
     if marks:
         return marks[0], plain.split(marks[0])
-    words = _WORD.findall(plain)
+    # names and their units
+    words = re.findall(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?', plain)
     return (None, words) if len(words) > 1 else (',', [plain])
 
 

@@ -24,12 +24,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_LONGEST_LINE = 4096
-"""Bytes, enough for a value, two stamps and a message path. The rest of a longer line is read
-as another line."""
-_BLOCK = 1 << 14
-"""Rows per block, 1 MB: 16 s at 1 kHz."""
-
 
 class FoxgloveCsv(FileRecording):
     """Plot data; raises ImuAllanError if no path is an axis of an IMU."""
@@ -65,8 +59,10 @@ class FoxgloveCsv(FileRecording):
             absent[:, axis // 3] = False
         if merged:
             self.remark('merged_messages', count=merged)
-        for start in range(0, len(receive), _BLOCK):
-            part = slice(start, start + _BLOCK)
+        # 1 MB: 16 s at 1 kHz
+        at_a_time = 1 << 14
+        for start in range(0, len(receive), at_a_time):
+            part = slice(start, start + at_a_time)
             yield (ImuBlock(header[part], receive[part], samples[part], absent[part], ''),
                    self.size_bytes * start // len(receive))
 
@@ -75,9 +71,12 @@ class FoxgloveCsv(FileRecording):
         series: dict[tuple[str, int], list[array[Any]]] = defaultdict(
             lambda: [array('q'), array('q'), array('d')])
         malformed = 0
+        # Enough for a value, two stamps and a message path. The rest of a longer line is read as
+        # another line.
+        longest = 4096
         with self._stored.open('rb') as file:
-            file.readline(_LONGEST_LINE)
-            while line := file.readline(_LONGEST_LINE):
+            file.readline(longest)
+            while line := file.readline(longest):
                 try:
                     _, received, stamped, path, value = line.strip().rsplit(b',', 4)
                     if (place := _place(path)) is not None:

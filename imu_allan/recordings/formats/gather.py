@@ -26,12 +26,8 @@ RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
-_NUMBER_AT = RECORD_HEAD + 2       # after channel
-_LOG_TIME_AT = RECORD_HEAD + 6     # after channel and sequence
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel, which equal records share."""
-_BATCH_BYTES = 1 << 24
-"""Bytes of messages to hold at a time: 20 chunks of rosbag2, as one chunk may be far larger."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
@@ -134,7 +130,9 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
 
     """
     held: list[MessageBatch] = []
-    left = _BATCH_BYTES
+    # 20 chunks of rosbag2, as one chunk may be far larger
+    batch_bytes = 1 << 24
+    left = batch_bytes
     failure: DamagedData | None = None
     try:
         for batch in batches:
@@ -143,7 +141,7 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
             left -= batch.rows.nbytes + 1024
             if left < 0:
                 yield held
-                held, left = [], _BATCH_BYTES
+                held, left = [], batch_bytes
     except DamagedData as error:
         failure = error
     yield held
@@ -235,6 +233,8 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
 
 
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
-    log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
-    number = records[:, _NUMBER_AT:_NUMBER_AT + 4].view('<u4')[:, 0]
+    log_time_at = RECORD_HEAD + 6   # after channel and sequence
+    log_time = records[:, log_time_at:log_time_at + 8].view('<i8')[:, 0]
+    number_at = RECORD_HEAD + 2   # after channel
+    number = records[:, number_at:number_at + 4].view('<u4')[:, 0]
     return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number)

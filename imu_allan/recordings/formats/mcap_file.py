@@ -55,10 +55,6 @@ Gathered = Callable[..., tuple[list[ImuBlock], int]]
 """Takes a buffer and optionally its message index; returns decoded blocks and bytes consumed."""
 
 _FRAME = Struct('<BQ')
-_CHUNK_HEAD = Struct('<QQQII')
-_CHUNK_INDEX_HEAD = Struct('<QQQ')
-_FOOTER_SIZE = _FRAME.size + 20    # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
-_LOOSE = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
 _LARGEST_DESCRIPTION = 1 << 22
@@ -106,15 +102,16 @@ class McapRecording(ChunkedRecording):
         """Read channels, counts and chunk offsets from the summary; return False without one."""
         if file.read(len(MAGIC)) != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
-        footer_at = self.size_bytes - _FOOTER_SIZE - len(MAGIC)
+        footer_size = _FRAME.size + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
+        footer_at = self.size_bytes - footer_size - len(MAGIC)
         if footer_at < len(MAGIC):
             return False
         file.seek(footer_at)
-        tail = file.read(_FOOTER_SIZE + len(MAGIC))
+        tail = file.read(footer_size + len(MAGIC))
         opcode, length = _FRAME.unpack_from(tail)
         if opcode != Opcode.FOOTER or length != 20 or tail[-len(MAGIC):] != MAGIC:
             return False
-        footer = _parsed(Footer.read, tail[_FRAME.size:_FOOTER_SIZE])
+        footer = _parsed(Footer.read, tail[_FRAME.size:footer_size])
         if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
             return False
         # Two million indexes of 100 bytes. A larger summary is not loaded; the file is scanned
@@ -124,9 +121,10 @@ class McapRecording(ChunkedRecording):
         file.seek(footer.summary_start)
         summary = file.read(footer_at - footer.summary_start)
         if footer.summary_crc and footer.summary_crc != crc32(
-                tail[:_FOOTER_SIZE - 4], crc32(summary)):
+                tail[:footer_size - 4], crc32(summary)):
             return False
         at = 0
+        index_head = Struct('<QQQ')
         while len(summary) - at >= _FRAME.size:
             opcode, length = _FRAME.unpack_from(summary, at)
             body = summary[at + _FRAME.size:at + _FRAME.size + length]
@@ -136,10 +134,10 @@ class McapRecording(ChunkedRecording):
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
                     self._counted = bool(self._counts) or statistics.message_count == 0
-            elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
+            elif opcode == Opcode.CHUNK_INDEX and len(body) >= index_head.size:
                 # Only the offset is needed; the library would parse the whole ChunkIndex entry by
                 # entry.
-                *_, chunk_start = _CHUNK_INDEX_HEAD.unpack_from(body)
+                *_, chunk_start = index_head.unpack_from(body)
                 if chunk_start < self.size_bytes:
                     self._chunk_starts.append(chunk_start)
             else:
@@ -177,6 +175,7 @@ class McapRecording(ChunkedRecording):
         """Yield the parts of the data section: chunks, and runs of records outside of chunks."""
         at = len(MAGIC)
         part: Part | None = None
+        loose = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
         while True:
             file.seek(at)
             head = file.read(_FRAME.size)
@@ -197,13 +196,13 @@ class McapRecording(ChunkedRecording):
                 at = start + length
                 continue
             if part is not None and not (
-                    opcode in _LOOSE and not part.is_chunk and part.start + part.length == at):
+                    opcode in loose and not part.is_chunk and part.start + part.length == at):
                 yield part
                 part = None
             if opcode == Opcode.CHUNK:
                 part = Part(start, length, True)
                 damage.chunks += 1
-            elif opcode in _LOOSE:
+            elif opcode in loose:
                 if part is None:
                     part = Part(at, 0, False)
                 part.length = start + length - part.start
@@ -215,11 +214,12 @@ class McapRecording(ChunkedRecording):
 def _chunk(file: BinaryIO, part: Part, gathered: Gathered, limits: ReadingLimits,
            ) -> tuple[list[ImuBlock], int]:
     """Decode a chunk; also return the number of bytes at its end that are not records."""
-    head = file.read(min(_CHUNK_HEAD.size, part.length))
-    if len(head) < _CHUNK_HEAD.size:
+    chunk_head = Struct('<QQQII')
+    head = file.read(min(chunk_head.size, part.length))
+    if len(head) < chunk_head.size:
         raise DamagedData('a chunk record without a header')
-    _, _, size, crc, text = _CHUNK_HEAD.unpack(head)
-    rest = part.length - _CHUNK_HEAD.size
+    _, _, size, crc, text = chunk_head.unpack(head)
+    rest = part.length - chunk_head.size
     if text > min(rest - 8, _LONGEST_NAME):
         raise DamagedData(f'a compression name of {text} bytes')
     compression = file.read(text).decode('utf-8', 'replace')

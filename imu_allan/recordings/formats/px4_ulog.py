@@ -40,12 +40,8 @@ _TYPES = {
     'sensor_combined': 'SensorCombined', 'vehicle_imu': 'VehicleImu',
     'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
     'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
-_PARTNER = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
 _HEAD, _FLAGS = 16, 40
 """Sizes in bytes of the file header (magic, version, time) and of the body of the flags."""
-_MARK = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
-_MESSAGE = Struct('<HBH')
-"""Size, type, and the first two bytes of the body, which in data are the number of the topic."""
 _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
           'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
           'bool': '?', 'char': 'S1'}
@@ -86,7 +82,8 @@ class UlogRecording(TableLog):
             self.add_imu(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
                          'bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
             self.list_own_thermometer(imu)
-        self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, _PARTNER)
+        partner = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
+        self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, partner)
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic and of its other instances."""
@@ -137,15 +134,18 @@ class _LogReader:
     def through(self, data: bytes) -> int:
         """Step through messages; return the offset of the first incomplete one."""
         at, size = 0, len(data)
-        unpack, sizes = _MESSAGE.unpack_from, self._sizes
+        # Size, type, and the first two bytes of the body, which in data are the number of the
+        # topic.
+        unpack, sizes = Struct('<HBH').unpack_from, self._sizes
+        sync = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
         while at + 5 <= size:
             length, kind, number = unpack(data, at)
             after = at + 3 + length
             # Like pyulog, treat a larger message as damage.
             if not 0 < length <= 10_000 or not 65 <= kind <= 90:
-                mark = data.find(_MARK, at + 1)
+                mark = data.find(sync, at + 1)
                 # Keep the end of the data, where a mark may begin.
-                behind = mark if mark >= 0 else max(at + 1, size - len(_MARK) + 1)
+                behind = mark if mark >= 0 else max(at + 1, size - len(sync) + 1)
                 self.damaged += behind - at
                 at = behind
                 continue

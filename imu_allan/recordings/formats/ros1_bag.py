@@ -42,8 +42,6 @@ _MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 
 """Record types, the values of the field `op`."""
 _LARGEST_DEFINITION = 1 << 22
 """Bytes; as for MCAP, far more than any definition has."""
-_MOST_CONNECTIONS = 1 << 16
-"""Each publisher of each topic has one; a hostile bag may have one every 50 bytes."""
 
 _Fields = dict[str, bytes]
 
@@ -106,6 +104,8 @@ class Ros1Recording(ChunkedRecording):
 
     def _describe(self, fields: _Fields, data: bytes) -> int | None:
         """Store a connection record; return its number if it is new."""
+        # Each publisher of each topic has one; a hostile bag may have one every 50 bytes.
+        most = 1 << 16
         with suppress(DamagedData):
             number = _number(fields, 'conn', 4)
             if number in self._channels:
@@ -113,8 +113,8 @@ class Ros1Recording(ChunkedRecording):
             topic = _text(fields, 'topic')
             if not self.reserve_bytes(len(topic) + len(data)):
                 return None
-            if len(self._channels) == _MOST_CONNECTIONS:
-                self.remark('many_topics', what='connections', listed=_MOST_CONNECTIONS)
+            if len(self._channels) == most:
+                self.remark('many_topics', what='connections', listed=most)
                 return None
             described = _fields_of(data)
             text = described.get('message_definition', b'').decode('utf-8', 'replace')

@@ -19,8 +19,6 @@ from imu_allan.wording import duration, NO_TOPIC, SENSORS
 
 _REPORTED = 2
 """Number of unreadable files whose reason is reported."""
-_BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
-"""Names in lower case, best first. Sensor Logger removes gravity from its Accelerometer."""
 
 
 def tables_in(folder: Path) -> list[Path]:
@@ -52,7 +50,9 @@ class TableFolder(Recording):
             raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
                                 f'together: {self._why_no_imu(halves, whole)}')
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
-        gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
+        # In lower case, best first. Sensor Logger removes gravity from its Accelerometer.
+        preferred = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
+        gyro, accel = (_best(names, preferred[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:
             self.reason_not_paired = self._why_not_paired(gyro, accel)
             if not self.reason_not_paired:

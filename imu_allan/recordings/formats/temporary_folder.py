@@ -9,7 +9,6 @@ import tempfile
 
 from imu_allan.errors import ImuAllanError, printable
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 RESERVED_DISK_BYTES = 1 << 28
 """Bytes on the disk of the temporary folder that are always left free."""
 
@@ -37,7 +36,7 @@ def remove_folder(folder: Path) -> None:
 def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
     """Return the error to report; lack of disk space concerns the temporary copy."""
     reason = error.strerror or printable(error)
-    if error.errno in _NO_ROOM:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return ImuAllanError(f'{printable(recording)}: cannot be unpacked or copied to '
                              f'{printable(tempfile.gettempdir())} ({reason}); name a larger '
                              'folder with TMPDIR, or raise the limit (ulimit -f)')

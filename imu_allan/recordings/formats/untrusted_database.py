@@ -21,16 +21,6 @@ from imu_allan.errors import printable, shorten
 
 LONGEST_VALUE = 1 << 20
 """Bytes of a text or blob. An Imu has 324 plus its frame_id; definitions are the longest."""
-_LIMITS = {
-    'SQLITE_LIMIT_LENGTH': LONGEST_VALUE,
-    'SQLITE_LIMIT_SQL_LENGTH': 100_000,     # rosbag2's longest statement has 200
-    'SQLITE_LIMIT_COLUMN': 100,             # rosbag2's widest table has 6
-    'SQLITE_LIMIT_EXPR_DEPTH': 50,          # our own deepest expression has 5
-    'SQLITE_LIMIT_COMPOUND_SELECT': 3,
-    'SQLITE_LIMIT_VDBE_OP': 25_000,
-    'SQLITE_LIMIT_FUNCTION_ARG': 8,
-    'SQLITE_LIMIT_ATTACHED': 0,
-}
 _STEPS_AT_A_TIME = 1000
 """Steps between two calls of the progress handler, so that its cost is negligible. This is also
 the resolution of the budget."""
@@ -64,12 +54,22 @@ def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *
     goes.
     """
     database = sqlite3.connect(f'{path.absolute().as_uri()}?{mode}', uri=True)
+    limits = {
+        'SQLITE_LIMIT_LENGTH': LONGEST_VALUE,
+        'SQLITE_LIMIT_SQL_LENGTH': 100_000,     # rosbag2's longest statement has 200
+        'SQLITE_LIMIT_COLUMN': 100,             # rosbag2's widest table has 6
+        'SQLITE_LIMIT_EXPR_DEPTH': 50,          # our own deepest expression has 5
+        'SQLITE_LIMIT_COMPOUND_SELECT': 3,
+        'SQLITE_LIMIT_VDBE_OP': 25_000,
+        'SQLITE_LIMIT_FUNCTION_ARG': 8,
+        'SQLITE_LIMIT_ATTACHED': 0,
+    }
     try:
         database.text_factory = lambda data: data.decode('utf-8', 'replace')
         database.execute('PRAGMA trusted_schema = OFF')
         database.execute('PRAGMA cell_size_check = ON')
         if hasattr(database, 'setlimit'):
-            for name, limit in _LIMITS.items():
+            for name, limit in limits.items():
                 database.setlimit(getattr(sqlite3, name), limit)
         else:
             # Python before 3.11 cannot limit a single value, only the total memory.

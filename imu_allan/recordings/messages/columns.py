@@ -18,8 +18,6 @@ from imu_allan.recordings.messages.layouts import joint_field, OnMalformed, Plac
 import numpy as np
 from numpy.typing import NDArray
 
-_NANOSECONDS = 1_000_000_000  # in a second
-
 Columns = dict[str, NDArray[Any]]
 """For each sample: 'stamps' (one per column), 'receive_ns', 'samples', 'absent' and, for
 bursts, 'message', the index of its message."""
@@ -144,10 +142,10 @@ def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
         seconds, nanoseconds = stamp.paths
         times: NDArray[np.int64] = messages[seconds].astype(np.int64)
         parts = messages[nanoseconds].astype(np.int64)
-        times *= _NANOSECONDS
+        times *= 1_000_000_000
         times += parts
         # Negative values are large as unsigned numbers, so one comparison checks both bounds.
-        beyond = parts.view(np.uint64) >= _NANOSECONDS
+        beyond = parts.view(np.uint64) >= 1_000_000_000
         if beyond.any():
             times[beyond] = -1
         return times

@@ -28,8 +28,6 @@ from imu_allan.recordings.messages.layouts import OnMalformed, RecordLayout, Rec
 import numpy as np
 from numpy.typing import NDArray
 
-_NANOSECONDS = 1_000_000_000  # in a second
-
 
 class Decoder(Protocol):
     """Callable that decodes messages of a topic to blocks; use a new one for each reading."""
@@ -200,12 +198,12 @@ class FieldsDecoder:
                     steps = np.diff(clock)
                     self._step_ns = float(np.median(steps)) if len(steps) else 0.0
                 samples[:, first:first + 3] *= (
-                    _NANOSECONDS / self._step_ns if self._step_ns > 0 else np.nan)
+                    1_000_000_000 / self._step_ns if self._step_ns > 0 else np.nan)
 
 
 def _advances(times: NDArray[np.int64]) -> bool:
     """Return whether stamps are valid and at least half of them are distinct."""
     valid = bool((times > 0).all())
     if len(times) == 1:
-        return valid and bool(times[0] % _NANOSECONDS)
+        return valid and bool(times[0] % 1_000_000_000)
     return valid and 2 * len(np.unique(times)) >= len(times)

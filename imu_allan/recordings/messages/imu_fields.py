@@ -13,8 +13,6 @@ import re
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.definitions import Field, Types
 
-_MOST_IMUS = 16
-"""Most IMUs to look for in one message."""
 _MOST_VISITED = 1000
 """Most nested messages to search; the state message of a robot has some fifty."""
 _TIME = ('sec', 'nanosec')
@@ -194,29 +192,28 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
     temperature = next((f'{path}{name}'
                         for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
                         if name in fields and _is_number(fields[name])), temperature)
-    if all(_is_vector(types, fields.get(name)) for name in _HALVES):
+    halves = ('angular_velocity', 'linear_acceleration')
+    if all(_is_vector(types, fields.get(name)) for name in halves):
         gyro, accel = (Vector(
             _components(f'{path}{name}'),
             covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
-                fields.get(f'{name}_covariance')) else None)) for name in _HALVES)
+                fields.get(f'{name}_covariance')) else None)) for name in halves)
         what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
         found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=temperature))
         return
     # Real messages are not nested this deep; a hostile definition may be nested endlessly.
     if depth == 8:
         return
+    most_imus = 16
     for field in fields.values():
         if not field.is_message or field.count == 0:
             continue
         names = [field.name] if field.count is None else [
-            f'{field.name}[{number}]' for number in range(min(field.count, _MOST_IMUS))]
+            f'{field.name}[{number}]' for number in range(min(field.count, most_imus))]
         for name in names:
-            if len(found) < _MOST_IMUS:
+            if len(found) < most_imus:
                 _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found,
                         depth + 1, visits, temperature)
-
-
-_HALVES = ('angular_velocity', 'linear_acceleration')
 
 
 def _components(path: str) -> tuple[str, str, str]:

@@ -35,13 +35,6 @@ IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
 """Type names in ROS 2 and ROS 1."""
 
 TEMPERATURE_TYPES = frozenset({'sensor_msgs/msg/Temperature', 'sensor_msgs/Temperature'})
-_OF_ROS = frozenset({
-    'action_msgs', 'actionlib_msgs', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
-    'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
-    'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
-    'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
-"""Packages of ROS itself; none of their types, other than Imu, holds IMU samples."""
-_DURATIONS_NS = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
 
 
 class NotRead(ImuAllanError):
@@ -50,7 +43,13 @@ class NotRead(ImuAllanError):
 
 def may_hold_imu(type_name: str) -> bool:
     """Return whether messages of a type might hold IMU samples, judged by its name."""
-    return type_name.partition('/')[0] not in _OF_ROS
+    # None of the types of ROS itself, other than Imu, holds IMU samples.
+    of_ros = frozenset({
+        'action_msgs', 'actionlib_msgs', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
+        'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
+        'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
+        'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
+    return type_name.partition('/')[0] not in of_ros
 
 
 def is_parsed(topic: str, type_name: str, definition: Definition, options: RecordingOptions
@@ -304,8 +303,9 @@ def _stamp(types: Types, kind: str, text: str) -> Stamp:
         if nested == {'sec', 'nanosec'}:
             return Stamp(path)
         raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
+    durations_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
     if field.kind == 'string' or field.count is not None or (
-            unit.strip() not in _DURATIONS_NS):
+            unit.strip() not in durations_ns):
         raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
                             'ns), or a field with seconds and nanoseconds')
-    return Stamp(path, _DURATIONS_NS[unit.strip()])
+    return Stamp(path, durations_ns[unit.strip()])

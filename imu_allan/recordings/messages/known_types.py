@@ -11,8 +11,6 @@ from collections.abc import Mapping
 
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 
-_US = 1000  # nanoseconds per microsecond, the unit of PX4 and SBG
-
 
 def _xyz(name: str, factor: float = 1.0, per: str | None = None) -> Vector:
     return Vector((f'{name}.x', f'{name}.y', f'{name}.z'), factor, per=per)
@@ -24,31 +22,24 @@ def _elements(name: str, per: str | None = None) -> Vector:
 
 _HEADER = (Stamp('header.stamp'),)
 _FRAME = 'header.frame_id'
-_PX4 = (Stamp('timestamp', _US),)
-_PX4_SAMPLE = (Stamp('timestamp_sample', _US), *_PX4)
-_PX4_XYZ = Vector(('x', 'y', 'z'))
+_PX4_SAMPLE = (Stamp('timestamp_sample', 1000), Stamp('timestamp', 1000))
 _PX4_FIFO = Vector(('x', 'y', 'z'), scale='scale')
-_PX4_BURST = Burst('samples', 'dt')
-_UNITREE = ImuFields(
-    _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))
-
-# analogdevicesinc/imu_ros2: increments over one sample; no field holds the interval.
-_ADI = ImuFields(_xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
-                 temperature='temperature')
 
 KNOWN: Mapping[str, ImuFields] = {
     # PX4/px4_msgs: no header, microseconds since the autopilot was switched on.
     'px4_msgs/msg/SensorCombined': ImuFields(
-        _elements('gyro_rad'), _elements('accelerometer_m_s2'), _PX4),
+        _elements('gyro_rad'), _elements('accelerometer_m_s2'), (Stamp('timestamp', 1000),)),
     'px4_msgs/msg/VehicleImu': ImuFields(
         _elements('delta_angle', per='delta_angle_dt'),
         _elements('delta_velocity', per='delta_velocity_dt'), _PX4_SAMPLE),
     'px4_msgs/msg/SensorGyro': ImuFields(
-        _PX4_XYZ, None, _PX4_SAMPLE, temperature='temperature'),
+        Vector(('x', 'y', 'z')), None, _PX4_SAMPLE, temperature='temperature'),
     'px4_msgs/msg/SensorAccel': ImuFields(
-        None, _PX4_XYZ, _PX4_SAMPLE, temperature='temperature'),
-    'px4_msgs/msg/SensorGyroFifo': ImuFields(_PX4_FIFO, None, _PX4_SAMPLE, burst=_PX4_BURST),
-    'px4_msgs/msg/SensorAccelFifo': ImuFields(None, _PX4_FIFO, _PX4_SAMPLE, burst=_PX4_BURST),
+        None, Vector(('x', 'y', 'z')), _PX4_SAMPLE, temperature='temperature'),
+    'px4_msgs/msg/SensorGyroFifo': ImuFields(
+        _PX4_FIFO, None, _PX4_SAMPLE, burst=Burst('samples', 'dt')),
+    'px4_msgs/msg/SensorAccelFifo': ImuFields(
+        None, _PX4_FIFO, _PX4_SAMPLE, burst=Burst('samples', 'dt')),
     # dawonn/vectornav: the "uncomp" fields are from before the factory calibration.
     'vectornav_msgs/msg/ImuGroup': ImuFields(
         _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME, temperature='temp'),
@@ -57,17 +48,19 @@ KNOWN: Mapping[str, ImuFields] = {
     # SBG-Systems/sbg_ros2_driver: time_stamp is 32 bits of microseconds and wraps around every 71
     # minutes, so the header comes first.
     'sbg_driver/msg/SbgImuData': ImuFields(
-        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME,
+        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', 1000)), _FRAME,
         temperature='temp'),
     # sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s.
     'sbg_driver/msg/SbgImuShort': ImuFields(
         _xyz('delta_angle', 1 / 67108864), _xyz('delta_velocity', 1 / 1048576),
-        (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
+        (*_HEADER, Stamp('time_stamp', 1000)), _FRAME),
     # unitreerobotics/unitree_ros2: no stamp; the receive time is used.
-    'unitree_go/msg/LowState': _UNITREE,
-    'unitree_hg/msg/LowState': _UNITREE,
-    'adi_imu/msg/VelAngTempData': _ADI,
-    'imu_ros2/msg/VelAngTempData': _ADI,
+    **dict.fromkeys(('unitree_go/msg/LowState', 'unitree_hg/msg/LowState'), ImuFields(
+        _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))),
+    # analogdevicesinc/imu_ros2: increments over one sample; no field holds the interval.
+    **dict.fromkeys(('adi_imu/msg/VelAngTempData', 'imu_ros2/msg/VelAngTempData'), ImuFields(
+        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
+        temperature='temperature')),
     # LeoRover/leo_msgs
     'leo_msgs/msg/Imu': ImuFields(
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),

@@ -27,15 +27,6 @@ from numpy.typing import NDArray
 OnMalformed = Callable[[int, MalformedImu], None]
 Spans = tuple[tuple[int, int], ...]
 
-_REMEMBERED = 64
-"""Most message sizes, and most layouts of each size, to remember."""
-_WINDOW = 256
-"""Messages to compare at a time if there are many layouts."""
-_DEEPEST = 32
-"""Deepest nesting of messages; those of ROS reach four levels."""
-_MOST_STEPS = 20_000
-"""Most fields and elements in a traversal; messages of a humanoid robot have a thousand."""
-
 
 @dataclass(frozen=True)
 class Place:
@@ -104,8 +95,9 @@ class MessageLayout:
         self.keys = [key for key in self.keys if key[0] < end]
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:
-        if depth > _DEEPEST:
-            raise MalformedImu(f'messages within messages, more than {_DEEPEST} deep')
+        # Messages of ROS reach four levels.
+        if depth > 32:
+            raise MalformedImu('messages within messages, more than 32 deep')
         if type_name not in self._types:
             raise MalformedImu(f'type {type_name} is not defined')
         fields = self._types[type_name]
@@ -143,8 +135,9 @@ class MessageLayout:
 
     def _step(self) -> None:
         self._steps += 1
-        if self._steps > _MOST_STEPS:
-            raise MalformedImu(f'more than {_MOST_STEPS} fields')
+        # Messages of a humanoid robot have a thousand fields and elements.
+        if self._steps > 20_000:
+            raise MalformedImu('more than 20000 fields')
 
     def _length(self) -> int:
         start = self._pass_over(4, 4)
@@ -208,9 +201,10 @@ class RecordLayouts:
         parsed = MessageLayout(
             self._types, self._type_name, message, self._serialization, self._wanted)
         layout = self._described(parsed, len(message))
-        if len(self._known) < _REMEMBERED:
+        most = 64   # sizes to remember, and layouts of each size
+        if len(self._known) < most:
             known = self._known.setdefault(len(message), [])
-            if len(known) < _REMEMBERED:
+            if len(known) < most:
                 known.append((_key(message, layout), layout))
         return layout
 
@@ -219,6 +213,8 @@ class RecordLayouts:
         """Group rows, messages of equal size, by layout."""
         found: list[tuple[NDArray[np.intp], RecordLayout]] = []
         left = np.arange(len(rows))
+        # With many layouts, compare only some messages at a time.
+        at_a_time = 256
         while len(left):
             first = rows[left[0]]
             try:
@@ -236,10 +232,10 @@ class RecordLayouts:
             found.append((left[like], layout))
             left = left[~like]
             # If this layout covers less than a sixteenth of the rest, there may be many of them.
-            if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // 16:
+            if len(rows) > at_a_time and np.count_nonzero(like) < len(left) // 16:
                 # Comparing each of many with all other messages would take quadratic time.
-                for start in range(0, len(left), _WINDOW):
-                    part = left[start:start + _WINDOW]
+                for start in range(0, len(left), at_a_time):
+                    part = left[start:start + at_a_time]
                     found += [(part[chosen], layout) for chosen, layout in self.groups(
                         rows[part], on_malformed)]
                 break
