@@ -25,8 +25,6 @@ import numpy as np
 
 FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
-_FEWEST_POLLED = 0.03
-"""Smallest share of repeats that matters: it changes N by 1 %."""
 
 SPARSE = 16
 """One in this many samples enters the mean acceleration, which needs no more."""
@@ -202,7 +200,8 @@ def _come_evenly(again: Bools) -> bool:
     samples at random, the positions drift: by 1.5 messages for 32 repeats, the fewest considered.
     """
     new = np.flatnonzero(~again)
-    if len(again) - len(new) < max(32, _FEWEST_POLLED * len(again)) or len(new) < 64:
+    # Repeats matter from a share of 0.03, which changes N by 1 %.
+    if len(again) - len(new) < max(32, 0.03 * len(again)) or len(new) < 64:
         return False
     number = np.arange(len(new)) - (len(new) - 1) / 2
     residual = new - new.mean() - (number @ new) / (number @ number) * number

@@ -20,9 +20,6 @@ Bools = NDArray[np.bool_]
 Stamps = Ints
 
 SECOND = 1_000_000_000  # nanoseconds, the unit of all stamps
-LOOK_AHEAD = 64
-"""Number of later messages that must be seen before a message is accepted or rejected."""
-
 _JUMP_MESSAGES = 16
 """If this many messages in a row stay behind, the clock jumped back; fewer are only reordered."""
 

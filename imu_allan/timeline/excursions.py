@@ -8,12 +8,6 @@ from imu_allan.state import Record
 from imu_allan.timeline.clock import Floats
 import numpy as np
 
-BLOCK = 8
-"""Windows of half a second whose means are averaged into a block: a slow turn lasts longer."""
-_LEAST = [0.004] * 3 + [0.04] * 3
-"""Least size in rad/s and m/s^2: no bias moves this far and back within two minutes. Chosen by
-judgment."""
-
 
 @dataclass
 class Excursions(Record):
@@ -56,30 +50,34 @@ class Excursions(Record):
 
         """
         first = 0
+        in_block = 8   # windows of half a second: a slow turn lasts longer
         while first < len(means):
-            last = min(first + BLOCK - self.windows, len(means))
+            last = min(first + in_block - self.windows, len(means))
             self.sums = list(map(float.__add__, self.sums, means[first:last].sum(axis=0).tolist()))
             self.windows += last - first
             first = last
-            if self.windows == BLOCK:
-                begins = start_s + (last - BLOCK) * window_s
-                self.blocks.append([begins, *(total / BLOCK for total in self.sums)])
+            if self.windows == in_block:
+                begins = start_s + (last - in_block) * window_s
+                self.blocks.append([begins, *(total / in_block for total in self.sums)])
                 self.sums, self.windows = [0.0] * 6, 0
                 # A mean that takes more than 32 blocks, two minutes, to come back is drift.
                 del self.blocks[:-32]
-                self._look(BLOCK * window_s)
+                self._look(in_block * window_s)
 
     def _look(self, block_s: float) -> None:
         """Record an excursion if the newest block is back from one."""
         table = np.array(self.blocks)
         level = table[:, 1:]
+        # In rad/s and m/s^2: no bias moves this far and back within two minutes. Chosen by
+        # judgment.
+        least = [0.004] * 3 + [0.04] * 3
         # Less than half a minute does not show the usual change.
-        if len(level) < 8 or (np.ptp(level, axis=0) <= _LEAST).all():
+        if len(level) < 8 or (np.ptp(level, axis=0) <= least).all():
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
         # A random walk does not jump by 14 times its usual change.
-        far = np.abs(size) > np.maximum(_LEAST, 14.0 * usual)
+        far = np.abs(size) > np.maximum(least, 14.0 * usual)
         for axis in np.flatnonzero(far.any(axis=0)).tolist():
             away = np.flatnonzero(far[:, axis])
             peak = float(size[away[np.argmax(np.abs(size[away, axis]))], axis])

@@ -14,8 +14,6 @@ LARGEST = 1e9
 """Larger values, in SI units, are corrupt data, as no IMU measures them."""
 _BLOCK = 64
 """Samples per transform: drift stays out of its upper half, where neighbours are compared."""
-_ALTERNATING = 3.0
-"""Least power at half the rate relative to its neighbours; by chance it is 1.5 at most."""
 _ALTERNATING_AXES = 3
 """Axes that must alternate: two sensors differ in most axes, while mains hum at half the sample
 rate shows in one or two."""
@@ -23,8 +21,6 @@ _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, while a vibration persists."""
 _SPIKE_SIGMAS = 10.0
 """Threshold in standard deviations of the noise, which the finding quotes. Chosen by judgment."""
-_ISOLATED = 3
-"""Within this distance, in samples, two outliers may be errors, while three are a knock."""
 
 
 def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
@@ -76,16 +72,17 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     turns = transform[:, -1].real
     scatter = np.mean(turns ** 2, axis=0)
     level = np.median(power[_BLOCK // 4:-2], axis=0)
+    threshold = 3.0   # by chance the ratio to the neighbours is 1.5 at most
     # The alternating parts of successive blocks correlate: by 1 for a line, less if occasional
     # gaps swap the two sensors, and not at all for a rising spectrum.
     line = ((np.mean(turns[1:] * turns[:-1], axis=0) > 0.5 * scatter)
-            & (power[-1] > _ALTERNATING * level))
+            & (power[-1] > threshold * level))
     # Without such gaps, all blocks together show a weak line at five standard errors: in 4,096
     # messages, means 0.16 standard deviations apart.
     line |= len(turns) * turns.mean(axis=0) ** 2 > 25.0 * np.maximum(turns.var(axis=0), level)
     # A vibration at a quarter of the rate has an alternating magnitude.
     quarter = power[_BLOCK // 4 - 1:_BLOCK // 4 + 2].max(axis=0)
-    return line & own, own & (quarter <= _ALTERNATING * level)
+    return line & own, own & (quarter <= threshold * level)
 
 
 def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
@@ -255,7 +252,8 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     sigma = np.maximum(sigma, 1e-12 * np.abs(known).max(axis=0))
     found: Bools = np.any(np.abs(known - median) > _SPIKE_SIGMAS * sigma, axis=1)[-len(samples):]
     at = np.flatnonzero(found)
-    beside = at[:, None] + np.arange(-_ISOLATED, _ISOLATED + 1)
+    reach = 3   # within this distance two outliers may be errors, while three are a knock
+    beside = at[:, None] + np.arange(-reach, reach + 1)
     inside = (beside >= 0) & (beside < len(samples))
     beside = np.where(inside, beside, 0)
     others = (inside & ~found[beside])[:, :, None]

@@ -27,12 +27,8 @@ import numpy as np
 EVEN_JITTER = 0.25
 """Steps this close to a whole number of intervals need no further analysis."""
 
-_FEW = 5
-"""Messages whose median gives the level at either end, as one or two of them may be late."""
 RATE_BLOCK = 64
 """Messages from which one rate is measured."""
-_RATE_NEAR = 256
-"""Messages on each side among which a change of rate is located."""
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
@@ -83,11 +79,12 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     centres = np.minimum(np.arange(len(turn)) * PHASE_GROUP + PHASE_GROUP / 2, len(phase))
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
-    before = _level(raw[:_FEW]) if new_run else 0
+    few = 5   # messages that give the level at either end, as one or two may be late
+    before = _level(raw[:few]) if new_run else 0
     if new_run and raw[0] < before - 1:
         # Stamps may be late but never early, so the first message lies before a gap.
         before = int(raw[0])
-    padded = np.concatenate([[before], raw, [_level(raw[-_FEW:])]])
+    padded = np.concatenate([[before], raw, [_level(raw[-few:])]])
     # The median removes single strays; the minimum removes lateness, which recovers later.
     smooth = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0).astype(np.int64)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
@@ -218,9 +215,10 @@ def _on_rate(places: Floats, counting: bool) -> bool:
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:
     """Locate the message near number `near` at which the rate changes."""
-    first, last = max(near - _RATE_NEAR, 0), min(near + _RATE_NEAR, len(places) - 1)
+    reach = 256   # messages on each side
+    first, last = max(near - reach, 0), min(near + reach, len(places) - 1)
     steps = np.diff(places[first:last + 1])
-    other = float(np.median(steps[-_RATE_NEAR // 2:] if to_other else steps[:_RATE_NEAR // 2]))
+    other = float(np.median(steps[-reach // 2:] if to_other else steps[:reach // 2]))
     worse = np.minimum(np.abs(steps - 1), 1) - np.minimum(np.abs(steps - other), 1)
     total = np.cumsum(worse if to_other else -worse)
     return first + 1 + int(np.argmin(total))

@@ -43,8 +43,6 @@ import numpy as np
 
 _OTHER_GRID = 0.01
 """Intervals that differ by a larger share are not one grid by two clocks. Chosen by judgment."""
-_FARTHEST_NS = 2**61
-"""Stamps are clipped to this magnitude, so that their differences do not overflow."""
 _FEWEST_FOR_RATE = 64
 """Fewest stamps that give the rate well enough to contradict the stated one."""
 
@@ -107,8 +105,9 @@ class Intake(Record):
 
         The clock is chosen from the first messages, and replaced if it becomes unusable.
         """
-        window = replace(window, header_ns=np.clip(window.header_ns, -_FARTHEST_NS, _FARTHEST_NS),
-                         receive_ns=np.clip(window.receive_ns, -_FARTHEST_NS, _FARTHEST_NS))
+        farthest_ns = 2**61   # differences of clipped stamps do not overflow
+        window = replace(window, header_ns=np.clip(window.header_ns, -farthest_ns, farthest_ns),
+                         receive_ns=np.clip(window.receive_ns, -farthest_ns, farthest_ns))
         decision, c = self.decision, window.consumed
         repeats = self.content.look(window.samples, c)
         if decision.clock is None:

@@ -10,8 +10,6 @@ from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
 import numpy as np
 from numpy.typing import NDArray
 
-NONE_VOID: Bools = np.empty(0, dtype=bool)
-
 
 @dataclass(frozen=True)
 class Window(ImuBlock):

@@ -18,13 +18,9 @@ from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
-START_WINDOWS = 128
-"""Windows held back at the start, the quieter of which make the first baseline."""
 LISTED_SPANS = 1000
 """Most spans that are listed individually."""
 
-_MARGIN = 2
-"""Windows cut on each side of one in motion: one second, to settle. Chosen by judgment."""
 _LATELY_S = 5.0
 """Motion is reported for this long, so that "moving" does not flicker as somebody walks by."""
 
@@ -192,10 +188,12 @@ class MotionDetector(Record):
         return self._decide(final=True)
 
     def _decide(self, final: bool) -> list[EvenBlock]:
+        # Windows held back, the quieter of which make the first baseline.
+        at_start = 128
         if self._level is None:
             windows = sum(segment.held // self._windows.size for segment in self.held)
             rows = sum(segment.held for segment in self.held)
-            if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._windows.size
+            if (windows < at_start and rows < 2 * at_start * self._windows.size
                     and not final):
                 return []
         for segment in self.held:
@@ -263,12 +261,13 @@ class MotionDetector(Record):
         """Return the rows at rest of the windows whose margin is known."""
         size = self._windows.size
         judged = segment.base + len(segment.moving)
-        upto = judged if segment.closed else judged - _MARGIN
+        margin = 2   # windows, or one second, to settle; chosen by judgment
+        upto = judged if segment.closed else judged - margin
         count = upto - segment.given
         if count <= 0:
             return []
         context = segment.given - segment.base
-        near = np.convolve(segment.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
+        near = np.convolve(segment.moving, np.ones(2 * margin + 1), 'full')[margin:]
         cut = near[context:context + count] > 0.5
         edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
         rows = segment.joined()
@@ -299,7 +298,7 @@ class MotionDetector(Record):
         segment.held -= length
         segment.given = upto
         # The next windows are compared with those that are kept here.
-        drop = max(upto - _MARGIN - self._windows.farthest - 1 - segment.base, 0)
+        drop = max(upto - margin - self._windows.farthest - 1 - segment.base, 0)
         segment.base += drop
         segment.means = segment.means[drop:]
         segment.loudness = segment.loudness[drop:]

@@ -29,8 +29,6 @@ FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 
 _FEW_LOSSES = 8
 """Fewer losses change the rate by no more than its error."""
-_FEW_SLIPS = 4
-"""With fewer irregularities, from other losses or lateness, messages are dropped in turn."""
 _STRAIGHT = 0.75
 """Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
@@ -235,8 +233,10 @@ def _is_beat(time: Floats, grid: Pace) -> bool:
     if np.ptp(residual) > 1.2:
         return False
     apart = np.diff(long)
-    return int(np.count_nonzero(apart != np.median(apart))) >= _FEW_SLIPS and all(
-        int(np.count_nonzero(steps[turn:] != steps[:-turn])) >= _FEW_SLIPS
+    # With fewer irregularities, from other losses or lateness, messages are dropped in turn.
+    few_slips = 4
+    return int(np.count_nonzero(apart != np.median(apart))) >= few_slips and all(
+        int(np.count_nonzero(steps[turn:] != steps[:-turn])) >= few_slips
         for turn in range(2, 13))
 
 

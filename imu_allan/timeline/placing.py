@@ -46,8 +46,6 @@ _LATELY = 128
 """Latest messages, from which lateness and jitter are measured: some seconds at common rates."""
 _FOLLOWED = 0.01
 """A larger change of the interval within a window is another rate, not drift."""
-_MOST_LOST = 64
-"""Most messages lost within a batch: if more are lost, time passes between two stamps."""
 
 
 class Placing(Record):
@@ -254,12 +252,14 @@ class Placing(Record):
         passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
                          else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
         leaps = (lost > sqrt(12) * decision.pace.spread) & (passed < 0.5 * lost)
+        # If more are lost, time passes between two stamps.
+        most_lost = 64
         for at in np.flatnonzero(leaps).tolist():
             # In a batch, the time of lost messages passes only before the next batches.
-            ahead = np.cumsum(1 + lost - passed)[max(at - _MOST_LOST, 0):at + _MOST_LOST]
-            before = min(at, _MOST_LOST)
+            ahead = np.cumsum(1 + lost - passed)[max(at - most_lost, 0):at + most_lost]
+            before = min(at, most_lost)
             usual = float(np.mean(ahead[:before])) if before else 0.0
-            if lost[at] >= _MOST_LOST or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
+            if lost[at] >= most_lost or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
                 lost[at] = 0
         return lost
 

@@ -19,13 +19,6 @@ from imu_allan.timeline.clock import Bools, Floats, Ints
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
-_FEWEST_WINDOWS = 8
-"""Fewest windows from which the spread of loudness is measured."""
-_REST_WINDOWS = 6
-"""Quiet windows in a row that are rest: between two bumps of a road there are fewer."""
-_QUIET_PERCENT = 12.5
-"""The quietest windows are taken for rest: with less rest than that, motion enters the
-baseline."""
 _SIGMAS = 8.0
 """Far beyond chance: a lower threshold would cut out noise that is not quite normal. Chosen by
 judgment."""
@@ -133,7 +126,8 @@ class RestLevel(Record):
         resolution = np.min([resolution_of(segment.joined()[:8 * 1024]) for segment in full[:4]],
                             axis=0)
         still = ~np.concatenate([windows.implausible(segment, 0) for segment in full])
-        if np.count_nonzero(still) < _FEWEST_WINDOWS:
+        fewest = 8   # windows from which the spread of loudness is measured
+        if np.count_nonzero(still) < fewest:
             still[:] = True
         loudness, wander = loudness[still], wander[still]
         # The quietest eighth of fewer is less than four windows, too few to give a spread.
@@ -146,10 +140,10 @@ class RestLevel(Record):
             centre = np.median(loudness[quieter], axis=0)
             # The cube root of a variance of 25 samples has a relative error of sqrt(2 / 25) / 3.
             baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
-            if len(loudness) < _FEWEST_WINDOWS:
+            if len(loudness) < fewest:
                 return cls(baseline)
             rest = np.all(loudness <= baseline.loudest(), axis=1)
-            if np.count_nonzero(rest) >= _FEWEST_WINDOWS:
+            if np.count_nonzero(rest) >= fewest:
                 found = baseline_of(loudness[rest], wander[rest], resolution)
                 baseline = replace(baseline, wander=found.wander)
         past = np.hstack([loudness, wander])[rest]
@@ -212,10 +206,11 @@ class RestLevel(Record):
         judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
         quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest(), axis=1)
+        in_a_row = 6   # quiet windows that are rest: between two bumps of a road there are fewer
         for at in range(first, last):
             self.quieter = self.quieter + 1 if quieter[at - first] else 0
-            if self.quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
-                return at + 1 - _REST_WINDOWS
+            if self.quieter == in_a_row and at + 1 >= in_a_row:
+                return at + 1 - in_a_row
         return None
 
     def begin_at(self, segment: Segment, first: int, last: int) -> None:
@@ -298,7 +293,10 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
     """
     dead = _dead(loudness, resolution)
     percentile = np.nanpercentile if dead.any() else np.percentile
-    quiet = percentile(np.where(np.tile(dead, 2), np.nan, loudness), _QUIET_PERCENT, axis=0)
+    # The quietest windows are taken for rest: with less rest than that, motion enters the
+    # baseline.
+    quietest = 12.5
+    quiet = percentile(np.where(np.tile(dead, 2), np.nan, loudness), quietest, axis=0)
     noisy = quiet > 0
     rest = np.ones(len(loudness), dtype=bool)
     if noisy.any():
@@ -306,7 +304,7 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
         if not dead.any(axis=1).all():
             # The maximum over fewer axes is lower by chance, and says nothing of the dead ones.
             louder[dead.any(axis=1)] = np.inf
-        rest = louder <= np.percentile(louder[np.isfinite(louder)], _QUIET_PERCENT)
+        rest = louder <= np.percentile(louder[np.isfinite(louder)], quietest)
     for _ in range(50):
         baseline = baseline_of(loudness[rest], wander[rest], resolution)
         grown = np.all(loudness <= baseline.loudest(), axis=1)

@@ -17,21 +17,16 @@ from typing import Any, Literal
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
-from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
+from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import Messages, NONE_VOID, Window
+from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
-
-WINDOW = 4096
-"""Messages seen together; the last `LOOK_AHEAD` of them are processed in the next window."""
-
-_DEFAULTS = TimelineOptions()
 
 
 class TimelineStage(Record):
@@ -48,8 +43,8 @@ class TimelineStage(Record):
 
     """
 
-    def __init__(self, options: TimelineOptions = _DEFAULTS) -> None:
-        self._use(Memory(options))
+    def __init__(self, options: TimelineOptions | None = None) -> None:
+        self._use(Memory(options or TimelineOptions()))
 
     def _use(self, memory: Memory) -> None:
         self._memory, self._pending = memory, memory.pending
@@ -77,8 +72,11 @@ class TimelineStage(Record):
             decision.frame_id = block.frame_id
         self._pending.append(block)
         blocks: list[EvenBlock] = []
-        while self._pending.messages >= WINDOW:
-            blocks += self._process(self._pending.take(WINDOW, WINDOW - LOOK_AHEAD))
+        # 64 later messages must be seen before a message is accepted or rejected: the last of a
+        # window are processed in the next one.
+        window, look_ahead = 4096, 64
+        while self._pending.messages >= window:
+            blocks += self._process(self._pending.take(window, window - look_ahead))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
@@ -195,7 +193,8 @@ class TimelineStage(Record):
             if placing.is_even(stamps, window.consumed) and intake.is_clean(window):
                 intake.count_even(window)
                 return self._at_rest(placing.place_even(
-                    Messages(stamps, other, window.samples, window.consumed, NONE_VOID)))
+                    Messages(stamps, other, window.samples, window.consumed,
+                             np.empty(0, dtype=bool))))
         return self._at_rest(placing.place(intake.usable(window)))
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:

@@ -17,9 +17,6 @@ from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
 from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
 
-_EPOCH_CLOCK_NS = 20 * 365 * 86400 * SECOND
-"""Smaller stamps count from a boot, not from 1970."""
-
 
 @dataclass(frozen=True)
 class TimelineSummary:
@@ -114,11 +111,12 @@ def summarize(memory: Memory) -> TimelineSummary:
     rate = options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
     start = None
+    epoch_clock_ns = 20 * 365 * 86400 * SECOND   # smaller stamps count from a boot, not from 1970
     if cursor.first_ns is not None and not decision.counted_only:
-        boot_clock = cursor.first_ns < _EPOCH_CLOCK_NS
+        boot_clock = cursor.first_ns < epoch_clock_ns
         first = max(cursor.first_ns, counts.receive.first_ns) if boot_clock else cursor.first_ns
         # A table that counts from zero has no date.
-        start = iso_time(first) if first >= _EPOCH_CLOCK_NS else None
+        start = iso_time(first) if first >= epoch_clock_ns else None
     jitter = None
     if cursor.jitter is not None and not decision.counted_only:
         jitter = cursor.jitter * decision.pace.interval_ns / SECOND

@@ -14,10 +14,6 @@ from imu_allan.state import Record
 from imu_allan.timeline.clock import Bools, Floats, Ints
 import numpy as np
 
-PART_S = 0.02
-"""Duration of the parts of a window: loudness within them is of fast noise, between them of
-slow."""
-
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """In rad/s and m/s^2 within two seconds: a smaller change is judged by the noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
@@ -89,7 +85,8 @@ class Windows(Record):
 
     def __post_init__(self) -> None:
         """Compute the number of rows in a window."""
-        self.part = max(round(PART_S / self.interval_s), 1)
+        # Loudness within parts of 20 ms is of fast noise, between them of slow.
+        self.part = max(round(0.02 / self.interval_s), 1)
         # A window shorter than half a second gives its noise less accurately; a longer one cuts
         # out more for a knock.
         self.size = 25 * self.part
