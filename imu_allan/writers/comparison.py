@@ -29,11 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-_LONGEST_NAME = 14
-"""Characters of a name in the table, so that no row is wrapped at 80 columns."""
 MARKERS = 'os^Dv*Ph'
-_TWO_DIGITS = '{:.2g}'.format
-_DASHES = tuple(figure_style.DASHES.values())
 
 
 @dataclass(frozen=True)
@@ -138,11 +134,12 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
     first = beyond[0]
     axes = (f'all {sensor} axes' if len(beyond) == of_sensor > 1 else
             f'{first.axis.partition("_")[0]} ' + listed([one.axis[-1] for one in beyond]))
-    intervals = ranged([abs(one.in_intervals or 0.0) for one in beyond], _TWO_DIGITS)
+    two_digits = '{:.2g}'.format
+    intervals = ranged([abs(one.in_intervals or 0.0) for one in beyond], two_digits)
     ratios = [one.ratio for one in beyond if one.ratio is not None and one.ratio > 0]
     by = word if len(ratios) < len(beyond) else (
-        f'{ranged([100 * abs(ratio - 1) for ratio in ratios], _TWO_DIGITS)} % {word}'
-        if max(ratios) < 2 and min(ratios) > 0.5 else f'{ranged(ratios, _TWO_DIGITS)} times')
+        f'{ranged([100 * abs(ratio - 1) for ratio in ratios], two_digits)} % {word}'
+        if max(ratios) < 2 and min(ratios) > 0.5 else f'{ranged(ratios, two_digits)} times')
     return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} is {by} that of '
             f'{printable(first.reference)} ({intervals} '
             f'{"interval" if intervals == "1" else "intervals"})')
@@ -154,7 +151,8 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
-    names = [shorten(printable(name), _LONGEST_NAME)
+    longest = 14   # no row is wrapped at 80 columns
+    names = [shorten(printable(name), longest)
              for name in (differences[0].reference, others[0])]
     table = bare_table('axis', 'term', 'unit', *(
         (Text(names[0]), Text(names[1])) if alone else (Text(names[0]), 'other', 'value')),
@@ -164,7 +162,7 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
         table.add_row(
             spoken(difference.axis), TERMS[difference.key].symbol,
             engineering(1.0, difference.unit)[1], shown(difference.coefficients[0]),
-            *([] if alone else [Text(shorten(printable(difference.other), _LONGEST_NAME))]),
+            *([] if alone else [Text(shorten(printable(difference.other), longest))]),
             shown(difference.coefficients[1]),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',
@@ -185,6 +183,7 @@ def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
     rows = max(1, len({axis.partition('_')[0] for axis in drawn}))
     colours = [figure_style.SERIES[place % len(figure_style.SERIES)]
                for place in range(len(results))]
+    dashes = tuple(figure_style.DASHES.values())
     with figure_style.plot_style():
         figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * rows)
         head = 1.35 / figure.get_figheight()
@@ -204,7 +203,7 @@ def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
                 if axis in result.axes:
                     draw_curve(panel, result.axes[axis], colours[place],
                                MARKERS[place % len(MARKERS)],
-                               dashes=_DASHES[place % len(_DASHES)])
+                               dashes=dashes[place % len(dashes)])
         return figure
 
 

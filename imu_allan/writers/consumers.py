@@ -40,7 +40,6 @@ AUTOPILOT = Aiding(0.2, 'satellite fixes of an autopilot at 5 Hz')
 SIMULATION = Aiding(1.0, 'a simulation shall drift like the sensor from a second on', 600.0)
 ESTIMATOR = Aiding(0.1, 'an estimator at 10 Hz')
 NO_BIAS = Aiding(None, 'the consumer has no bias state')
-MATLAB = Aiding(None, 'imuSensor models white noise, flicker and random walk itself')
 
 
 class Consumer(NamedTuple):
@@ -127,7 +126,8 @@ FAMILIES: dict[str, dict[str, Consumer]] = {
         'pegasus': Consumer('Pegasus Simulator', 'pegasus_imu.py', SIMULATION, 'gauss_markov',
                             one_time=True),
         'airsim': Consumer('AirSim', 'airsim_imu.json', SIMULATION),
-        'matlab': Consumer('MATLAB imuSensor', 'imu_sensor.m', MATLAB)},
+        'matlab': Consumer('MATLAB imuSensor', 'imu_sensor.m', Aiding(
+            None, 'imuSensor models white noise, flicker and random walk itself'))},
     'a filter of your own': {
         'plain': Consumer('a filter of your own, numbers alone', 'imu_noise.yaml', ESTIMATOR,
                           share='axis'),

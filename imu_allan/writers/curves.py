@@ -22,12 +22,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Kind = TypeVar('Kind')
 
-_FINE, _BETWEEN = 161, 8
-"""Points of a line, two pixels apart in a report, and finer points per point to average lobes
-over."""
-_MARKED = 8
-"""Marks on the curve of an axis; those of three axes stay distinct even on a phone."""
-
 
 def sensors_of(result: Result) -> list[str]:
     """Return which of gyro and accel are in the result."""
@@ -86,16 +80,18 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     # The first averaging time is never longer than a million samples in results of this package.
     if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < 1e6:
         return ModelCurve(tau, coarse, np.full(len(tau), np.nan))
+    fine = 161   # points of a line, two pixels apart in a report
+    between = 8   # finer points per point to average lobes over
     # Averaging times are whole numbers of samples. Sidelobes of tones that are finer than the grid
     # are averaged.
-    size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
+    size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], fine * between) * rate))
     avar = model.allan_variance(size, 1 / rate)
     if axis.all_tones:
-        window = min(_BETWEEN, len(avar))
+        window = min(between, len(avar))
         smooth = np.convolve(avar, np.ones(window) / window, 'same')
         avar = np.where(size > size[0] * 64, smooth, avar)
         avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
-    keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
+    keep = np.unique(np.linspace(0, len(size) - 1, fine).astype(int))
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     size, avar = size[keep], avar[keep]
     bound = avar + hidden_avar(axis, size / rate)
@@ -285,13 +281,14 @@ def marker_indices(mean: Array, place: int) -> NDArray[np.intp]:
     """
     Choose the points of a mean at which to draw the marker of its axis.
 
-    Returns at most `_MARKED` indices. `place` is the index of the axis in the picture; it shifts
+    Returns at most eight indices. `place` is the index of the axis in the picture; it shifts
     the markers so that those of different axes alternate.
     """
     known = np.flatnonzero(np.isfinite(mean))
     if not len(known):
         return known
-    share = (np.arange(_MARKED) + (place + 0.5) / 3) / _MARKED
+    marked = 8   # marks on an axis; those of three axes stay distinct even on a phone
+    share = (np.arange(marked) + (place + 0.5) / 3) / marked
     return np.unique(known[(share * len(known)).astype(int)])
 
 

@@ -10,13 +10,6 @@ from imu_allan.wording import duration, listed, SENSORS
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.pages import text_of
 
-_UNITS = {
-    'deg': r'$^\circ$', 'deg/sqrt(h)': r'$^\circ/\sqrt{\mathrm{h}}$',
-    'deg/h': r'$^\circ/\mathrm{h}$', 'deg/h/sqrt(h)': r'$^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$',
-    'deg/h^2': r'$^\circ/\mathrm{h}^2$', 'mm/s': r'$\mathrm{mm/s}$',
-    'ug/sqrt(Hz)': r'$\mu\mathrm{g}/\sqrt{\mathrm{Hz}}$', 'ug': r'$\mu\mathrm{g}$',
-    'ug/sqrt(h)': r'$\mu\mathrm{g}/\sqrt{\mathrm{h}}$', 'ug/h': r'$\mu\mathrm{g}/\mathrm{h}$'}
-
 BIBLIOGRAPHY = text_of('imu_noise.bib')
 
 
@@ -45,6 +38,12 @@ def noise_table(result: Result) -> str:
              '\\begin{table}', '  \\centering', '  \\caption{Noise coefficients with their '
              '95\\,\\% intervals.}', '  \\label{tab:imu-noise}', '  \\begin{tabular}{llrrr}',
              '    \\toprule', '    Term & Unit & $x$ & $y$ & $z$ \\\\']
+    units = {
+        'deg': r'$^\circ$', 'deg/sqrt(h)': r'$^\circ/\sqrt{\mathrm{h}}$',
+        'deg/h': r'$^\circ/\mathrm{h}$', 'deg/h/sqrt(h)': r'$^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$',
+        'deg/h^2': r'$^\circ/\mathrm{h}^2$', 'mm/s': r'$\mathrm{mm/s}$',
+        'ug/sqrt(Hz)': r'$\mu\mathrm{g}/\sqrt{\mathrm{Hz}}$', 'ug': r'$\mu\mathrm{g}$',
+        'ug/sqrt(h)': r'$\mu\mathrm{g}/\sqrt{\mathrm{h}}$', 'ug/h': r'$\mu\mathrm{g}/\mathrm{h}$'}
     for sensor in sensors_of(result):
         axes = axes_of(result, sensor)
         lines += ['    \\midrule', f'    \\multicolumn{{5}}{{l}}{{{SENSORS[sensor]}}} \\\\']
@@ -55,7 +54,7 @@ def noise_table(result: Result) -> str:
                 continue
             shown = ' & '.join('--' if axis is None else _cell(axis.coefficients[key])
                                for axis in cells)
-            unit = _UNITS[engineering(1.0, term.unit(quantity))[1]]
+            unit = units[engineering(1.0, term.unit(quantity))[1]]
             lines.append(f'    ${term.symbol}$ {term.name(quantity)} & {unit} & {shown} \\\\')
     lines += ['    \\bottomrule', '  \\end{tabular}', '\\end{table}', '', _methods(result)]
     return '\n'.join(lines) + '\n'

@@ -23,9 +23,6 @@ import time
 
 from imu_allan.errors import ImuAllanError, printable
 
-_STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
-_ONLY_PASSED = getattr(os, 'O_PATH', 0)
-"""Folders on the path may permit traversal without permitting listing."""
 LOCK_TIMEOUT_S = 30.0
 """Seconds to wait for the lock of a folder. Writing takes seconds; a longer lock is not
 transient."""
@@ -100,7 +97,11 @@ def open_folder(path: Path) -> int:
     ``dir_fd``. Raises OSError if a step is not a folder, cannot be created or traversed, or has
     become a link.
     """
-    handle = os.open('/', _STEP | _ONLY_PASSED)
+    # O_PATH: folders on the path may permit traversal without permitting listing.
+    flags = os.O_RDONLY
+    for name in ('O_DIRECTORY', 'O_NOFOLLOW', 'O_PATH'):
+        flags |= getattr(os, name, 0)
+    handle = os.open('/', flags)
     try:
         for part in path.parts[1:]:
             try:
@@ -109,7 +110,7 @@ def open_folder(path: Path) -> int:
                 with contextlib.suppress(FileExistsError):
                     os.mkdir(part, dir_fd=handle)
             try:
-                step = os.open(part, _STEP | _ONLY_PASSED, dir_fd=handle)
+                step = os.open(part, flags, dir_fd=handle)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(path)) from error
             os.close(handle)

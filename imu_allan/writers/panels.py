@@ -28,11 +28,6 @@ Array = NDArray[np.float64]
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
                            'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
-_SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
-_READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
-            'rate_ramp': '√2 s'}
-_NAME_SIZE = 7.5
-"""Font size in points. Superscripts then have 6 points, the smallest readable print."""
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
@@ -104,6 +99,9 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
                        linestyle=(0, (6, 1)), zorder=2.5)
             place = int(seen[np.argmin(np.abs(seen - place))])
             _name(panel, axis, (float(tau[place]), float(line[place])), name, taken)
+    slopes = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
+    read_at = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
+               'rate_ramp': '√2 s'}
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
@@ -115,10 +113,10 @@ def draw_terms(panel: 'Axes', axis: AxisResult,
         lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}']
         at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
-        slope = f'slope {_SLOPES[term.slope]}'
+        slope = f'slope {slopes[term.slope]}'
         ringed = tau[0] <= at <= tau[-1] and low < height < high
         if ringed:
-            lines.append(f'{slope}, read at {_READ_AT[key]}' if term.read_at else
+            lines.append(f'{slope}, read at {read_at[key]}' if term.read_at else
                          f'{slope}, at {FLICKER_FLOOR:.3f} B')
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
                        markeredgecolor=COLOURS['ink'], markeredgewidth=1.2, zorder=8)
@@ -144,15 +142,16 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
     seen = [(t, v) for values in (curve.adev, curve.model_adev)
             for t, v in zip(curve.tau_s, values, strict=True) if v > 0]
     x, y = points(*([value] for value in at))[0]
+    name_size = 7.5   # in points; superscripts then have 6, the smallest readable print
     # DejaVu Sans is a tenth wider than the font of a browser.
-    size = (max(map(len, lines)) * LETTER * 1.1 * _NAME_SIZE + 4,
-            len(lines) * 1.25 * _NAME_SIZE + 3)
+    size = (max(map(len, lines)) * LETTER * 1.1 * name_size + 4,
+            len(lines) * 1.25 * name_size + 3)
     box = best_place((x, y), size, (0, 0, panel.bbox.width * scale, tall),
-                     points(*zip(*seen, strict=True)), taken, _NAME_SIZE / FONT)
+                     points(*zip(*seen, strict=True)), taken, name_size / FONT)
     taken.append(box)
     panel.annotate(
         '\n'.join(lines), at, xytext=(box[0] + 2 - x, y - (box[1] + box[3]) / 2),
-        textcoords='offset points', fontsize=_NAME_SIZE, color=ink, va='center', ha='left',
+        textcoords='offset points', fontsize=name_size, color=ink, va='center', ha='left',
         zorder=7, bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
                         'alpha': 0.85},
         arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ('png', 'svg', 'pdf')
-_PAPER_ROW = 2.5
-"""Height of a panel with its titles, in inches."""
 
 
 def plot(result: Result) -> 'Figure':
@@ -146,10 +144,11 @@ def paper_figure(result: Result, width_cm: float) -> 'Figure':
         raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
     # Two panels side by side are readable from 12 cm.
     beside = len(drawn) if width_cm >= 12.0 else 1
-    width, height = width_cm / 2.54, _PAPER_ROW * (len(drawn) // beside)
+    row_height = 2.5   # of a panel with its titles, in inches
+    width, height = width_cm / 2.54, row_height * (len(drawn) // beside)
     with plot_style(size=7.5):
         figure = empty_figure(width, height)
-        column, row = 1 / beside, _PAPER_ROW / height
+        column, row = 1 / beside, row_height / height
         for place, (sensor, axes) in enumerate(drawn.items()):
             left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
             panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,

@@ -15,9 +15,6 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.recordings.open_recording import holds_recording
 from imu_allan.writers.atomic import write_atomically
 
-_LARGEST_BYTES = 200_000_000
-"""Results have a few megabytes; larger files are not read into memory."""
-
 
 def save_result(result: schema.Result, path: str | os.PathLike[str]) -> None:
     """Write a result as a JSON file."""
@@ -41,14 +38,16 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
     """
     if Path(path).is_dir():
         return load_result(_result_in(Path(path)))
+    # Results have a few megabytes; larger files are not read into memory.
+    largest = 200_000_000
     try:
         with Path(path).open('rb') as file:
-            data = file.read(_LARGEST_BYTES + 1)
+            data = file.read(largest + 1)
     except OSError as error:
         raise ImuAllanError(
             f'{path}: cannot be read ({error.strerror or error}); give the path of a result file, '
             'written by: imu_allan analyze RECORDING --json FILE') from error
-    if len(data) > _LARGEST_BYTES:
+    if len(data) > largest:
         raise ImuAllanError(f'{path}: too large for a result file')
     try:
         document = json.loads(data.decode(), parse_constant=_no_constant, parse_int=_whole)

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-SCREEN = 23
-"""Lines for a result, as the last of 24 says how to save it."""
-
 
 def print_result(result: Result, console: 'Console | None' = None, *,
                  to: TextIO | None = None, units: Units = 'datasheet', verbose: bool = False
@@ -93,14 +90,15 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     count = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'] if known else [],
                          width, 'dim'))
     middles = [tables]
+    screen = 23   # lines for a result, as the last of 24 says how to save it
     # If head and tables fit on a screen but not with the findings, omit the coefficients.
     if width >= COLUMNS and sum(
-            map(len, (verdicts, tuned[-1], heading, *tables, count))) <= SCREEN:
+            map(len, (verdicts, tuned[-1], heading, *tables, count))) <= screen:
         middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
     for middle, last, for_filter in product(middles, (names, count), tuned):
         blocks = [block for block in (
             verdicts, for_filter, heading, *middle, notes, [*said, *last]) if block]
-        spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
+        spare = len(blocks) if verbose else screen - sum(map(len, blocks))
         if spare >= 0:
             break
     return Group(*(line for place, block in enumerate(blocks) for line in (

@@ -16,8 +16,6 @@ from imu_allan.wording import duration
 from imu_allan.writers.datasheet.measured import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, Outcome, overall, Verdict
 
-_TESTED = ('quantization_noise', *LASTING_TERMS)
-"""Keys of the coefficients decided by the sequential test."""
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
 
@@ -95,7 +93,8 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
         recorded = min(recorded, record.samples / record.rate_hz)
     if fits is None:
         fits = _fits(records)
-    limited = sum(verdict.key in _TESTED for verdict in verdicts)
+    tested = ('quantization_noise', *LASTING_TERMS)   # keys of the sequential test
+    limited = sum(verdict.key in tested for verdict in verdicts)
     # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
@@ -106,7 +105,7 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
         hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
         settled.append(
             _settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
-            if verdict.key in _TESTED and not hidden
+            if verdict.key in tested and not hidden
             else (verdict, hidden or verdict.verdict != 'cannot tell'))
     found = [verdict for verdict, _ in settled]
     if recorded < shortest_s:

@@ -33,8 +33,6 @@ _MARKS: dict[Outcome, tuple[str, str, str]] = {
     'pass': ('✓', 'pass', 'green'), 'fail': ('✗', 'fail', 'bold red'),
     'cannot tell': ('?', 'undecided', 'yellow')}
 """Sign and class on the certificate, and style on a terminal."""
-_MOST_SENTENCES = 8
-"""More would push the signature off the sheet; the table has all verdicts anyway."""
 _LONGEST = 110
 """Characters that fit on a line of the sheet."""
 
@@ -146,6 +144,8 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     if result.inspection is not None and result.inspection.serial is not None:
         title = f'{title}, {result.inspection.serial}'
     numbered = list(zip(verdicts, numbers, strict=True))
+    # More would push the signature off the sheet; the table has all verdicts anyway.
+    most = 8
     return rendered(
         'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
         title=shorten(printable(title), _LONGEST), facts=_facts(result, specification),
@@ -155,8 +155,8 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
                     one for one in numbered if one[0].axis.startswith(sensor)])},
         marks=_MARKS, figures=figures, shown=_shown,
         findings=findings_line(result),
-        sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
-        more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
+        sentences=[shorten(typeset(sentence)) for sentence in sentences[:most]],
+        more=len(sentences) - most if len(sentences) > most else 0)
 
 
 def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:

@@ -45,20 +45,11 @@ _NUMBER = re.compile(
     r'(?: in (?P<unit>\S+?))?(?: (?P<layout>of x, y, z|on the diagonal|times identity))?'
     r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
 _WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
-_COMMENTS = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''), 'xml': ('<!-- ', ' -->')}
-_TERMS: dict[str, str] = {
-    'N': '{0} random walk', 'K': '{1} bias random walk',
-    'sigma': 'standard deviation of the {1} bias', 'Tc': 'correlation time of the {1} bias'}
 UNITS: dict[tuple[Sensor, Key], str] = {
     ('gyro', 'N'): 'rad/s/sqrt(Hz)', ('gyro', 'K'): 'rad/s^2/sqrt(Hz)',
     ('accel', 'N'): 'm/s^2/sqrt(Hz)', ('accel', 'K'): 'm/s^3/sqrt(Hz)',
     ('gyro', 'sigma'): 'rad/s', ('accel', 'sigma'): 'm/s^2', ('gyro', 'Tc'): 's',
     ('accel', 'Tc'): 's'}
-_SCALINGS = {
-    '': (1, 1.0, 0.0), ' sqrt(2)': (1, sqrt(2), 0.0), ' sqrt(f)': (1, 1.0, 0.5),
-    ' sqrt(2 f)': (1, sqrt(2), 0.5), '^2': (2, 1.0, 0.0), '^2 f': (2, 1.0, 1.0),
-    '^2/f': (2, 1.0, -1.0)}
-"""How a number is scaled: its power, a factor, and the power of the rate."""
 
 
 def filled(numbers: Numbers) -> str:
@@ -76,7 +67,8 @@ def _paragraphs(name: str) -> list[str]:
 
 def expanded(numbers: Numbers, paragraph: str) -> str | None:
     """Return lines of a template with the fields filled in; None if one is unknown."""
-    before, after = _COMMENTS.get(numbers.consumer.file.rpartition('.')[2], ('# ', ''))
+    comments = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''), 'xml': ('<!-- ', ' -->')}
+    before, after = comments.get(numbers.consumer.file.rpartition('.')[2], ('# ', ''))
     lines, last = [], ''
     for line in paragraph.split('\n'):
         field = _NUMBER.search(line) if '{' in line else None
@@ -142,7 +134,10 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
                                 and largest[1].of_flicker)
     what = f'{"filter " if tuned else ""}{key}{field["scaling"]}'
     words = ('angle', 'gyro') if sensor == 'gyro' else ('velocity', 'accelerometer')
-    term = f'[{unit}], {_TERMS[key].format(*words)}'
+    terms: dict[str, str] = {
+        'N': '{0} random walk', 'K': '{1} bias random walk',
+        'sigma': 'standard deviation of the {1} bias', 'Tc': 'correlation time of the {1} bias'}
+    term = f'[{unit}], {terms[key].format(*words)}'
     if field['letter']:
         number = numbers.of_axis.get(axis, {}).get(key)
         return (None if number is None else real(scale(number.value)),
@@ -171,8 +166,13 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
 def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
            ) -> tuple[Scale, str]:
     """Return the scaling of a number by its formula, and the resulting unit."""
+    # The power, a factor, and the power of the rate.
+    scalings = {
+        '': (1, 1.0, 0.0), ' sqrt(2)': (1, sqrt(2), 0.0), ' sqrt(f)': (1, 1.0, 0.5),
+        ' sqrt(2 f)': (1, sqrt(2), 0.5), '^2': (2, 1.0, 0.0), '^2 f': (2, 1.0, 1.0),
+        '^2/f': (2, 1.0, -1.0)}
     # Templates of autopilots write F for the prediction rate.
-    power, factor, of_rate = _SCALINGS[field['scaling'].replace('F', 'f')]
+    power, factor, of_rate = scalings[field['scaling'].replace('F', 'f')]
     unit = UNITS[sensor, 'sigma' if of_rate < 0 else key]
     if field['unit'] is not None:
         return times(factor * convert(1.0, unit, field['unit'])), field['unit']
