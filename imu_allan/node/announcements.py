@@ -26,9 +26,6 @@ from imu_allan.writers.words import for_display, message_of
 PAUSE_S = 1.0
 """Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
 to start. Chosen by judgment."""
-SILENCE_S = 5.0
-"""Silence longer than this is reported: longer than a Wi-Fi dropout, yet short enough to notice a
-dead sensor early. Chosen by judgment."""
 REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
 PROGRESS_S = 60.0

@@ -59,8 +59,6 @@ TICK_S = 0.5
 needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
 SHORTEST_TICK_S = 0.05
 """Shortest time between ticks, for rates at which the queue would overflow within `TICK_S`."""
-MOST_MESSAGES_PER_TICK = QUEUE_MESSAGES // 4
-"""Most messages to take in one tick, as far as the latest rate predicts their number."""
 
 
 class CharacterizationNode(AnyExecutorNode):
@@ -404,7 +402,8 @@ def queue_messages(expected_rate: float) -> int:
 
 def pace_s(count: int, elapsed_s: float) -> float:
     """Return the seconds until the next tick, after `count` messages in `elapsed_s`."""
-    return min(TICK_S, max(SHORTEST_TICK_S, elapsed_s * MOST_MESSAGES_PER_TICK / max(count, 1)))
+    # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
+    return min(TICK_S, max(SHORTEST_TICK_S, elapsed_s * (QUEUE_MESSAGES // 4) / max(count, 1)))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

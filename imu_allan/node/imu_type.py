@@ -24,18 +24,10 @@ IMU = 'sensor_msgs/msg/Imu'
 OnMalformed = Callable[[int, MalformedImu], None]
 Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
 
-_NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
-_KIND = re.compile(r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?')
-"""The type of a field: an element type, bounded or not, alone, in an array or in a sequence."""
-_BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool'}
-"""Type names of Python classes that differ from those in message definitions."""
-_OPTIONS = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
-            '--accel': 'accel_field', '--stamp': 'stamp_field'}
-
 
 def message_class(type_name: str) -> Any:
     """Return the Python class of a message type."""
-    found = _NAME.fullmatch(type_name)
+    found = re.fullmatch(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)', type_name)
     shown = printable(shorten(type_name, 80))
     if found is None:
         raise ImuAllanError(f'{shown}: not the name of a message type, such as {IMU}')
@@ -64,9 +56,13 @@ def types_of(type_name: str) -> Types:
 
 
 def _field(name: str, kind: str) -> Field:
-    found = _KIND.match(kind)
+    # An element type, bounded or not, alone, in an array or in a sequence.
+    found = re.match(
+        r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?', kind)
     assert found is not None, kind
-    element = _BASE.get(found['element'], found['element'])
+    # Type names of Python classes that differ from those in message definitions.
+    base = {'float': 'float32', 'double': 'float64', 'boolean': 'bool'}
+    element = base.get(found['element'], found['element'])
     count = int(found['count']) if found['count'] else None
     return field_of(name, normal_name(element), 0 if kind.startswith('sequence') else count)
 
@@ -80,13 +76,15 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
     # Imported late: most nodes read sensor_msgs/Imu and do not need these.
     from imu_allan.recordings.messages.imus_in import imu_messages
     from imu_allan.recordings.options import RecordingOptions
+    options = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
+               '--accel': 'accel_field', '--stamp': 'stamp_field'}
     try:
         decode = imu_messages(type_name, types_of(type_name), options=RecordingOptions(
             gyro=gyro or None, accel=accel or None, stamp=stamp or None,
             gyro_unit=gyro_unit or None, accel_unit=accel_unit or None)).decoder()
     except ImuAllanError as error:
         text = str(error)
-        for option, parameter in _OPTIONS.items():
+        for option, parameter in options.items():
             text = text.replace(option, parameter)
         raise ImuAllanError(text) from error
 

@@ -22,10 +22,6 @@ DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
 """Next to the logs of ROS, which belong to the same user."""
 DEFAULT_STATE_FILE = '$ROS_HOME/imu_allan/<name>.state'
 """``<name>`` is the fully qualified name of the node; ROS_HOME defaults to ~/.ros."""
-_LONGEST_TEXT = 1000
-"""Characters: longer than any path or topic. Anybody on the network may set parameters."""
-_MOST_TEXTS = 100
-"""Entries of a list: far more than anybody needs; with `_LONGEST_TEXT`, 100 KB at most."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +48,13 @@ class Setting:
         if isinstance(value, str) and not value and not self.may_be_empty:
             return f'{self.name}: must not be empty'
         texts = [value] if isinstance(value, str) else value
+        # Longer than any path or topic. Anybody on the network may set parameters.
+        longest = 1000
+        most = 100   # far more than anybody needs: 100 KB
         if isinstance(texts, (list, tuple)) and (
-                len(texts) > _MOST_TEXTS
-                or any(isinstance(text, str) and len(text) > _LONGEST_TEXT for text in texts)):
-            return (f'{self.name}: at most {_MOST_TEXTS} texts of {_LONGEST_TEXT} characters each '
+                len(texts) > most
+                or any(isinstance(text, str) and len(text) > longest for text in texts)):
+            return (f'{self.name}: at most {most} texts of {longest} characters each '
                     'are taken')
         if self.choices:
             for text in texts:

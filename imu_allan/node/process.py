@@ -17,13 +17,9 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
 from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
-STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
-            if hasattr(signal, name)]
-"""SIGHUP comes when the terminal closes, for example because an SSH session drops."""
-
 
 class StopRequest:
-    """Set by a signal of `STOPPING`; the work under way is finished first."""
+    """Set by a signal to stop; the work under way is finished first."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -105,7 +101,10 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
     # rclpy's own handlers raise KeyboardInterrupt anywhere, even half-way through an update, and
     # shut the context down before a last result can be published.
     # Signals that are ignored at the start, such as SIGHUP under nohup, stay ignored.
-    before = {number: signal.signal(number, stop.receive) for number in STOPPING
+    # SIGHUP comes when the terminal closes, for example because an SSH session drops.
+    stopping = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
+                if hasattr(signal, name)]
+    before = {number: signal.signal(number, stop.receive) for number in stopping
               if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield

@@ -15,16 +15,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray, String
 
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
 
 class Publications:
     """All publishers of the node."""
 
     def __init__(self, node: Node) -> None:
         def latched(kind: type, topic: str) -> Publisher:
-            return node.create_publisher(kind, f'~/{topic}', _LATCHED,
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            return node.create_publisher(kind, f'~/{topic}', qos,
                                          event_callbacks=_no_events())
 
         of_sensor = {**dict.fromkeys(VECTORS, Vector3Stamped),

@@ -17,8 +17,6 @@ Ints = NDArray[np.int64]
 
 MIXED = -1
 """Key of messages of two publishers whose numbers are too close to be distinguished."""
-_NEAR = 64
-"""Numbers this close may belong to another publisher that started in the same second."""
 _TAKEOVER_NS = 1_000_000_000
 """Two publishers alternate faster than this, in bundles; a driver takes longer to restart."""
 
@@ -78,8 +76,10 @@ class Publishers:
 
     def _sender(self, number: int, now_ns: int) -> tuple[_Publisher, int]:
         """Find who sent a message, and how many of its earlier messages were lost."""
+        # Numbers this close may belong to another publisher that started in the same second.
+        near_by = 64
         for one in self._known:
-            if one.fell_ns is not None and abs(number - one.number) <= _NEAR:
+            if one.fell_ns is not None and abs(number - one.number) <= near_by:
                 if number <= one.number:
                     one.fell_ns = now_ns
                 one.number, one.last_ns = max(number, one.number), now_ns
@@ -91,7 +91,7 @@ class Publishers:
         newest = max((one.began_ns for one in self._known), default=0)
         before = sorted((one for one in self._known if 0 <= one.number < number),
                         key=lambda one: number - one.number)
-        near = [one for one in before if number - one.number <= _NEAR]
+        near = [one for one in before if number - one.number <= near_by]
         # One that was silent since another began is considered only if no other fits.
         fitting = [one for one in near or before if one.last_ns >= newest
                    or now_ns - one.last_ns < _TAKEOVER_NS] or near or before
@@ -99,7 +99,7 @@ class Publishers:
         if not fitting or (not near and self._newcomers()):
             return self._begin(number, now_ns), 0
         found = fitting[0]
-        if len(fitting) > 1 and number - fitting[1].number <= _NEAR:
+        if len(fitting) > 1 and number - fitting[1].number <= near_by:
             found.fell_ns = now_ns
             self._known.remove(fitting[1])
         missed = number - found.number - 1

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import time
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.announcements import SILENCE_S
 from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
 from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
@@ -83,7 +82,9 @@ class Reports:
                                'overrun': facts.overrun})
         reception.announcements.see_reception(facts)
         facts.pause_s = 0.0
-        if facts.silent_s <= SILENCE_S:
+        # Longer than a Wi-Fi dropout, yet short enough to notice a dead sensor early. Chosen by
+        # judgment.
+        if facts.silent_s <= 5.0:
             reception.complaint = ''
         else:
             cause = self._cause_of_silence(facts, subscription.type_name)

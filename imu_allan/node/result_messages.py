@@ -35,8 +35,6 @@ ENDS = ('low', 'high')
 VECTORS = (TUNED_TERM, *(topic for term in LASTING_TERMS for topic in (
     term, *(f'{term}/interval/{end}' for end in ENDS))))
 """Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
-OCTAVES = 25
-"""Columns of the Allan deviation array; PlotJuggler ignores arrays of more than 100 numbers."""
 
 
 @dataclass(frozen=True)
@@ -118,13 +116,14 @@ def curve_message(axes: Mapping[str, AxisResult]) -> Float64MultiArray:
     """
     curves = [dict(zip(axes[letter].curve.tau_s, axes[letter].curve.adev, strict=True))
               if letter in axes else {} for letter in 'xyz']
-    taus = sorted({tau for curve in curves for tau in curve})[-OCTAVES:]
+    octaves = 25   # columns; PlotJuggler ignores arrays of more than 100 numbers
+    taus = sorted({tau for curve in curves for tau in curve})[-octaves:]
     rows = [taus, *([curve.get(tau, math.nan) for tau in taus] for curve in curves)]
-    data = [number for row in rows for number in row + [math.nan] * (OCTAVES - len(row))]
+    data = [number for row in rows for number in row + [math.nan] * (octaves - len(row))]
     size = len(data)
     return Float64MultiArray(data=data, layout=MultiArrayLayout(dim=[
         MultiArrayDimension(label='tau,x,y,z', size=len(rows), stride=size),
-        MultiArrayDimension(label='octave', size=OCTAVES, stride=OCTAVES)]))
+        MultiArrayDimension(label='octave', size=octaves, stride=octaves)]))
 
 
 def _not_observable(key: str, coefficient: Coefficient) -> str:

@@ -28,12 +28,6 @@ from imu_allan.node.same_imu import (
 )
 from imu_allan.wording import duration
 
-_ALONE_NS = 2_000_000_000
-"""Until the publisher in use has been silent for this long, any other one is a stranger."""
-
-_MOST_LEFT = 3
-"""Replaced runs in memory, some megabytes each."""
-
 
 @dataclass
 class _Topic:
@@ -112,16 +106,18 @@ class Runs:
             return
         if topic.publisher is None and not self._known(topic).frame_id:
             topic.publisher = publisher
+        # Until the publisher in use has been silent for this long, any other one is a stranger.
+        alone_ns = 2_000_000_000
         if publisher == topic.publisher:
             topic.heard_ns = last_ns
             if topic.holding != publisher and not self._wants_look(topic, blocks):
                 self._feed(topic, blocks)
                 return
-        elif publisher in topic.strangers and last_ns - topic.heard_ns < _ALONE_NS:
+        elif publisher in topic.strangers and last_ns - topic.heard_ns < alone_ns:
             topic.pass_over(blocks)
             return
         if topic.holding not in (None, publisher):
-            silent = last_ns - int(topic.held[-1].receive_ns[-1]) > _ALONE_NS
+            silent = last_ns - int(topic.held[-1].receive_ns[-1]) > alone_ns
             if not silent and topic.publisher not in (publisher, topic.holding):
                 topic.pass_over(blocks)
                 return
@@ -219,7 +215,8 @@ class Runs:
             other.lanes[number].power_on()
         was_there, topic.elsewhere, self._why = topic.elsewhere and other is before, True, why
         self._other = other
-        self._left = [run for run in runs if run.over and run is not other][:_MOST_LEFT]
+        # Each takes some megabytes.
+        self._left = [run for run in runs if run.over and run is not other][:3]
         if not was_there:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '

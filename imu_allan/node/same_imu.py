@@ -39,8 +39,6 @@ _FEWEST_GROUPS = 4
 """With fewer groups their scatter cannot be estimated. Chosen by judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
 """Fewest messages whose noise level can be compared."""
-_FIRST = 8
-"""Samples remembered from the start, so that a repetition is recognized at once."""
 _MOST = 2048
 """Samples remembered in total (110 kB), chosen by their stamps. If the start of a repetition is
 lost, one of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
@@ -251,7 +249,8 @@ class Seen(Record):
     def _remember(self, block: ImuBlock) -> None:
         fresh = block.header_ns > self.last_ns
         kept = fresh & is_kept(block.header_ns, self.bits)
-        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= _FIRST)
+        first = 8   # remembered from the start, so that a repetition is recognized at once
+        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
         if not kept.any():
             return
         self.stamps = np.append(self.stamps, block.header_ns[kept])
@@ -259,7 +258,7 @@ class Seen(Record):
         while len(self.stamps) > _MOST:
             self.bits += 1
             kept = is_kept(self.stamps, self.bits)
-            kept[:_FIRST] = True
+            kept[:first] = True
             self.stamps, self.samples = self.stamps[kept], self.samples[kept]
 
     def _begins_again(self, block: ImuBlock) -> int | None:

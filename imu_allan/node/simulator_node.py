@@ -26,8 +26,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVICE_PERIOD_S = 0.05
 """Services are answered and sleeps end within this time, too short for users to notice."""
 _KNOCK_DECAY_S = 0.15
@@ -68,7 +66,9 @@ class SimulatorNode(Node):
             qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
         self._publisher = self.create_publisher(
             Imu, TOPIC, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies())
-        self._truth = self.create_publisher(DiagnosticArray, '~/truth', _LATCHED)
+        latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._truth = self.create_publisher(DiagnosticArray, '~/truth', latched)
         self._truth.publish(self._truth_message())
         self.create_service(Trigger, '~/drop', self._drop)
         self.create_service(Trigger, '~/knock', self._knock)

@@ -15,8 +15,6 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
-_MOST_WAITING = 100_000
-"""Readings kept until the clock of the samples is known: hours from most sensors."""
 _MATCHING_S = 5.0
 """A missing publisher is reported after this time; discovery takes up to three seconds."""
 _SILENCE_S = 30.0
@@ -86,12 +84,13 @@ class Thermometer:
             stamps.append((header_ns or receive_ns, receive_ns))
             readings.append(message.temperature)
         self._note_silence(time.monotonic(), bool(readings))
+        most = 100_000   # hours from most sensors
         if readings:
             celsius = in_celsius(np.array(readings))
             self._facts.temperature_c = float(celsius[-1])
             self._waiting = [
-                (np.concatenate([before, stamps])[-_MOST_WAITING:],
-                 np.concatenate([warmth, celsius])[-_MOST_WAITING:])
+                (np.concatenate([before, stamps])[-most:],
+                 np.concatenate([warmth, celsius])[-most:])
                 for before, warmth in self._waiting]
 
     def _note_silence(self, now: float, has_come: bool) -> None:
