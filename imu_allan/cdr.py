@@ -36,7 +36,6 @@ Serialization = Literal['cdr', 'ros1']
 _TEXT_LENGTH_AT = 12  # after encapsulation, sec and nanosec, of 4 bytes each
 _TEXT_AT = 16         # after its length, a uint32
 _DOUBLES = 37         # 4 + 9 + 3 + 9 + 3 + 9: a quaternion, two vectors, three covariances
-_NANOSECONDS = 1_000_000_000  # in a second
 
 
 class MalformedImu(ImuAllanError):
@@ -247,7 +246,7 @@ def encode_imu_rows(
         If a stamp does not fit into a message.
 
     """
-    seconds = block.header_ns // _NANOSECONDS
+    seconds = block.header_ns // 1_000_000_000
     if serialization == 'cdr' and len(seconds) and not (
             -1 << 31 <= seconds.min() <= seconds.max() < 1 << 31):
         raise ImuAllanError('header stamps before 1901 or after 2038 cannot be written: '
@@ -266,7 +265,7 @@ def encode_imu_rows(
     rows[:, _TEXT_AT:text_end] = np.frombuffer(text, np.uint8)
     fields = _fields(rows, layout, serialization)
     fields['sec'] = seconds
-    fields['nanosec'] = block.header_ns % _NANOSECONDS
+    fields['nanosec'] = block.header_ns % 1_000_000_000
     fields['orientation_w'] = 1.0
     fields['orientation_covariance'] = -1.0
     fields['gyro'] = block.samples[:, :3]
@@ -321,7 +320,7 @@ def _decode_run(
     samples[:, :3] = fields['gyro']
     samples[:, 3:] = fields['accel']
     header_ns = fields['sec'].astype(np.int64)
-    header_ns *= _NANOSECONDS
+    header_ns *= 1_000_000_000
     header_ns += fields['nanosec']
     absent = np.empty((len(rows), 2), np.bool_)
     np.equal(fields['gyro_covariance'], -1.0, out=absent[:, 0])

@@ -36,8 +36,6 @@ from {module} import {function}
 {function}()
 """
 """With PR_SET_PDEATHSIG (1) the Linux kernel ends the process with its parent."""
-_MOMENT_S = 0.01
-"""Time within which a callback of the interpreter ends."""
 CLEANUP_S = 20
 """Time to remove unpacked files; after that the kernel ends the process."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
@@ -128,10 +126,11 @@ def exit_on_sigterm() -> None:
         threading.Thread(target=ask, daemon=True).start()
 
     def ask() -> None:
-        time.sleep(_MOMENT_S)
+        # A callback of the interpreter ends within this time.
+        time.sleep(0.01)
         while signal.getsignal(signal.SIGTERM) is end:
             os.kill(os.getpid(), signal.SIGTERM)
-            time.sleep(_MOMENT_S)
+            time.sleep(0.01)
 
     sys.unraisablehook = once_more
     signal.signal(signal.SIGTERM, end)

@@ -11,10 +11,6 @@ SHORTEST_S = 10.0
 """With less rest even N is known to a tenth at best. Chosen by judgment."""
 SHORTEST_GOOD_S = 60.0
 """With less rest no term slower than N is visible."""
-_NO_SENSOR = frozenset({
-    'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
-    'unknown_rate', 'mostly_motion'})
-"""Codes of findings after which an axis has no numbers, or those of something else."""
 FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
           'zeroed': 'deadband', 'copied': 'copied_axis'}
 """Codes of findings by `AxisResult.fault`: a file may hold the fault without the finding."""
@@ -43,7 +39,11 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
              ) -> SensorVerdict:
     act = list(dict.fromkeys(one.code for one in about if one.severity == 'act'))
     faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
-    broken = list(dict.fromkeys([*(code for code in act if code in _NO_SENSOR), *faults]))
+    # Findings after which an axis has no numbers, or those of something else.
+    no_sensor = frozenset({
+        'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
+        'unknown_rate', 'mostly_motion'})
+    broken = list(dict.fromkeys([*(code for code in act if code in no_sensor), *faults]))
     unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
     short = ['short_recording']
     if broken or unseen or rest_s < SHORTEST_S:

@@ -21,11 +21,6 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
 
 
-_LEAST_CHANGE = log(1.3)
-"""Least change of a variance to report: less than 14 % in deviation does not matter to a
-filter."""
-
-
 def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Finding]:
     """Report the lines left out of the spectra: of each axis the strongest."""
     found = []
@@ -111,7 +106,8 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
             # of the other half is about as uncertain, so their ratio follows F. Each tail has the
             # probability of three standard errors. Chosen by judgment.
             by_chance = log(fdtri(known, known, 1 - 1.35e-3))
-            if abs(log_ratio) > max(by_chance, _LEAST_CHANGE):
+            # Less than 14 % in deviation does not matter to a filter.
+            if abs(log_ratio) > max(by_chance, log(1.3)):
                 tested = axes[name].backtest
                 reported[name] = finding(
                     'not_steady', severity='know', interval_s=over,

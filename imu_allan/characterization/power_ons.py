@@ -20,8 +20,6 @@ from imu_allan.state import Record
 
 MOST = 1000
 """Latest power-ons that are kept: three years of a robot that is switched on daily."""
-_ABSURD = 2.0**62
-"""Limit of counts and means: no lifetime has more samples, and no sensor so large a mean."""
 
 
 @dataclass
@@ -40,9 +38,10 @@ class Mark(Record):
 
     def check(self) -> None:
         """Raise ValueError if a mean or a number of samples is impossible."""
+        absurd = 2.0**62   # no lifetime has more samples, and no sensor so large a mean
         if self.samples.keys() != self.means.keys() or not all(
-                0 <= samples < _ABSURD for samples in self.samples.values()) or not all(
-                abs(mean) < _ABSURD for mean in self.means.values()):
+                0 <= samples < absurd for samples in self.samples.values()) or not all(
+                abs(mean) < absurd for mean in self.means.values()):
             raise ValueError('a mean of a power-on is none')
 
 

@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SECOND = 1_000_000_000  # in ns
 _SCALE = 1_000_000
 """Readings are stored in millionths of a degree: sums of integers do not depend on the order."""
 COVERED = 0.9
@@ -168,7 +167,7 @@ class Thermometer(Record):
         """Return the longest gap, in ns, that is interpolated linearly."""
         usual = float(np.median(np.diff(self.keys))) if len(self.keys) > 1 else 0.0
         # Ten usual intervals, or five minutes, as a sensor takes several minutes to settle.
-        return max(10 * usual * self.width, 300.0 * _SECOND)
+        return max(10 * usual * self.width, 300e9)
 
     def temperature(self, series: Cells, size: int, dt: float) -> Temperature | None:
         """

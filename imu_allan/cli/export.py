@@ -13,10 +13,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.consumers import consumers_by_family
 
-_OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
-            'step_s': '--aiding', 'coast_s': '--coast'}
-"""Options of the command, by the names of the library's arguments."""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
@@ -75,13 +71,15 @@ def run(args: argparse.Namespace) -> int:
     path = None if args.output is None else Path(args.output)
     if path is not None and (path.is_dir() or args.output.endswith(os.sep)):
         path = path / CONSUMERS[args.consumer].file
+    options = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
+               'step_s': '--aiding', 'coast_s': '--coast'}
     try:
         text = export(result, args.consumer, None, ExportOptions(
             args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
             args.inflate)).text
     except ImuAllanError as error:
         # The user knows the options, not the names of the library's arguments.
-        said = re.sub(rf'\b({"|".join(_OPTIONS)})\b', lambda name: _OPTIONS[name[1]], str(error))
+        said = re.sub(rf'\b({"|".join(options)})\b', lambda name: options[name[1]], str(error))
         older = '' if path is None else existing_file_note(path)
         raise ImuAllanError(f'{said}{older}') from error
     if path is None:

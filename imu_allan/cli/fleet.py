@@ -16,9 +16,6 @@ from imu_allan.errors import ImuAllanError, printable
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
-_MOST_COMPLAINTS = 100
-"""Lines about failures: a file can name 65,000 topics without a message."""
-
 
 class FleetResults:
     """Collects the results of many recordings, without the parts that a fleet does not need."""
@@ -130,9 +127,11 @@ def line(unit: str, result: 'Result') -> str:
 def raise_last(complaints: Sequence[ImuAllanError]) -> None:
     """Print why recordings failed, one line each; raise the last error to end the command."""
     sys.stdout.flush()
-    for complaint in complaints[:-1][:_MOST_COMPLAINTS]:
+    # A file can name 65,000 topics without a message.
+    most = 100
+    for complaint in complaints[:-1][:most]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-    if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:
+    if (more := len(complaints) - 1 - most) > 0:
         print(f'imu_allan: {more:,} more like these, the last of all is:', file=sys.stderr)
     if complaints:
         raise complaints[-1]

@@ -22,17 +22,6 @@ if TYPE_CHECKING:
 
 _INDENT = 14
 """Width of the column of names."""
-_LISTED = 5
-"""Number of gaps and motions listed one by one."""
-_MOST_READ = 20
-"""Most Imu topics to read; each takes a pass over the whole recording."""
-_MOST_NAMED = 200
-"""Most other topics to list by name; a robot has fewer."""
-
-_READ = {'counted': 'each message taken for a sample, gaps seen where they last',
-         'placed': 'each stamp shows its place, single missing samples are seen',
-         'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
-"""How the stamps of a clock are interpreted."""
 
 
 def register(verbs: Any) -> None:
@@ -71,11 +60,12 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.recordings import choose_topic, open_recording
     from imu_allan.writers.words import message_of
 
+    most = 20   # each takes a pass over the whole recording
     with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
             choose_topic(recording)
         print(f'{printable(recording.path)}  {_amount(recording.size_bytes)}')
-        read = recording.topics[:_MOST_READ]
+        read = recording.topics[:most]
         total = recording.size_bytes * len(read)
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
             reports = [
@@ -91,7 +81,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
             print(choice)
         _list('more Imu topic', 'more Imu topics', [
             (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
-            for topic in recording.topics[_MOST_READ:]])
+            for topic in recording.topics[most:]])
         _list('topic of another type', 'topics of other types',
               sorted(recording.other_topics.items()))
         _list('of them might hold an IMU and is not read',
@@ -129,13 +119,14 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
     """Print topics with a word about each, if there are any."""
     from imu_allan.wording import counted
 
+    most = 200   # a robot has fewer
     if topics:
         print()
         print(f'{counted(len(topics), one, many)}:')
-        for name, word in topics[:_MOST_NAMED]:
+        for name, word in topics[:most]:
             print(f'  {printable(shorten(name))}  {printable(shorten(word))}'.rstrip())
-        if len(topics) > _MOST_NAMED:
-            print(f'  and {len(topics) - _MOST_NAMED} more')
+        if len(topics) > most:
+            print(f'  and {len(topics) - most} more')
 
 
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
@@ -221,11 +212,14 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                   f', jitter {duration(abs(summary.jitter_s))}'
                   if abs(summary.jitter_s) >= 1e-6 else ', jitter below 1 us')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
+    read = {'counted': 'each message taken for a sample, gaps seen where they last',
+            'placed': 'each stamp shows its place, single missing samples are seen',
+            'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
     rows.append(('clock', 'none: samples are counted at the stated rate' if untimed
                  else 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)
                  + (': ' if summary.stamps_read else '')
-                 + ', '.join(_READ[how] for how in summary.stamps_read)))
+                 + ', '.join(read[how] for how in summary.stamps_read)))
     absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]
     if absent:
         rows.append(('absent', named(absent)))
@@ -240,13 +234,14 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
         ('backward receive stamp', summary.receive_backward),
         ('clock jump', summary.clock_jumps)) if number]
     rows.append(('faults', ', '.join(found) or 'none'))
+    listed = 5
     for name, spans, count, total in (
             ('gaps', timeline.gaps, summary.gaps, summary.gaps_s),
             ('motion', timeline.motion, summary.motions, summary.excluded_s)):
         if spans:
             where = ', '.join(f'{duration(span.duration_s)} at {duration(span.start_s)}'
-                              for span in spans[:_LISTED])
-            more = f' and {count - _LISTED} more' if count > _LISTED else ''
+                              for span in spans[:listed])
+            more = f' and {count - listed} more' if count > listed else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
     # Nothing is excluded here, and motion has a row of its own.
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks

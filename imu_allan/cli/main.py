@@ -22,9 +22,6 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
 from imu_allan.version import __version__
 
-_BY_PIP = ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')
-"""Packages that may be missing after rosdep; their names are the same in pip and in Python."""
-
 
 def command_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command, with every verb."""
@@ -156,7 +153,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(str(error))
     except ModuleNotFoundError as error:
         package = (error.name or '').partition('.')[0]
-        if package not in _BY_PIP:
+        # These may be missing after rosdep; their names are the same in pip and in Python.
+        if package not in ('isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags',
+                           'scipy', 'zstandard'):
             raise
         return _fail(f'needs the Python package {package}, which is not installed; rosdep does '
                      f'not know it: pip install {package}')

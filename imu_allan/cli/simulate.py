@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from imu_allan.block import ImuBlock
 
-_MOST_SAMPLES = 10**11
-"""Three years at 1 kHz, which take 37 TB."""
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
@@ -55,9 +52,10 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output if args.output is not None else Path(args.model).stem)
     if output.exists():
         raise ImuAllanError(f'{output}: exists already; name another folder with --output')
-    if args.rate * args.duration > _MOST_SAMPLES:
+    most = 10**11   # three years at 1 kHz, which take 37 TB
+    if args.rate * args.duration > most:
         raise ImuAllanError(f'--duration {args.duration:g} at --rate {args.rate:g}: more than '
-                            f'{_MOST_SAMPLES:,} samples; simulate for less or at a lower rate')
+                            f'{most:,} samples; simulate for less or at a lower rate')
     samples = round(args.rate * args.duration)
     if samples < 1:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '

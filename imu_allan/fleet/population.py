@@ -30,8 +30,6 @@ FEWEST_UNITS = 3
 """The 95 % interval of a spread reaches up to 32 times it with two units, 6 times with three."""
 _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities, which are normal about their mean; the others are lognormal."""
-_VAGUE = 10.0
-"""A limit this many times above nearly all units says nothing: too few units are known."""
 
 
 @dataclass(frozen=True)
@@ -219,6 +217,8 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
     unit = AXES[axis].unit if key == MEAN else TERMS[key].unit(AXES[axis])
     errors = sorted(sample.errors.values())
     typical = errors[len(errors) // 2]
+    # A limit this many times above nearly all units says nothing: too few are known.
+    most = 10.0
     if key in _SIGNED:
         # Two-sided limits: half of the share outside lies on each side.
         share = (1 + TOLERANCE_SHARE) / 2
@@ -228,11 +228,11 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
         limit = max(abs(above), abs(below))
         return Trait(axis, key, unit, sample.units, len(sample.values), effects.mean,
                      effects.between, effects.between_ci95, typical, percentiles,
-                     limit if limit <= _VAGUE * max(map(abs, percentiles.values())) else None)
+                     limit if limit <= most * max(map(abs, percentiles.values())) else None)
     middle = exp(effects.mean)
     low, high = effects.between_ci95
     limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
-    vague = limit > effects.percentile(PERCENTILES[-1] / 100) + log(_VAGUE)
+    vague = limit > effects.percentile(PERCENTILES[-1] / 100) + log(most)
     return Trait(axis, key, unit, sample.units, len(sample.values), middle,
                  middle * effects.between, (middle * low, middle * high), middle * typical,
                  {percent: exp(effects.percentile(percent / 100)) for percent in PERCENTILES},

@@ -17,16 +17,6 @@ from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
 from numpy.typing import NDArray
 
-_SPAN = 32
-"""Messages judged at once: a sensor that is steady for this long is at rest, or nearly."""
-_LONGEST_WAIT = 2048
-"""Most messages held back: ten seconds at 200 Hz, in which somebody puts the sensor down."""
-_NEAR_ONE = (0.9, 1.1)
-"""Range of the median magnitude in g: bias and scale error of the poorest sensors are 10 %."""
-_NO_G = (0.5, 2.0)
-"""Range of nearly all magnitudes in g, however the sensor is held. Gravity in m/s^2 lies above,
-acceleration with gravity removed below."""
-
 
 def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
     """Return the magnitude of each message, 0 if it is not known."""
@@ -39,10 +29,13 @@ def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
 def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
     """Return whether a span is in g; None if it may be, but is not steady."""
     low, middle, high = np.percentile(magnitudes, [5, 50, 95])
-    # Free motion with gravity removed varies more.
-    if _NEAR_ONE[0] <= middle <= _NEAR_ONE[1] and high - low <= 0.2:
+    # Bias and scale error of the poorest sensors are 10 %. Free motion with gravity removed varies
+    # more.
+    if 0.9 <= middle <= 1.1 and high - low <= 0.2:
         return True
-    return False if high < _NO_G[0] or low > _NO_G[1] else None
+    # However the sensor is held, nearly all magnitudes in g are between 0.5 and 2. Gravity in
+    # m/s^2 lies above, acceleration with gravity removed below.
+    return False if high < 0.5 or low > 2.0 else None
 
 
 class AccelerationUnit:
@@ -108,21 +101,23 @@ class AccelerationUnit:
     def _after(self, block: ImuBlock) -> list[ImuBlock]:
         """Hold messages back, after earlier ones; return all when the unit is decided."""
         self._waiting.append(block)
-        magnitudes = _magnitudes(block)[:_LONGEST_WAIT - self._waited]
+        longest = 2048   # ten seconds at 200 Hz, in which somebody puts the sensor down
+        magnitudes = _magnitudes(block)[:longest - self._waited]
         self._waited += len(magnitudes)
         usable = np.append(self._latest, magnitudes[magnitudes > 0])
         first = len(self._latest) - self._unjudged
-        while self._decision is None and len(usable) - first >= _SPAN:
-            verdict = _verdict(usable[first:first + _SPAN])
-            first += _SPAN
+        span = 32   # a sensor that is steady for this many messages is at rest, or nearly
+        while self._decision is None and len(usable) - first >= span:
+            verdict = _verdict(usable[first:first + span])
+            first += span
             self._agreeing += verdict is True
             # The first messages of a driver, or a steady push with gravity removed, may lie near 1
             # for a while. Eight spans must look like g, and none unlike it.
             if verdict is False or self._agreeing == 8:
                 self._decision = verdict
-        self._unjudged, self._latest = len(usable) - first, usable[-_SPAN:]
+        self._unjudged, self._latest = len(usable) - first, usable[-span:]
         if self._decision is None:
-            if self._waited < _LONGEST_WAIT:
+            if self._waited < longest:
                 return []
             self._decision = False
         ready, self._waiting = self.waiting, []

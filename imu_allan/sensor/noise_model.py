@@ -47,10 +47,7 @@ the distance of the mean from `mean`, and of the mean vector's length from stand
 come the effective window of a low-pass and the amplitude of a spectral line. The last two are the
 change of the mean with temperature, and its spread between power-ons.
 """
-_SENSORS = ('gyro', 'accel')
 _WANTED = 'give a noise model or datasheet YAML file'
-_LONGEST_FILE = 1_000_000
-"""In bytes: a model has 1 KB, and a YAML parser takes seconds for 1000 KB."""
 
 
 @dataclass(frozen=True)
@@ -126,13 +123,15 @@ def load_model(path: str | os.PathLike[str]) -> NoiseModel:
         and the key, and gives a valid example.
 
     """
+    # A model has 1 KB, and a YAML parser takes seconds for 1000 KB.
+    longest = 1_000_000
     try:
         with Path(path).open('rb') as file:
-            data = file.read(_LONGEST_FILE + 1)
+            data = file.read(longest + 1)
     except OSError as error:
         raise ImuAllanError(f'{path}: cannot be read ({error.strerror or error}); {_WANTED}'
                             ) from error
-    if len(data) > _LONGEST_FILE:
+    if len(data) > longest:
         raise ImuAllanError(f'{path}: too large; {_WANTED}')
     try:
         text = data.decode()
@@ -159,7 +158,8 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
 
     """
     document = _yaml(text, name)
-    if not isinstance(document, dict) or not any(sensor in document for sensor in _SENSORS):
+    sensors = ('gyro', 'accel')
+    if not isinstance(document, dict) or not any(sensor in document for sensor in sensors):
         raise ImuAllanError(f"{name}: names neither 'gyro' nor 'accel'; write for instance "
                             'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
     model = NoiseModel(document.get('name'))
@@ -167,11 +167,11 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
         if key == 'name':
             if not isinstance(value, str):
                 raise ImuAllanError(f'{name}: name: expected a text, such as My IMU')
-        elif key in _SENSORS:
+        elif key in sensors:
             _read_sensor(model, key, value, f'{name}: {key}')
         else:
             raise ImuAllanError(f'{name}: unknown key {_shown(key)}; '
-                                f'known are name, {", ".join(_SENSORS)}')
+                                f'known are name, {", ".join(sensors)}')
     return model
 
 

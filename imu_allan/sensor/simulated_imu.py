@@ -18,10 +18,6 @@ from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
 from numpy.typing import NDArray
 
-_DRAWN_AT_ONCE = 1024
-"""Samples drawn at once: in smaller blocks numpy calls cost more than the noise. The samples of a
-seed depend on it."""
-
 
 class SimulatedImu:
     """
@@ -52,10 +48,13 @@ class SimulatedImu:
         """Return the next samples, shape (samples, 6), in rad/s and m/s^2."""
         drawn = [self._ready]
         missing = samples - len(self._ready)
+        # In smaller blocks numpy calls cost more than the noise. The samples of a seed depend on
+        # it.
+        at_once = 1024
         # The streams draw random numbers block by block: with blocks of one size, the samples do
         # not depend on how many are requested at a time.
-        for _ in range(-(-missing // _DRAWN_AT_ONCE)):
-            drawn.append(np.stack([s.draw(_DRAWN_AT_ONCE) for s in self._streams], axis=1))
+        for _ in range(-(-missing // at_once)):
+            drawn.append(np.stack([s.draw(at_once) for s in self._streams], axis=1))
         rows = np.concatenate(drawn)
         self._ready = rows[samples:]
         return rows[:samples]

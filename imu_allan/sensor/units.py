@@ -60,18 +60,12 @@ _UNITS: dict[str, tuple[float, _Powers]] = {
     for name in names.split()
 }
 """Size in SI units, and powers of angle, length, time and temperature, of every known unit."""
-_PREFIXES = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'milli': 1e-3}
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
-_DECIMAL_COMMA = re.compile(r',\d')
-_SPELLINGS = (
-    ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
-)
 # Exponents have one digit and no exponent of their own, so no text leads to an enormous power.
 _TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
                     r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
-_ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
@@ -107,7 +101,7 @@ def parse(text: str, to: str) -> float:
     if match is None:
         raise ImuAllanError(f'{shown} does not begin with a number; {examples}')
     number, unit = float(match[1]), match[2].strip()
-    if _DECIMAL_COMMA.match(unit):
+    if re.match(r',\d', unit):
         raise ImuAllanError(f'{shown} has a decimal comma where a point belongs; {examples}')
     if not unit:
         raise ImuAllanError(f'{shown} has no unit; {examples}')
@@ -207,9 +201,13 @@ class _NotAUnit(ValueError):
 
 def _size(text: str) -> _Size:
     """Return the size of a unit in SI, and its powers of angle, length, time and temperature."""
-    for sign, spelling in _SPELLINGS:
+    spellings = (
+        ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
+    )
+    for sign, spelling in spellings:
         text = text.replace(sign, spelling)
-    text = _ROOT.sub(lambda m: f'({m[1] or m[2]})^0.5', text).strip()
+    text = re.sub(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
+                  lambda m: f'({m[1] or m[2]})^0.5', text).strip()
     if len(text) > _LONGEST:
         raise _NotAUnit(text)
     tokens: list[tuple[str, ...]] = []
@@ -263,7 +261,8 @@ def _power(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]
 def _named(name: str) -> _Size:
     if name in _UNITS:
         return _UNITS[name]
-    for prefix, factor in _PREFIXES.items():
+    prefixes = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'milli': 1e-3}
+    for prefix, factor in prefixes.items():
         if name.startswith(prefix) and name[len(prefix):] in _UNITS:
             size, powers = _UNITS[name[len(prefix):]]
             return factor * size, powers

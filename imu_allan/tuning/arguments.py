@@ -13,8 +13,6 @@ SHORTEST_S = 1e-6
 LONGEST_S = 3.2e9
 """Longest time, a hundred years: added to a present-day stamp, it fits into 64 bits of
 nanoseconds."""
-_LEAST, _MOST = 1e-30, 1e30
-"""Limits of any other number, whose square is still far from the limits of a double."""
 
 
 def drift_model_of(axis: AxisResult) -> DriftModel:
@@ -40,8 +38,10 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
 
 def positive_number(name: str, value: Any) -> float:
     """Return an argument as a number above zero whose square neither overflows nor underflows."""
-    return _in_range(name, value, 'above zero', (_LEAST, _MOST),
-                     f'between {_LEAST:g} and {_MOST:g}')
+    least = 1e-30   # its square is still far from the limits of a double
+    most = 1e30
+    return _in_range(name, value, 'above zero', (least, most),
+                     f'between {least:g} and {most:g}')
 
 
 def positive_time(name: str, value: Any) -> float:

@@ -35,10 +35,6 @@ from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
-_FARTHEST = 1e3
-"""Largest factor on an amplitude in the search for an interval; rules of thumb go up to ten times
-K."""
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -160,8 +156,9 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
         held = maximise(spectrum, best.theta, fixed={column: float(np.exp(2 * log_factor))})
         return 2 * (held.loss - best.loss) - threshold
 
-    far = float(np.log(_FARTHEST))
-    middle = np.log(max(float(np.sqrt(best.theta[column])), 1 / _FARTHEST))
+    farthest = 1e3   # factor on an amplitude; rules of thumb go up to ten times K
+    far = float(np.log(farthest))
+    middle = np.log(max(float(np.sqrt(best.theta[column])), 1 / farthest))
     low, high = 0.0, float('inf')
     if excess(-far) > 0:
         low = float(np.exp(brentq(excess, -far, middle, xtol=1e-4)))

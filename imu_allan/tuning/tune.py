@@ -36,10 +36,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Bias = Literal['random_walk', 'gauss_markov']
 
-_STEP = 9 / 160
-"""Grid step in decades of squared density: 7 % of a random walk, finer than it is known."""
-_EXCESS = 10 ** np.linspace(0, 1, 41)
-"""Factors on squared noise density for a conservative filter to choose from: 3 % of N apart."""
 _KEPT = 256
 """Cached tunings: a report configures some thirty consumers, most with the same options."""
 
@@ -165,7 +161,9 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
     s2 = truth.allan_variance(aiding_interval_s)
     if s2 <= 0:
         raise ImuAllanError('this axis has no noise: there is nothing to tune a filter with')
-    excess = _EXCESS if conservative else _EXCESS[:1]
+    # Factors on squared noise density: 3 % of N apart.
+    excesses = 10 ** np.linspace(0, 1, 41)
+    excess = excesses if conservative else excesses[:1]
     filters = (_with_random_walk(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
                else _with_gauss_markov(s2, aiding_interval_s, coast_s, excess[::3],
                                        correlation_time_s))
@@ -432,7 +430,8 @@ def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
     """Return squared driving densities, from invisible ones to three times the Allan variance."""
     # With K = 0.01 N / coast_s, the bias makes 1 % of the variance over the longest unaided time.
     decades = 1 - 2 * np.log10(1e-2 * aiding_s / coast_s)
-    return np.asarray(s2 / aiding_s * 10 ** (1 - _STEP * np.arange(decades / _STEP + 1)))
+    step = 9 / 160   # decades of squared density: 7 % of a random walk, finer than it is known
+    return np.asarray(s2 / aiding_s * 10 ** (1 - step * np.arange(decades / step + 1)))
 
 
 def _white(s2: float, explained: Array, aiding_s: float) -> Array:

@@ -18,9 +18,6 @@ from imu_allan.tuning.tune import assess, FilterTuning, tune
 from imu_allan.tuning.uncertainty import widened
 import numpy as np
 
-_BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
-"""Bands of a decade each: of cameras and lidars, of satellites, of an outage, and beyond."""
-
 
 @dataclass(frozen=True)
 class Excess:
@@ -91,7 +88,9 @@ def _excess(axis: AxisResult, other: AxisResult) -> tuple[Excess, ...]:
     known = (tau >= model.from_s * (1 - 1e-6)) & (tau <= model.to_s) & (np.array(curve.edf) >= 3)
     predicted = np.sqrt(drift_avar(model, axis.all_tones, tau))
     found = []
-    for low, high in _BANDS_S:
+    # A decade each: of cameras and lidars, of satellites, of an outage, and beyond.
+    bands_s = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
+    for low, high in bands_s:
         here = np.flatnonzero(known & (tau >= low) & (tau < high))
         if not len(here):
             continue
