@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 LARGEST_CHUNK = 1 << 28
 """Largest size in bytes, compressed or not; recorders write 768 kB by default."""
+LARGEST_DESCRIPTION = 1 << 22
+"""Bytes of a record that describes a channel; far more than any definition has."""
 _UNWRITTEN = 'what was not yet written is missing'
 
 Decode = Callable[[Iterable[MessageBatch]], list[ImuBlock]]

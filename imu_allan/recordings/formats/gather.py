@@ -28,7 +28,7 @@ RECORD_HEAD = 9
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel, which equal records share."""
-_OPCODE_LENGTH = Struct('<BQ')
+OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
 
@@ -77,7 +77,7 @@ def gather(
     # Use the message index after this many records that are not in a run.
     steps_left = 32
     while end - at >= RECORD_HEAD:
-        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
+        opcode, length = OPCODE_LENGTH.unpack_from(buffer, at)
         stride = RECORD_HEAD + length
         if stride > end - at:
             break
@@ -196,7 +196,7 @@ def _only_descriptions(
 ) -> bool:
     """Return whether only Schema and Channel records lie between two messages."""
     while at < stop:
-        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
+        opcode, length = OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
         if opcode not in _DESCRIPTIONS:
             return False
         if describe is not None:

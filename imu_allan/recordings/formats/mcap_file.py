@@ -28,6 +28,7 @@ from imu_allan.recordings.formats.chunked_file import (
     Damage,
     Decode,
     LARGEST_CHUNK,
+    LARGEST_DESCRIPTION,
     Part,
 )
 from imu_allan.recordings.formats.decompress import (
@@ -37,7 +38,7 @@ from imu_allan.recordings.formats.decompress import (
     ReadingLimits,
     unpacked,
 )
-from imu_allan.recordings.formats.gather import gather
+from imu_allan.recordings.formats.gather import gather, OPCODE_LENGTH, RECORD_HEAD
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
 from mcap.data_stream import ReadDataStream
@@ -54,11 +55,8 @@ Index = Callable[[], NDArray[np.int64]]
 Gathered = Callable[..., tuple[list[ImuBlock], int]]
 """Takes a buffer and optionally its message index; returns decoded blocks and bytes consumed."""
 
-_FRAME = Struct('<BQ')
 _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
-_LARGEST_DESCRIPTION = 1 << 22
-"""Largest size in bytes of a plausible Channel or Schema record."""
 WINDOW = 1 << 22
 """Bytes read at a time outside of chunks."""
 
@@ -102,16 +100,16 @@ class McapRecording(ChunkedRecording):
         """Read channels, counts and chunk offsets from the summary; return False without one."""
         if file.read(len(MAGIC)) != MAGIC:
             raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
-        footer_size = _FRAME.size + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
+        footer_size = RECORD_HEAD + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
         footer_at = self.size_bytes - footer_size - len(MAGIC)
         if footer_at < len(MAGIC):
             return False
         file.seek(footer_at)
         tail = file.read(footer_size + len(MAGIC))
-        opcode, length = _FRAME.unpack_from(tail)
+        opcode, length = OPCODE_LENGTH.unpack_from(tail)
         if opcode != Opcode.FOOTER or length != 20 or tail[-len(MAGIC):] != MAGIC:
             return False
-        footer = _parsed(Footer.read, tail[_FRAME.size:footer_size])
+        footer = _parsed(Footer.read, tail[RECORD_HEAD:footer_size])
         if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
             return False
         # Two million indexes of 100 bytes. A larger summary is not loaded; the file is scanned
@@ -125,11 +123,11 @@ class McapRecording(ChunkedRecording):
             return False
         at = 0
         index_head = Struct('<QQQ')
-        while len(summary) - at >= _FRAME.size:
-            opcode, length = _FRAME.unpack_from(summary, at)
-            body = summary[at + _FRAME.size:at + _FRAME.size + length]
-            at += _FRAME.size + length
-            if opcode == Opcode.STATISTICS and len(body) <= _LARGEST_DESCRIPTION:
+        while len(summary) - at >= RECORD_HEAD:
+            opcode, length = OPCODE_LENGTH.unpack_from(summary, at)
+            body = summary[at + RECORD_HEAD:at + RECORD_HEAD + length]
+            at += RECORD_HEAD + length
+            if opcode == Opcode.STATISTICS and len(body) <= LARGEST_DESCRIPTION:
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
@@ -149,7 +147,7 @@ class McapRecording(ChunkedRecording):
         """Store a schema or channel record; return the id of a new channel."""
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
-        if number in known or len(body) > _LARGEST_DESCRIPTION:
+        if number in known or len(body) > LARGEST_DESCRIPTION:
             return None
         self._described += 1
         # There are 65,536 ids each for channels and schemas.
@@ -178,9 +176,9 @@ class McapRecording(ChunkedRecording):
         loose = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
         while True:
             file.seek(at)
-            head = file.read(_FRAME.size)
-            opcode, length = _FRAME.unpack(head) if len(head) == _FRAME.size else (0, 0)
-            start = at + _FRAME.size
+            head = file.read(RECORD_HEAD)
+            opcode, length = OPCODE_LENGTH.unpack(head) if len(head) == RECORD_HEAD else (0, 0)
+            start = at + RECORD_HEAD
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
             if opcode == 0 or start + length > (self._next_chunk(at) or self.size_bytes):
@@ -260,9 +258,9 @@ def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuB
         kept = window[consumed:]
         del window
         yield blocks
-        if len(kept) > _FRAME.size:
-            _, length = _FRAME.unpack_from(kept)
-            missing = _FRAME.size + length - len(kept)
+        if len(kept) > RECORD_HEAD:
+            _, length = OPCODE_LENGTH.unpack_from(kept)
+            missing = RECORD_HEAD + length - len(kept)
             if missing <= 0 or missing > left:
                 break
             if missing > WINDOW:

@@ -28,6 +28,7 @@ from imu_allan.recordings.formats.chunked_file import (
     Damage,
     Decode,
     LARGEST_CHUNK,
+    LARGEST_DESCRIPTION,
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, decompress, ReadingLimits
@@ -40,8 +41,6 @@ MAGIC = b'#ROSBAG V2.0\n'
 
 _MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 4, 5, 6, 7))
 """Record types, the values of the field `op`."""
-_LARGEST_DEFINITION = 1 << 22
-"""Bytes; as for MCAP, far more than any definition has."""
 
 _Fields = dict[str, bytes]
 
@@ -87,7 +86,7 @@ class Ros1Recording(ChunkedRecording):
                     return False
                 if record.operation == _CONNECTION:
                     self._describe(record.fields, file.read(
-                        min(record.length, _LARGEST_DEFINITION)))
+                        min(record.length, LARGEST_DESCRIPTION)))
                 elif record.operation == _CHUNK_INFO:
                     place = _number(record.fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
@@ -208,7 +207,7 @@ class Ros1Recording(ChunkedRecording):
         end = start + int.from_bytes(buffer[start - 4:start], 'little')
         if end > len(buffer):
             raise DamagedData(f'the record at byte {at} of it is cut short')
-        if fields.get('op') == _CONNECTION and end - start <= _LARGEST_DEFINITION:
+        if fields.get('op') == _CONNECTION and end - start <= LARGEST_DESCRIPTION:
             return end, self._describe(fields, buffer[start:end])
         return end, None
 
