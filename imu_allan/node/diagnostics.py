@@ -141,7 +141,9 @@ def diagnostics_message(node_name: str, stamp: Time,
     facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
     parts += [('estimation', both, _estimation_verdict(facts, result),
                _estimation_values(facts, result)),
-              ('storage', both, _storage_verdict(facts), _storage_values(facts))]
+              ('storage', both, _storage_verdict(facts), {
+                  'state_file': facts.state_file or None,
+                  'checkpoint_age_s': facts.checkpoint_age_s})]
     levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
     parts += [(finding.standard, both, (levels[finding.level], finding.message), {})
               for finding in facts.findings]
@@ -348,7 +350,3 @@ def _storage_verdict(facts: Facts) -> Verdict:
     if not facts.state_file:
         return OK, 'no state file: a crash or a reboot begins a new run'
     return OK, facts.resumed or 'a new run'
-
-
-def _storage_values(facts: Facts) -> Mapping[str, object]:
-    return {'state_file': facts.state_file or None, 'checkpoint_age_s': facts.checkpoint_age_s}

@@ -7,7 +7,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.result_messages import SENSORS, VECTORS
+from imu_allan.node.result_messages import VECTORS
+from imu_allan.wording import SENSORS
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher

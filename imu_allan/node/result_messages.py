@@ -18,7 +18,7 @@ from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
 from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import tune
-from imu_allan.wording import duration
+from imu_allan.wording import duration, SENSORS
 from imu_allan.writers.words import message_of, of_axis
 from std_msgs.msg import (
     Float64MultiArray,
@@ -28,7 +28,6 @@ from std_msgs.msg import (
     String,
 )
 
-SENSORS = ('gyro', 'accel')
 TUNED_TERM = 'filter_random_walk'
 """Tuned, not measured: for a filter that models the bias as a random walk alone."""
 ENDS = ('low', 'high')
