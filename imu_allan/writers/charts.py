@@ -72,10 +72,10 @@ def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
                      (axis[-1], f'axis-{axis[-1]}', f'{axis[-1]} axis') for axis in axes), focus)
 
 
-def box_of(drawing: Drawing, narrow: bool, top: float = 26, bottom: float = 46) -> Box:
+def box_of(drawing: Drawing, narrow: bool) -> Box:
     """Return the position of the axes in a drawing."""
-    return (56.0 if narrow else 64.0, top, drawing.width - (14 if narrow else 68),
-            drawing.height - bottom)
+    return (56.0 if narrow else 64.0, 26, drawing.width - (14 if narrow else 68),
+            drawing.height - 46)
 
 
 def shape_of(letter: str) -> str:
