@@ -35,28 +35,22 @@ ENGINEERING_UNITS: dict[str, str] = {
 """The unit that datasheets use for each SI unit of a coefficient or of an Allan deviation."""
 
 _Powers = tuple[float, float, float, float]
-_ANGLE: _Powers = (1.0, 0.0, 0.0, 0.0)
-_LENGTH: _Powers = (0.0, 1.0, 0.0, 0.0)
-_TIME: _Powers = (0.0, 0.0, 1.0, 0.0)
-_KELVIN: _Powers = (0.0, 0.0, 0.0, 1.0)
 _UNITS: dict[str, tuple[float, _Powers]] = {
     name: (factor, powers)
-    for names, factor, powers in (
-        ('rad radian radians', 1.0, _ANGLE),
-        ('deg degree degrees', pi / 180, _ANGLE),
-        ('arcmin arcminute', pi / 10_800, _ANGLE),
-        ('arcsec arcsecond', pi / 648_000, _ANGLE),
-        ('m metre meter', 1.0, _LENGTH),
-        ('s sec second seconds', 1.0, _TIME),
-        ('min minute minutes', 60.0, _TIME),
-        ('h hr hour hours', 3600.0, _TIME),
-        ('Hz hertz', 1.0, (0.0, 0.0, -1.0, 0.0)),
-        ('dps', pi / 180, (1.0, 0.0, -1.0, 0.0)),
-        ('g', STANDARD_GRAVITY, (0.0, 1.0, -2.0, 0.0)),
-        ('Gal', 1e-2, (0.0, 1.0, -2.0, 0.0)),
+    for powers, sizes in {
+        (1.0, 0.0, 0.0, 0.0): {
+            'rad radian radians': 1.0, 'deg degree degrees': pi / 180,
+            'arcmin arcminute': pi / 10_800, 'arcsec arcsecond': pi / 648_000},
+        (0.0, 1.0, 0.0, 0.0): {'m metre meter': 1.0},
+        (0.0, 0.0, 1.0, 0.0): {
+            's sec second seconds': 1.0, 'min minute minutes': 60.0, 'h hr hour hours': 3600.0},
+        (0.0, 0.0, -1.0, 0.0): {'Hz hertz': 1.0},
+        (1.0, 0.0, -1.0, 0.0): {'dps': pi / 180},
+        (0.0, 1.0, -2.0, 0.0): {'g': STANDARD_GRAVITY, 'Gal': 1e-2},
         # For temperature differences: a degree Celsius is as large as a kelvin.
-        ('K kelvin degC', 1.0, _KELVIN),
-    )
+        (0.0, 0.0, 0.0, 1.0): {'K kelvin degC': 1.0},
+    }.items()
+    for names, factor in sizes.items()
     for name in names.split()
 }
 """Size in SI units, and powers of angle, length, time and temperature, of every known unit."""
