@@ -16,7 +16,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
-from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
+from imu_allan.tuning.forecast import FORECAST_S, predicted_drift, VAGUE
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration, SENSORS
 from imu_allan.writers.words import message_of, of_axis
@@ -171,7 +171,7 @@ def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
 
 
 def _forecast_values(axis: AxisResult) -> dict[str, object]:
-    """Predict the unaided drift after a minute at rest; empty without a drift model."""
+    """Predict the unaided drift after a minute at rest, where the record is not too short."""
     if axis.drift_model is None:
         return {}
     found = predicted_drift(axis, FORECAST_S)
@@ -183,7 +183,9 @@ def _forecast_values(axis: AxisResult) -> dict[str, object]:
                  ('position', 'm', found.position, found.position_ci95)]
     for what, unit, sigmas, bands in parts:
         for horizon, sigma, band in zip(found.horizons_s, sigmas, bands, strict=True):
-            entries |= _with_interval(f'predicted_drift/{horizon:g}s/{what}', sigma, band, unit)
+            if band[1] <= VAGUE**2 * band[0]:
+                entries |= _with_interval(f'predicted_drift/{horizon:g}s/{what}', sigma, band,
+                                          unit)
     return entries
 
 

@@ -110,7 +110,9 @@ class Results:
             self.latest, of_lanes, messages, findings, took_s = future.result()
             self._facts.fit_s, self._facts.findings = took_s, findings
             run.learn(of_lanes, fed if tested is None else None)
-            self._next_fit = began + max(took_s / FIT_SHARE, FIT_GROWTH * run.duration_s)
+            # An early result is of little use: replace it when the record is three times as long.
+            self._next_fit = began + max(FIT_GROWTH * run.duration_s,
+                                         min(took_s / FIT_SHARE, 2 * run.duration_s))
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
 """From the interval of satellite fixes to an hour without any, as many as fit into 80 columns."""
+VAGUE = 10.0
+"""If a bound of a forecast differs from the value by more than this factor, it is not given."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert
-from imu_allan.tuning.forecast import predicted_drift
+from imu_allan.tuning.forecast import predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 
@@ -29,9 +29,7 @@ COAST_S = 60.0
 """Longest unaided time in seconds, the default of the exporters: an outage in a tunnel."""
 CALIBRATION_S = 60.0
 """Seconds for which a robot typically stands still before a run."""
-_VAGUE = 10.0
-"""If a bound of a forecast differs from the value by more than this factor, it is not given."""
-UNCERTAIN = f'not known to a factor of {_VAGUE:g}'
+UNCERTAIN = f'not known to a factor of {VAGUE:g}'
 """Text that replaces such an interval."""
 
 
@@ -143,7 +141,7 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
     unit, factor = next((pair for pair in units if float(wording.number(value * pair[1], 2)) >= 1),
                         units[-1])
     text, low, high = (wording.rounded(factor * v, 2) for v in (value, *interval))
-    known = interval[1] <= _VAGUE**2 * interval[0]
+    known = interval[1] <= VAGUE**2 * interval[0]
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
 
 

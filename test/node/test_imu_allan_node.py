@@ -148,6 +148,8 @@ def test_the_forecast_of_every_axis_is_among_the_values(live: Ros, result: Resul
             for horizon, sigma, (low, high) in zip((1, 10, 60, 600, 3600), sigmas, bands,
                                                    strict=True):
                 key = f'predicted_drift/{horizon}s/{what}'
+                if high > 100 * low:
+                    continue
                 found |= {f'{key}/value': repr(sigma), f'{key}/ci95_low': repr(low),
                           f'{key}/ci95_high': repr(high), f'{key}/unit': unit}
         assert found == {key: value for key, value in entries.items()
