@@ -59,8 +59,8 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     Raises
     ------
     ValueError
-        If a key is unknown, a coefficient other than the ramp is negative, or `samples` or
-        `sample_rate_hz` is not positive.
+        If a key is unknown, one of `gauss_markov` is missing, a coefficient other than the ramp is
+        negative, or `samples` or `sample_rate_hz` is not positive.
 
     Examples
     --------
@@ -170,6 +170,10 @@ def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
         value = float(coefficients.get(key, 0.0))
         if not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
             raise ValueError(f'{key} must be zero or more, not {value:g}')
+    markov = coefficients.get('gauss_markov') or {}
+    if markov and set(markov) != {'sigma', 'correlation_time_s'}:
+        raise ValueError('gauss_markov needs sigma and correlation_time_s, not '
+                         f'{", ".join(map(str, markov))}')
     if not sample_rate_hz > 0:
         raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
 

@@ -81,6 +81,8 @@ def test_shortest_records_are_drawn_and_a_mean_stays_whatever_noise_is_added():
 @pytest.mark.parametrize(('model', 'samples', 'rate', 'line'), [
     ({'arw': 1.0}, 10, 100.0, "unknown noise term 'arw'; known: quantization_noise, "
      'noise_density, bias_instability, rate_random_walk, rate_ramp'),
+    ({'gauss_markov': {'sigma': 1.0}}, 10, 100.0,
+     'gauss_markov needs sigma and correlation_time_s, not sigma'),
     ({'noise_density': -1e-3}, 10, 100.0, 'noise_density must be zero or more, not -0.001'),
     ({'rate_random_walk': np.nan}, 10, 100.0, 'rate_random_walk must be zero or more, not nan'),
     ({}, 0, 100.0, 'samples must be at least 1, not 0'),
