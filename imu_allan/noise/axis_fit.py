@@ -37,8 +37,6 @@ import numpy as np
 
 SHORTEST_RECORD = 64
 """Fewest samples from which coefficients are estimated."""
-_QUARTERS = 4
-"""More parts would each be too short to estimate a random walk; fewer would seldom disagree."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,7 @@ class _Source:
     def parts(self) -> list[Groups]:
         """Return the spectra of quarters of the record; an empty list if they are too short."""
         found = [part.groups(self.own, lines_hz(self.lines)) for part in self.quarters]
-        if len(found) < _QUARTERS or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
+        if not found or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
@@ -262,8 +260,10 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
 
 
 def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[Part]:
-    """Return the quarters of a record, as far as it has enough segments."""
+    """Return the quarters of a record; an empty list if it has fewer segments."""
     used = periodogram.segments.used
-    ends = [round(part * used / _QUARTERS) for part in range(_QUARTERS + 1)]
+    if used < 4:
+        return []
+    # More parts would each be too short to estimate a random walk; fewer would seldom disagree.
     return [Part(periodogram, dt, first, last, finished.interpolation)
-            for first, last in pairwise(ends) if last > first]
+            for first, last in pairwise(round(part * used / 4) for part in range(5))]

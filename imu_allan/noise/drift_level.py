@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
 """Variances relative to the observed one, 6 % apart, so that interval ends are exact to 3 %."""
-_OUTSIDE = 0.025
-"""Probability on either side of a 95 % interval."""
 
 
 def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
@@ -92,7 +90,7 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
         dof = degrees_of_freedom(parts * mean, tried**2 * square + 2 * tried * white * parts
                                  + white**2 * (parts - 1))
         above = chi_square.survival(dof * variance / mean, dof)
-        likely = tried[(above >= _OUTSIDE) & (above <= 1 - _OUTSIDE)]
+        likely = tried[(above >= 0.025) & (above <= 0.975)]
         level = max(variance - noise, 0.0)
         # If the spread is smaller than white noise alone explains, drift below its scatter is
         # possible.

@@ -35,12 +35,8 @@ Array = NDArray[np.float64]
 
 MOST_PROCESSES = 4
 """Each process is a filter state and costs time; a fifth one improved no recording tried."""
-_EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # vibration, low-passes, quantizer tones lie above
-_PER_DECADE = 2         # candidate correlation times
 MISFIT = 0.1
 """Misfit that limits the weight of a half-octave; else one at the fast end would dominate."""
-_ROUGH = 1e-2
-"""Tolerance of the loss in first fits of candidate sets; the best sets are then fitted fully."""
 _FEWEST_GROUPS = 8
 """Fewest groups, eight to an octave, that separate a process from white noise (by judgment)."""
 
@@ -83,9 +79,10 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
             (groups.design, _process(groups, dt, correlation_time_s))))
     edge, band, terms = _edge(expected, dt)
     smooth = _shrunk(band, terms)
-    count = max(int(np.floor(_PER_DECADE * np.log10(longest * edge))) + 1, 1)
+    # Try two correlation times per decade.
+    count = max(int(np.floor(2 * np.log10(longest * edge))) + 1, 1)
     shortest = max(1 / edge, 2 * dt)
-    times = shortest * 10 ** (np.arange(count) / _PER_DECADE)
+    times = shortest * 10 ** (np.arange(count) / 2)
     times, solution = _pruned(smooth, dt, times[times <= longest])
     variances = solution.theta[2:]
     processes = tuple(GaussMarkov(float(np.sqrt(variance)), float(time))
@@ -137,7 +134,8 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
     # For sample rates below 20 Hz, the edges scale with the rate.
     scale = min(1.0, 1 / (dt * 20))
     edge, band, terms = 0.0, groups, None
-    for hz in _EDGES_HZ:
+    # Vibration, low-passes and tones of quantizers lie above.
+    for hz in (10.0, 5.0, 2.5, 1.25, 0.625):
         below = groups.below(hz * scale)
         if len(below.dof) < _FEWEST_GROUPS and terms is not None:
             break
@@ -222,8 +220,9 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
         theta = solution.theta
         fewer = [(np.delete(times, i), np.delete(theta, 2 + i)) for i in range(len(times))]
         fewer += [_joined(times, theta, i) for i in range(len(times) - 1)]
-        rough = [fitted(*some, tolerance=_ROUGH) for some in fewer]
-        near = min(found.loss for found in rough) + 2 * _ROUGH
+        # Fit all candidate sets roughly, then the best ones fully.
+        rough = [fitted(*some, tolerance=0.01) for some in fewer]
+        near = min(found.loss for found in rough) + 0.02
         times, solution = min((there(of, fitted(of, found.theta))
                                for (of, _), found in zip(fewer, rough, strict=True)
                                if found.loss <= near), key=lambda found: found[1].loss)

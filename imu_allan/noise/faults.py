@@ -27,10 +27,6 @@ from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-_WIDEST_EMPTY, _EMPTY = 3, 0.05
-"""Most empty bins in a row, and share of the mean count below which a bin is empty. Values of 3, 4
-and 5 output steps leave 3 bins empty. Chosen by judgment."""
-
 
 class Constant(NamedTuple):
     """All samples have the same value, in the unit of a sample."""
@@ -117,9 +113,10 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     if (int(octave[2:-1].sum()) <= FEWEST or zeros < 0.6 * octave.sum()
             or lower_edge(first) < 0.7 * census.step[axis]):
         return None
-    # A mixture of axes with few values each leaves isolated values, far apart.
-    taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())
-    if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > _WIDEST_EMPTY + 1:
+    # A mixture of axes with few values each leaves isolated values, far apart. Three empty bins in
+    # a row may lie between values of 3, 4 and 5 output steps. Chosen by judgment.
+    taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > 0.05 * octave.mean())
+    if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > 4:
         return None
     return Deadband(lower_edge(first), zeros / finished.measured)
 

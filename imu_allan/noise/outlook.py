@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Forecasts = dict[str, tuple[float | None, float | None]]
 
-_SINGLE = 32
-"""Modes summed one by one, with 120 bands for the rest; 8 or 2048 change a bound by 0.02 %."""
-
 
 def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
             duration_s: float) -> Forecasts:
@@ -65,8 +62,10 @@ def _first(lengths: Array, errors: Array, wanted: float, reached: NDArray[np.boo
 def _standard_errors(theta: Array, dt: float, durations: Array) -> Array:
     """Return the Cramer-Rao bounds of the squared coefficients, shape (durations, 3)."""
     n = (durations / dt)[:, None]
-    single = np.broadcast_to(np.arange(1, _SINGLE), (len(n), _SINGLE - 1))
-    edges = np.geomspace(_SINGLE, np.maximum(n[:, 0], _SINGLE + 1), 120, axis=1) - 0.5
+    # Modes from here on are summed in 120 bands; 8 or 2048 change a bound by 0.02 %.
+    rest = 32
+    single = np.broadcast_to(np.arange(1, rest), (len(n), rest - 1))
+    edges = np.geomspace(rest, np.maximum(n[:, 0], rest + 1), 120, axis=1) - 0.5
     j = np.concatenate((single, np.sqrt(edges[:, 1:] * edges[:, :-1])), axis=1)
     modes: Array = np.concatenate((single < n, np.diff(edges)), axis=1)
     nu = np.minimum(j / (2 * n), 0.5)

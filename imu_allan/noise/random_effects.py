@@ -28,9 +28,6 @@ from scipy.special import chdtri, log_ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-_STEPS = 97
-"""Spreads on the initial grid of the search, about 14 per decade."""
-
 
 @dataclass(frozen=True)
 class Effects:
@@ -89,8 +86,8 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     if len(y) < 2 or y.shape != e.shape:
         raise ValueError('at least two units are needed, each with its error')
     scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
-    # Begin at a millionth of the scatter of the measured values.
-    spreads = scatter * np.geomspace(1e-6, 10.0, _STEPS)
+    # Begin at a millionth of the scatter of the measured values, with 14 spreads per decade.
+    spreads = scatter * np.geomspace(1e-6, 10.0, 97)
     profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
     best = int(np.argmin(profile))
     # A best spread at the lower end of the grid counts as zero.
@@ -98,7 +95,7 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     if best > 0:
         from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
 
-        around = np.log(spreads[[best - 1, min(best + 1, _STEPS - 1)]])
+        around = np.log(spreads[[best - 1, min(best + 1, len(spreads) - 1)]])
         spread = float(np.exp(minimize_scalar(
             lambda log: _best_mean(y, e, u, float(np.exp(log)))[1], bounds=tuple(around),
             method='bounded', options={'xatol': 1e-4}).x))

@@ -28,10 +28,6 @@ from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
-_STREAM_RATIO = 4.0
-"""Ratio of successive correlation times: the Allan deviation has ripples of 0.03 % (0.01 % with a
-ratio of 2, 0.5 % with 8)."""
-
 
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,
              seed: int = 0) -> Array:
@@ -125,14 +121,17 @@ class NoiseStream:
         self._fast_flicker = 0.0
         times, sigmas = [], []
         if self._c['bias_instability']:
+            # Ratio of successive correlation times: the Allan deviation has ripples of 0.03 %
+            # (0.01 % with a ratio of 2, 0.5 % with 8).
+            ratio = 4.0
             # Up to ten years, so that the noise is flicker for as long as any stream runs.
-            octaves = np.log(3e8 / (self._dt / 64)) / np.log(_STREAM_RATIO)
-            bank_times = self._dt / 64 * _STREAM_RATIO ** np.arange(int(np.ceil(octaves)))
+            count = np.log(3e8 / (self._dt / 64)) / np.log(ratio)
+            bank_times = self._dt / 64 * ratio ** np.arange(int(np.ceil(count)))
             times += list(bank_times)
-            sigma = self._c['bias_instability'] * np.sqrt(np.log(_STREAM_RATIO) / np.pi)
+            sigma = self._c['bias_instability'] * np.sqrt(np.log(ratio) / np.pi)
             sigmas += [sigma] * len(bank_times)
             # Processes faster than the bank are white in the samples; their sum is geometric.
-            self._fast_flicker = sigma * np.sqrt(2 / 64 / (_STREAM_RATIO - 1))
+            self._fast_flicker = sigma * np.sqrt(2 / 64 / (ratio - 1))
         markov = coefficients.get('gauss_markov')
         if markov:
             times.append(float(markov['correlation_time_s']))

@@ -29,19 +29,8 @@ from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
-_SMALLEST_P = 1e-3
-"""Significance level of the test of equal noise, before the size of the change is considered."""
-_LEAST_SPREAD = 0.05
-"""Smallest relative spread of the power between segments that matters, beyond sampling error."""
-_SPLITS_HZ = (0.03, 0.3, 3.0)
-"""Edges of the broad bands for which findings report a change, in Hz."""
 _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
-_FEWEST = 4.0
-"""Fewest degrees of freedom, on average over segments, for the logarithm of a band's power."""
-_SHORT_PARTS, _SHORT_CELLS = 8, 64
-"""Most parts of a short record, and fewest cells per part. The power in 64 cells is known to 20 %,
-so that a doubling is four standard errors."""
 SEGMENT_PARTS = 16
 """Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
 
@@ -132,10 +121,11 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     Return the power of parts of a record that is too short for segments.
 
     Returns: frequencies up to a quarter of the cell rate of the whole-record series, in up to
-    `_SHORT_PARTS` parts. None if there are fewer than three.
+    eight parts. None if there are fewer than three.
     """
     series, cell = periodogram.series, periodogram.cell
-    count = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
+    # The power in 64 cells is known to 20 %, so that a doubling is four standard errors.
+    count = min(8, len(series) // 64)
     if count < 3:
         return None
     ends = np.linspace(0, len(series), count + 1).astype(np.int64)
@@ -228,14 +218,15 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     at, middle, count = half
     p_value = equal_variances(at, count)
     # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
-    least = 1e-4 if white_alone else _SMALLEST_P
+    least = 1e-4 if white_alone else 1e-3
     spread = _spread(at, count)
     # Neighbouring half-octaves change together, so smooth the spread over 0.7 octaves.
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
     smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
-    edges = (0.0, *_SPLITS_HZ, np.inf)
-    broad = _by_band(np.digitize(frequency, _SPLITS_HZ), ratio, dof, frequency, keep)
+    # Broad bands, for which findings report a change.
+    edges = (0.0, 0.03, 0.3, 3.0, np.inf)
+    broad = _by_band(np.digitize(frequency, edges[1:-1]), ratio, dof, frequency, keep)
     assert broad is not None
     at, centre, count = broad
     wide = _spread(at, count)
@@ -245,9 +236,10 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     changes = []
     for place in np.argsort(-wide):
         only = slice(place, place + 1)
-        if wide[place] <= _LEAST_SPREAD or equal_variances(at[:, only], count[:, only]) >= least:
+        # A relative spread of 5 % of the power does not matter.
+        if wide[place] <= 0.05 or equal_variances(at[:, only], count[:, only]) >= least:
             continue
-        band = int(np.digitize(centre[place], _SPLITS_HZ))
+        band = int(np.digitize(centre[place], edges[1:-1]))
         changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
                               np.sqrt(at[:, place])))
     differs = p_value < least
@@ -282,7 +274,8 @@ def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Arr
     for band in np.unique(number[keep]):
         here = keep & (number == band)
         count = dof[:, here].sum(axis=1)
-        if count.min() < _FEWEST / 2 or count.mean() < _FEWEST:
+        # Fewer degrees of freedom are not enough for the logarithm of the power of a band.
+        if count.min() < 2 or count.mean() < 4:
             continue
         mean = (dof[:, here] * ratio[:, here]).sum(axis=1) / count
         found.append((mean, np.exp(np.mean(np.log(frequency[here]))), count))

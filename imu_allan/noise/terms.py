@@ -120,8 +120,6 @@ SPECTRAL_TERMS = ('quantization_noise', *LASTING_TERMS)
 """Terms that are noise and have a spectrum: all but the ramp."""
 SLOW_TERMS = ('bias_instability', 'rate_random_walk')
 """Noise terms that a filter tracks as a bias, and that need the longest records."""
-_IN_OCTAVE = 8
-"""Frequencies that represent many lines: enough that their side lobes do not coincide."""
 
 
 def gauss_markov_avar(sigma: float, correlation_time_s: float,
@@ -228,7 +226,8 @@ def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]
     """
     if lines == 1:
         return np.array([frequency_hz])
-    octave = 2.0 ** ((np.arange(_IN_OCTAVE) + 0.5) / _IN_OCTAVE)
+    # Eight frequencies are enough that their side lobes do not coincide.
+    octave = 2.0 ** ((np.arange(8) + 0.5) / 8)
     return np.asarray(frequency_hz * octave * np.sqrt(np.mean(octave**-2)))
 
 

@@ -28,15 +28,6 @@ Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
 """Bins of the median, many more than a line has; more would blur a knee. Chosen by judgment."""
-_LEAKS = (0.02, 0.3, 4.0)
-"""
-Bins are left out where side lobes exceed this share of the noise floor. If too little is left, the
-next value is used: with the first, 80 lines of three times N would take half of a spectrum.
-"""
-_SCALES = (1, 32, 8)
-"""Numbers of bins averaged: first for sharp lines, then for broad idle tones of a quantizer."""
-_LOWEST_INDEX = 32
-"""Lower coefficients belong to the slow terms, whose steep rise would pass for a line."""
 NAMED = 32
 """Number of the strongest lines that a result lists with their own frequency and amplitude."""
 _MANY = 8
@@ -56,7 +47,9 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     ramp = about_mean(groups)(groups.design @ theta).ramp
     expected = np.maximum(bins.design @ theta, 1e-300)
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))
-    for leak in _LEAKS:
+    # Leave out bins where side lobes exceed this share of the noise floor. With the first, 80
+    # lines of three times N would take half of a spectrum.
+    for leak in (0.02, 0.3, 4.0):
         lines, keep = _find_lines(sections, bins, dt, power, expected, leak)
         # At least half of the spectrum must be left for a fit.
         if keep.mean() >= 0.5:
@@ -120,7 +113,8 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
         # Shorter blocks, of less than eight neighbourhoods, are not searched (by judgment).
         if section.length != longest[section.step] or section.length < 512:
             continue
-        here = np.flatnonzero(bins.section == number)[max(0, _LOWEST_INDEX - section.first):]
+        # Lower coefficients belong to the slow terms, whose steep rise would pass for a line.
+        here = np.flatnonzero(bins.section == number)[max(0, 32 - section.first):]
         if len(here) < _NEIGHBOURHOOD:
             continue
         frequency, level = bins.frequency[here], expected[here]
@@ -157,7 +151,8 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
     """Find lines: the bins of each and its power there, and a mask of all affected bins."""
     taken = np.zeros(len(power), dtype=bool)
     found: list[tuple[slice, Array]] = []
-    for scale in _SCALES if blocks >= _MANY else _SCALES[:1]:
+    # Search for sharp lines in single bins, then for broad idle tones of a quantizer in means.
+    for scale in (1, 32, 8) if blocks >= _MANY else (1,):
         # A first fit flattens the spectrum for sharp lines. It may miss a low-pass and turn its
         # knee into a hump, so broad lines are searched for in the original spectrum.
         level = expected if scale == 1 else np.ones(len(power))

@@ -27,10 +27,6 @@ Array = NDArray[np.float64]
 
 CERTAIN = 0.9998
 """Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""
-_SLIGHT = 0.05
-"""Relative distance from that interval that is too small to matter."""
-_FEW = 64.0
-"""A point of the curve with fewer degrees of freedom belongs to the slow end."""
 _CHANCE = 1e-3
 """Significance level of the test of equal exponents."""
 
@@ -118,10 +114,12 @@ def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedM
     """
     dof = np.array(curve.edf)
     low, high = interval(points.avar[:, axis], dof, CERTAIN)
-    outside = dof < _FEW
+    # Points with more degrees of freedom do not belong to the slow end.
+    outside = dof < 64
     for model in models:
         adev = np.sqrt(model.allan_variance(points.size, dt))
-        outside &= (adev < low * (1 - _SLIGHT)) | (adev > high * (1 + _SLIGHT))
+        # A distance of 5 % from the interval is too small to matter.
+        outside &= (adev < low * (1 - 0.05)) | (adev > high * (1 + 0.05))
     return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 
