@@ -24,14 +24,11 @@ _ROUNDING = 1e-12
 """Tolerance for equal values, also about different references: relative, or absolute below 1."""
 BINS_PER_OCTAVE = 8
 """Bins are 9 % wide, so that 2, 3 and 4 steps of the output fall into different bins."""
-_LOWEST_OCTAVE, _OCTAVES = -40, 64
-"""Magnitudes from 1e-12 to 1e7, in any unit of a sample."""
-_BINS = BINS_PER_OCTAVE * _OCTAVES
+_LOWEST_OCTAVE = -40
+"""The smallest magnitude counted is 1e-12, in any unit of a sample."""
 FEWEST = 20
 """A gap around zero ends where more samples than this have been counted: chance or stray readings
 do not account for so many."""
-_REACH = BINS_PER_OCTAVE + 2
-"""Bins that are counted from the end of the gap on: an octave, and a margin for rounding."""
 
 
 @dataclass(eq=False)
@@ -61,7 +58,9 @@ class Census(MultiAxis):
         self.lowest, self.highest = np.full(axes, np.inf), np.full(axes, -np.inf)
         self.at_ends = np.zeros((2, axes), np.int64)
         self.step = np.full(axes, np.inf)
-        self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, _BINS), np.int64)
+        # Up to a magnitude of 1e7.
+        bins = 64 * BINS_PER_OCTAVE
+        self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, bins), np.int64)
         self.equal_pairs = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
 
     def count(self, rows: Array, reference: Array) -> None:
@@ -116,11 +115,13 @@ class Census(MultiAxis):
             if ends is not None and sizes[ends:ends + 2].sum() > 10_000 and not sizes[
                     ends + 2:ends + BINS_PER_OCTAVE - 1].any():
                 continue
-            farthest = np.inf if ends is None else lower_edge(ends + _REACH)
+            # Count an octave from the end of the gap on, and a margin for rounding.
+            farthest = np.inf if ends is None else lower_edge(ends + BINS_PER_OCTAVE + 2)
             magnitude = np.abs(row - nothing)
             some = magnitude[(magnitude > 0) & (magnitude < farthest)]
             places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
-            sizes += np.bincount(np.clip(places, 0, _BINS - 1).astype(np.intp), minlength=_BINS)
+            sizes += np.bincount(np.clip(places, 0, len(sizes) - 1).astype(np.intp),
+                                 minlength=len(sizes))
 
     def copies(self) -> list[tuple[int, int, int]]:
         """Return the pairs of axes with equal samples, as two indices and their relative sign."""

@@ -22,13 +22,6 @@ from scipy.ndimage import uniform_filter1d
 Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-_FEWEST, _MOST = 4, 256
-"""Least and most cells averaged on each side of a gap; farther away, the level has changed."""
-_EXACT = 64
-"""Coefficients computed one by one; above, some per octave, averaged over phase."""
-_PER_OCTAVE = 12
-"""With periodic gaps, octave means err by at most 0.05 % (0.12 % with 6, 0.03 % with 24)."""
-
 
 @dataclass(frozen=True)
 class Gaps:
@@ -59,7 +52,8 @@ class _GapLine:
 def _gap_lines(places: Keys) -> Iterator[_GapLine]:
     for before in np.flatnonzero(np.diff(places) > 1).tolist():
         first, last = int(places[before]) + 1, int(places[before + 1])
-        width = min(max(2 * (last - first), _FEWEST), _MOST)
+        # Average at most 256 cells on each side; farther away, the level has changed.
+        width = min(max(2 * (last - first), 4), 256)
         left = slice(max(before + 1 - width, 0), before + 1)
         right = slice(before + 1, before + 1 + width)
         x0, x1 = places[left].mean(), places[right].mean()
@@ -105,10 +99,13 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
         folded = np.where(twice <= span, transform[np.minimum(twice, span)],
                           -transform[np.clip(2 * span - twice, 0, span)])
         return Gaps(0.0, (variance.sum() + folded) / span)
-    index = np.arange(min(_EXACT, span))
-    if span > _EXACT:
-        some = max(int(_PER_OCTAVE * np.log2(span / _EXACT)), 2)
-        index = np.union1d(index, np.geomspace(_EXACT, span - 1, some).astype(np.int64))
+    # Compute coefficients one by one up to here; above, some per octave, averaged over phase.
+    exact = 64
+    index = np.arange(min(exact, span))
+    if span > exact:
+        # With periodic gaps, octave means err by at most 0.05 % (0.12 % with 6, 0.03 % with 24).
+        some = max(int(12 * np.log2(span / exact)), 2)
+        index = np.union1d(index, np.geomspace(exact, span - 1, some).astype(np.int64))
     waves = np.exp(1j * np.pi / span * index[:, None] * (np.arange(span) + 0.5))
     weights = waves[:, places]
     for line in _gap_lines(places):
@@ -116,14 +113,14 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
         for side, share in ((line.left, 1 - line.share), (line.right, line.share)):
             weights[:, side] += (part @ share)[:, None] / weights[:, side].shape[1]
     power = (np.abs(weights) ** 2) @ variance / span
-    single = index < _EXACT
+    single = index < exact
     power[single] = 2 * (weights.real[single] ** 2) @ variance / span
     every = np.arange(span)
     there = np.zeros((len(index), span))
     there[:, places] = weights.real
     slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
     # A single index may be in phase with the pattern of gaps; its neighbours average this out.
-    if span > _EXACT:
+    if span > exact:
         # Average over five neighbours for the slow terms.
         slow[:, ~single] = uniform_filter1d(slow[:, ~single], 5, mode='nearest')
     slow[:, 0] = slow[:, 1]

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
 """Field metadata: which dimensions of an array are those of the axes."""
-_MOST = 1024
-"""Most axes, far more than a sensor has. Limits what a damaged state may declare."""
 
 
 @dataclass(eq=False)
@@ -24,8 +22,9 @@ class MultiAxis(Record):
 
     def __post_init__(self) -> None:
         """Initialize to empty, even if a state will be restored afterwards."""
-        if not 1 <= self.axes <= _MOST:
-            raise ValueError(f'axes must be 1 to {_MOST}, not {self.axes}')
+        # More than any sensor has; limits what a damaged state may declare.
+        if not 1 <= self.axes <= 1024:
+            raise ValueError(f'axes must be 1 to 1024, not {self.axes}')
         self.begin()
 
     def begin(self) -> None:

@@ -48,8 +48,6 @@ SHORTEST = 16
 
 _MAX_STAGES = 4
 """The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long."""
-_LOWEST = 32 / (2 * BLOCK)
-"""The first 32 coefficients of a block are left to the next stage, which has more resolution."""
 HIGHEST_OF_MEANS = 0.25
 """Highest frequency used of means, relative to their rate: aliasing grows towards half of it."""
 _LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
@@ -271,11 +269,13 @@ class Periodogram(MultiAxis):
         if self.cell == 1:
             return found
         border = top / self.cell
+        # The first 32 coefficients of a block are left to the next stage, of finer resolution.
+        lowest = 32 / (2 * BLOCK)
         for i, stage in reversed([*enumerate(self.stages)]):
             step = 2**(STAGE_OCTAVES * i)
             if step >= self.cell:
                 continue
-            low = max(border * step, _LOWEST if i + 1 < len(self.stages) else 0)
+            low = max(border * step, lowest if i + 1 < len(self.stages) else 0)
             high = HIGHEST_OF_MEANS if i else 0.5
             for length, own in sorted(stage.sums.items(), reverse=True):
                 # Never empty: `low` is at most an eighth, a block has at least 16 points.
@@ -283,7 +283,7 @@ class Periodogram(MultiAxis):
                 last = int(np.ceil(2 * length * high))
                 found.append(SpectrumSection(step, length, own.blocks, first, last,
                                              own.power / own.blocks, gaps=own.gaps))
-            border = max(border, _LOWEST / step)
+            border = max(border, lowest / step)
         return found
 
     def shift_cells(self, values: Array) -> None:

@@ -29,8 +29,6 @@ OVERLAP_OCTAVE = 3
 OVERLAP = 2**OVERLAP_OCTAVE    # positions of a cluster within its own length
 _TAIL = 2 * OVERLAP - 1
 """Number of previous samples that the next differences need."""
-_ONE_THREAD = 8192
-"""Longest product that no BLAS splits over threads, so that sums do not depend on their number."""
 _MAX_STAGES = 48
 """2**48 samples, 8,900 years at 1 kHz. Limits what a state file may declare."""
 
@@ -141,7 +139,8 @@ class Pyramid(MultiAxis):
 def _square_sums(rows: Array) -> Array:
     """Return the sum of squares of each row, shape (axes,), four times as fast as einsum."""
     sums = np.zeros(len(rows))
-    for begin in range(0, rows.shape[1], _ONE_THREAD):
-        part = rows[:, begin:begin + _ONE_THREAD]
+    # No BLAS splits products of this length over threads, so sums do not depend on their number.
+    for begin in range(0, rows.shape[1], 8192):
+        part = rows[:, begin:begin + 8192]
         sums += (part[:, None, :] @ part[:, :, None])[:, 0, 0]
     return sums

@@ -36,12 +36,6 @@ MEANS = 64
 """Samples in a mean for the slower transform, as in the first stage of the spectrum."""
 TRANSFORMS = ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1))
 """Points, and samples per point, of the transforms for the slower and the faster bands."""
-_BANDS = PER_OCTAVE * (OCTAVES - 1)
-"""Number of bands; the fastest octave ends at half the sample rate."""
-_BORDER = 1 / 256
-"""Highest frequency of the slower transform in cycles per sample, a quarter of its own rate."""
-_LOWEST_INDEX = 8
-"""Lowest coefficient used of a block; leakage from its ends affects the lower ones."""
 
 
 class Layout(NamedTuple):
@@ -67,8 +61,11 @@ def layout(length: int, step: int) -> Layout:
 
     `length`: points of the block. `step`: samples in a point, 1 or `MEANS`.
     """
-    low, high = (_BORDER, 0.5) if step == 1 else (2.0**-OCTAVES, _BORDER)
-    first = max(_LOWEST_INDEX, int(np.ceil(2 * length * step * low)))
+    # The slower transform ends at a quarter of its own rate.
+    border = 1 / (4 * MEANS)
+    low, high = (border, 0.5) if step == 1 else (2.0**-OCTAVES, border)
+    # Leakage from the ends of a block affects the lower coefficients.
+    first = max(8, int(np.ceil(2 * length * step * low)))
     last = min(length, int(np.ceil(2 * length * step * high)))
     index = np.arange(first, last)
     # A power of two is the lower edge of its band, without rounding errors.
@@ -91,8 +88,10 @@ class Segments(MultiAxis):
 
     def begin(self) -> None:
         """Initialize empty segments."""
-        self.power = np.zeros((self.axes, SEGMENTS, _BANDS))
-        self.dof = np.zeros((SEGMENTS, _BANDS), np.int64)
+        # The fastest octave ends at half the sample rate.
+        bands = PER_OCTAVE * (OCTAVES - 1)
+        self.power = np.zeros((self.axes, SEGMENTS, bands))
+        self.dof = np.zeros((SEGMENTS, bands), np.int64)
 
     @property
     def used(self) -> int:

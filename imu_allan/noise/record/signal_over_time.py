@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 
 COLUMNS = 512
 """Most columns: finer than a figure as wide as a page shows, and 60 KB of JSON for six axes."""
-_FEWEST_STILL = 3
-"""Fewest constant segments in a row, of which the first and last may be only partly constant."""
 
 
 class Columns(NamedTuple):
@@ -46,7 +44,9 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     # Sixteen equal samples in a row are significant, unless the steps are coarse.
     together = -(-16 // columns.width)
     starts = np.arange(0, len(known), together)
-    if len(starts) <= _FEWEST_STILL:
+    # Fewest constant segments in a row, of which the first and last may be only partly constant.
+    fewest = 3
+    if len(starts) <= fewest:
         return None
     low = np.minimum.reduceat(columns.low[axis, known], starts)
     high = np.maximum.reduceat(columns.high[axis, known], starts)
@@ -57,7 +57,7 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     lengths = np.where(still[begins], ends - begins, 0)
     longest = int(np.argmax(lengths))
     run = int(lengths[longest])
-    if run < _FEWEST_STILL or run == len(still):
+    if run < fewest or run == len(still):
         return None
     chance = (np.count_nonzero(still) - run + 1) / (len(still) - run + 1)
     # With coarse steps, values often repeat by chance.
