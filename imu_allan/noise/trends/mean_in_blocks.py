@@ -23,8 +23,6 @@ Waveform = Callable[[Array], Array]
 
 _MOST = 0.2
 """Leakage up to this share of the noise is subtracted; beyond, bins are left out. By judgment."""
-_NEAR = 1e-3
-"""Step of numerical slopes, relative to the length of a block."""
 
 
 def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Waveform
@@ -103,7 +101,7 @@ def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tup
     """Return the slopes of a mean at the beginning and at the end of each block."""
     count = max(round((end_s - begin_s) / block_s), 1)
     edges = np.linspace(begin_s, end_s, count + 1)
-    near = _NEAR * block_s
+    near = 1e-3 * block_s
     slope = (mean(edges + near) - mean(edges - near)) / (2 * near)
     return slope[:-1], slope[1:]
 

@@ -34,12 +34,8 @@ Array = NDArray[np.float64]
 
 _COMB = 8
 """Harmonics that are tested together, as all of them may have passed for a random walk."""
-_CERTAIN_COMB = 1e-11
-"""Significance level of these harmonics: low, because many frequencies are tried."""
 _MOST_CYCLES = 32.0
 """Most cycles per record; faster ones cannot be confused with a random walk."""
-_FEW = (1, 4)
-"""Numbers of harmonics with which the frequency is fitted first."""
 
 
 @dataclass(frozen=True)
@@ -70,18 +66,21 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
         return None
-    for few in _FEW:
+    # Fit the frequency first with one harmonic, then with four.
+    for few in (1, 4):
         frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
+    # A strict significance level, because many frequencies are tried.
+    certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
     left = _variance(record, _noise(without(record, comb, variance)))
-    if _chance(record, left, comb.frequency_hz) >= _CERTAIN_COMB:
+    if _chance(record, left, comb.frequency_hz) >= certain:
         return None
     found = _taken_out(record, variance, frequency_hz)
     left = _no_less_than_left(record, found.record)
     # With less than two periods, a cycle cannot be distinguished from a mean that bends.
     if (record.duration_s < 2 * found.period_s
-            or _chance(record, left, 1 / found.period_s) >= _CERTAIN_COMB):
+            or _chance(record, left, 1 / found.period_s) >= certain):
         return None
     return found
 
