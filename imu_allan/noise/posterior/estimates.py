@@ -19,15 +19,13 @@ from imu_allan.noise.posterior.likelihood import (
     spectrum,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
+from imu_allan.noise.posterior.search import B, K, OUTPUT
 from imu_allan.noise.posterior.shapes import (
     cubic,
-    FLICKER,
     GENTLE,
     LOW_PASSES,
-    OUTPUT_NOISE,
     SMOOTH_DRIFT,
     TERMS,
-    WALK,
     WHITE,
 )
 from imu_allan.noise.posterior.trends import TrendKind, waveforms
@@ -42,11 +40,6 @@ Array = NDArray[np.float64]
 
 _ENDS = (0.025, 0.5, 0.975)
 """Probabilities of the quantiles that are the lower end, the value and the upper end."""
-_FLICKER, _WALK, _OUTPUT = (KEYS.index(key) for key in (FLICKER, WALK, OUTPUT_NOISE))
-_QUANTILE = -float(ndtri(_ENDS[0]))
-"""Half-width of a 95 % interval in standard errors."""
-_QUANTILES = ndtri((np.arange(64) + 0.5) / 64)
-"""Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +66,6 @@ class Estimate:
     high: float
     upper: float
     presence: float = 1.0
-
-
-_NO_RAMP = Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
 
 
 @dataclass(frozen=True)
@@ -118,7 +108,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
     # Output noise, added after a filter, is part of the level in its pass band.
     amplitude[:, ALWAYS] = np.hypot(amplitude[:, ALWAYS],
-                                    np.where(there[:, _OUTPUT], amplitude[:, _OUTPUT], 0.0))
+                                    np.where(there[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
     low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
     amplitude[:, ALWAYS] *= posterior.change.factors(len(x))
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
@@ -172,20 +162,20 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_], size: Ar
     if law.any():
         # Convert to flicker of equal power at the frequency that halves the information about it.
         beside, x_beside = best.row.has.copy(), best.row.x.copy()
-        if not beside[0, _FLICKER]:
+        if not beside[0, B]:
             # Far below the detection limit.
-            beside[0, _FLICKER], x_beside[0, _FLICKER] = True, -10.0
+            beside[0, B], x_beside[0, B] = True, -10.0
         lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), x_beside)
-        seen = slopes[np.searchsorted(used, _FLICKER), 0] / lam[0]
+        seen = slopes[np.searchsorted(used, B), 0] / lam[0]
         known = np.cumsum(spectra.dof[of] * seen**2)
         pivot = int(np.searchsorted(known, known[-1] / 2))
         table = spectra.tables.terms[0]
         place = table.place(np.zeros(int(law.sum()), np.int64), x[law, PLAIN + 1])
         value = cubic(table.rows[:, [pivot]], *place)[0][:, 0]
-        flicker = np.log(spectra.columns[of, _FLICKER, pivot]) - 2 * np.log(unit[_FLICKER])
-        amplitude[law, _FLICKER] = size[law] * np.exp(
+        flicker = np.log(spectra.columns[of, B, pivot]) - 2 * np.log(unit[B])
+        amplitude[law, B] = size[law] * np.exp(
             0.5 * (value + spectra.like[of, 0, pivot] - flicker))
-        there[law, _FLICKER] = True
+        there[law, B] = True
     return amplitude, there
 
 
@@ -242,8 +232,9 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
 
 def ramp_of(posterior: Posterior) -> Estimate:
     """Estimate the signed ramp of a single record; several records have no common one."""
+    none = Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     if posterior.models[0].spectra.records > 1:
-        return _NO_RAMP
+        return none
     sizes, errors, weights, wanders = [], [], [], []
     for model in posterior.models:
         if model.weight > 0.01:
@@ -251,13 +242,15 @@ def ramp_of(posterior: Posterior) -> Estimate:
             sizes.append(size[:, 0])
             errors.append(error[:, 0])
             weights.append(model.weight * share)
-            wanders.append(np.full(len(share), bool(model.row.has[0, _WALK])))
+            wanders.append(np.full(len(share), bool(model.row.has[0, K])))
     size, error, weight, wandering = map(
         np.concatenate, (sizes, errors, weights, wanders))
     if not np.isfinite([size, error]).all() or not size.any():
-        return _NO_RAMP
-    low, middle, high = quantiles((size[:, None] + error[:, None] * _QUANTILES).ravel(),
-                                  np.repeat(weight / len(_QUANTILES), len(_QUANTILES)), _ENDS)
+        return none
+    # Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval.
+    normal = ndtri((np.arange(64) + 0.5) / 64)
+    low, middle, high = quantiles((size[:, None] + error[:, None] * normal).ravel(),
+                                  np.repeat(weight / len(normal), len(normal)), _ENDS)
     # The other sign is a matter of the tails, which a few quantiles do not resolve.
     otherwise = ndtr(-size * np.sign(middle) / np.maximum(error, np.finfo(float).tiny))
     # A random walk drifts as well: the ramp must be as certain in the models that contain one.
@@ -299,7 +292,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
     spectra = best.spectra.with_regressors([groups], [int(best.row.of[0])])
     _, _, size, covariance = fitted_mean(spectra, row, row.x)
     value, error = float(size[0, 0, 0]), float(np.sqrt(covariance[0, 0, 0, 0]))
-    half = _QUANTILE * error
+    half = -float(ndtri(_ENDS[0])) * error
     return Estimate(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error, value, value - half,
                     value + half, abs(value) + half)
 
@@ -326,7 +319,7 @@ def moving_mean(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform,
 def expected(model: Drawn) -> tuple[Array, Array]:
     """Return the expected power of a model by group, and the power of its white noise."""
     lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
-    return lam[0], slopes[np.isin(used, (ALWAYS, _OUTPUT)), 0].sum(axis=0) / 2
+    return lam[0], slopes[np.isin(used, (ALWAYS, OUTPUT)), 0].sum(axis=0) / 2
 
 
 def window_of(posterior: Posterior, dt: float) -> float | None:

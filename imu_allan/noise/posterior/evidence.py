@@ -42,16 +42,8 @@ _LONGEST[NUISANCES[0]] = 0.25
 """Longest step per iteration, by parameter."""
 _TAILS = 6.0
 """Degrees of freedom of the multivariate t distribution that draws are taken from."""
-_WIDER = 1.15
-"""Factor by which that distribution is wider than the Laplace approximation."""
 _FEWEST_DRAWS = 10.0
 """Effective sample size below which a few draws dominate and the weights are tempered."""
-_PASSED = float(np.log(0.5))
-"""Logarithm of the response above which a group lies in the pass band."""
-_SAME, _LEAST_ERROR = 0.7, 0.15
-"""Distance in standard errors below which two rows are the same, and least standard error."""
-_AT_END = 0.02
-"""A nuisance this close to an end of its range makes the row equivalent to another model."""
 
 
 def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
@@ -158,14 +150,15 @@ def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, informat
 def _reach(information: Array) -> Array:
     """Return the distances below which rows are the same, shape (rows, SLOTS)."""
     known = np.maximum(np.einsum('rii->ri', information), 1e-12)
-    return np.asarray(_SAME * np.maximum(1 / np.sqrt(known), _LEAST_ERROR))
+    # Rows closer than 0.7 standard errors are the same; a standard error is at least 0.15.
+    return np.asarray(0.7 * np.maximum(1 / np.sqrt(known), 0.15))
 
 
 def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     """Mark rows with all nuisances inside their ranges; at an end, a row is another model."""
     first, last = spectra.tables.ranges(rows.family)
     x = rows.x[:, NUISANCES]
-    found = (x > first + _AT_END) & (x < last - _AT_END)
+    found = (x > first + 0.02) & (x < last - 0.02)
     return np.asarray((found | ~rows.has[:, NUISANCES]).all(axis=1))
 
 
@@ -184,7 +177,8 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
         lam, slopes, used = spectrum(spectra, own, own.x)
         table = spectra.tables.low_pass
         passed, _ = cubic(table.rows, *table.place(own.family, own.x[:, LOW]))
-        share = slopes[np.searchsorted(used, ALWAYS)] / 2 / lam * (passed > _PASSED)
+        # Groups of which more than half of the power passes lie in the pass band.
+        share = slopes[np.searchsorted(used, ALWAYS)] / 2 / lam * (passed > np.log(0.5))
         inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
         seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
         found[filtered[part]] = seen > LEAST_KNOWN
@@ -228,6 +222,8 @@ class Draws:
 
 def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
     """Draw `counts` times from each row by importance sampling, with fixed quasi-random points."""
+    # Draw from a distribution that is wider than the Laplace approximation by this factor.
+    wider = 1.15
     half = np.linalg.cholesky(np.linalg.inv(rows.hessian))
     spread = 0.5 * np.linalg.slogdet(rows.hessian)[1]
     many = replace(rows, hessian=rows.x[:, :0]).take(np.repeat(np.arange(len(rows)), counts))
@@ -238,11 +234,11 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
         normal, chi = _points(count, len(free))
         scale = np.sqrt(_TAILS / chi)
         own, d = slice(end - count, end), len(free)
-        many.x[own, free] += _WIDER * scale[:, None] * (
+        many.x[own, free] += wider * scale[:, None] * (
             normal @ half[number][np.ix_(free, free)].T)
         log_t[own] = (
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
-            - d * np.log(_WIDER) + spread[number]
+            - d * np.log(wider) + spread[number]
             - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * scale**2 / _TAILS))
     log_w = -log_t - losses_alone(spectra, many, many.x)
     drawn = []

@@ -63,17 +63,11 @@ ALWAYS = KEYS.index(WHITE)
 """Slot of the white noise, which is in every model, even if it is too weak to be detected."""
 SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
 """Slots of noise slower than flicker: random walk, smooth drift, Gauss-Markov process."""
-_FLICKER = np.array([KEYS.index(FLICKER), PLAIN])
-"""Slots of flicker and of slow noise with another exponent."""
 GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
 """Standard deviation of the penalty on a nuisance beyond an end of its range."""
-_SMALL = 1e-300
-"""Stands for zero power, so that its logarithm is finite."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that make a batch slower to compute."""
-_FEW, _BATCH = 24, 192
-"""Rows per batch: enough to outweigh its fixed cost, and few enough to stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +157,7 @@ def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:
         level = np.bincount(band, known * each) / shared
         # Cancels what a free level gains on average: half a nat where it is well determined.
         gain = np.log(shared / 2) - digamma(shared / 2)
-        row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + gain)[band]
+        row[:] = 0.5 * known * (np.log(np.maximum(level, 1e-300)) + 1 + gain)[band]
         octave = np.bincount(number, known)[number]
         prior = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
         row -= np.where(new & (octave > 0), prior, 0.0)
@@ -227,8 +221,9 @@ def batches(rows: Rows) -> list[Index]:
     found, begin = [], 0
     for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
         # A few rows are faster to compute in a batch with slots they lack than in their own.
-        if end - begin >= _FEW or end == len(order) > begin:
-            found += np.array_split(order[begin:end], -(-(end - begin) // _BATCH))
+        if end - begin >= 24 or end == len(order) > begin:
+            # At most 192 rows stay in the cache.
+            found += np.array_split(order[begin:end], -(-(end - begin) // 192))
             begin = end
     return found
 
@@ -283,7 +278,7 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
                     jacobian[number] *= response
             for slot, _, slope in bends:
                 np.multiply(body, slope, out=jacobian[place[slot]])
-    return np.maximum(body + 0.5 * behind, _SMALL), jacobian, used
+    return np.maximum(body + 0.5 * behind, 1e-300), jacobian, used
 
 
 def _shared(of: Index) -> Index:
@@ -391,7 +386,8 @@ def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> fl
     """Return the log prior of a set of shapes, with the density of their nuisances."""
     total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
                 if has[slot] and slot != ALWAYS)
-    if not has[_FLICKER].any():
+    # Neither flicker nor slow noise with another exponent.
+    if not has[[KEYS.index(FLICKER), PLAIN]].any():
         total += has[SLOWER].sum() * np.log(WITHOUT_FLICKER)
     for k, shape in enumerate(FREE_TERMS):
         if has[PLAIN + 2 * k]:

@@ -43,13 +43,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_BY_CHANCE = 1e-3
-"""Tail probability up to which the deviation of a half-octave counts as sampling error."""
-_MOST = 10
-"""Most models per set of trends that draws are taken from."""
-_DRAWS = ((0.2, 512), (0.03, 96), (0.0, 32))
-"""Least weight of a model, and its number of draws: the leading ones set the interval ends."""
-
 
 @dataclass(frozen=True)
 class Drawn:
@@ -186,8 +179,9 @@ def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
     normal = np.where(seen, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
     free = max(int(seen.sum()) - int(row.has[0].sum()), 1)
     p_value = float(chi_square.survival(float(normal @ normal), free))
-    high = chi_square.upper(_BY_CHANCE, count) / count
-    low = chi_square.lower(_BY_CHANCE, count) / count
+    # A deviation counts as sampling error up to a tail probability of 1e-3.
+    high = chi_square.upper(1e-3, count) / count
+    low = chi_square.lower(1e-3, count) / count
     misfit = np.where(seen, np.maximum(level - high, low - level), 0.0)
     edge = int(row.edge[0]) if row.edge[0] < lam.shape[1] else None
     factor = np.ones(lam.shape[1])
@@ -224,11 +218,12 @@ def _drawn(sets: Sequence[Sequence[TrendSet]]) -> list[tuple[Drawn, ...]]:
     for batch in batches.values():
         spectra = batch[0][1].spectra
         of = {int(one.rows.of[0]): (axis, one.found) for axis, one in batch}
-        rows = best_of(spectra, Rows.joined([one.rows for _, one in batch]), KEPT, _MOST)
+        rows = best_of(spectra, Rows.joined([one.rows for _, one in batch]), KEPT, 10)
         axes = [of[number][0] for number in rows.of.tolist()]
         total = np.array([np.logaddexp.reduce(each) for each in evidence])[axes]
-        counts = np.array([next(count for least, count in _DRAWS if weight >= least)
-                           for weight in np.exp(rows.evidence - total).tolist()])
+        # Draw most from the models of the largest weight, which set the interval ends.
+        weights = np.exp(rows.evidence - total)
+        counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 96, 32))
         for i, (axis, draws) in enumerate(zip(axes, sample(spectra, rows, counts), strict=True)):
             row = rows.take(np.array([i]))
             found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])), spectra,

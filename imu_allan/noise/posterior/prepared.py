@@ -33,12 +33,6 @@ Array = NDArray[np.float64]
 
 _COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERMS]
 """Column of the design for each term: its own, or that of the term in `like`."""
-_OCTAVE = 0.5
-"""Half-width in octaves of the smoothing that detection limits are based on."""
-_STOPPED = 0.5
-"""Power relative to the pass band below which a group counts as filtered."""
-_PRIOR_DOF = 4.0
-"""Degrees of freedom that the fitted terms contribute to the smoothed spectrum."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +86,12 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
     passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level)
-    uncertainty = np.where(passed < _STOPPED, LEAK_KNOWN / passed, 0.0)
+    # Groups with less than half of the power in the pass band count as filtered.
+    stopped = passed < 0.5
+    uncertainty = np.where(stopped, LEAK_KNOWN / passed, 0.0)
     dof = whole / (1 + whole * uncertainty**2 / 2)
     # A filter attenuates noise of the sensor together with what hides it, but not output noise.
-    information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
+    information = whole / 2 / (level / np.where(stopped, passed, 1.0))**2
     seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(nu, groups[0].step, groups[0].length, groups[0].interpolated)
@@ -120,21 +116,21 @@ def _scale(key: str, dt: float) -> float:
 
 def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
     """
-    Return the smoothed power, which determines the detection limits.
+    Return the power smoothed over an octave, which determines the detection limits.
 
-    A few coefficients may be small by chance, so the fitted terms count as `_PRIOR_DOF` more.
+    A few coefficients may be small by chance, so the fitted terms count as four more.
     """
     white = groups.design[:, ALWAYS]
     octave = np.log2(groups.frequency)
-    low = np.searchsorted(octave, octave - _OCTAVE)
-    high = np.searchsorted(octave, octave + _OCTAVE, 'right')
+    low = np.searchsorted(octave, octave - 0.5)
+    high = np.searchsorted(octave, octave + 0.5, 'right')
 
     def between(values: Array) -> Array:
         total = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray(total[high] - total[low])
 
-    return np.asarray((between(groups.dof * power / white) + _PRIOR_DOF * expected / white)
-                      / (between(groups.dof) + _PRIOR_DOF) * white)
+    return np.asarray((between(groups.dof * power / white) + 4 * expected / white)
+                      / (between(groups.dof) + 4) * white)
 
 
 def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:

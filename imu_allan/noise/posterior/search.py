@@ -6,7 +6,7 @@ Search for the models that matter: first the fast end of the spectrum, then the 
 All axes are searched together, so that each step is one batch.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
 from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
@@ -30,18 +30,12 @@ Array = NDArray[np.float64]
 
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
-_FIRST_HALVES, _MOST_HALVES = 5, 20
-"""Edges are tried at each of the first half-octaves from the top, then at every other one."""
-_KEPT_FAST, KEPT = 12.0, 7.0
-"""Nats below the best at which a fast end, or a model, is dropped: e^-7 is negligible."""
-_MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
-"""Fast ends kept, slow noises that are combined with them, and models in total, per axis."""
+KEPT = 7.0
+"""Nats below the best at which a model is dropped: e^-7 is negligible."""
+MOST = 16
+"""Most models per axis."""
 FAST = (Q, OUTPUT, LOW)
 """Slots of the shapes that change the fast end of the spectrum."""
-_SMOOTH_STARTS = (1.0, 4.0)
-"""Starting values for the logarithm of the amplitude of smooth drift."""
-_BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
-"""Filters that may begin to roll off below an edge."""
 
 
 class Proposals:
@@ -93,16 +87,18 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
     fast = maximise_rows(spectra, fast, hopeless=16.0, on_grid=True)
-    fast = best_of(spectra, fast, _KEPT_FAST, 12)
+    # Nats below the best at which a fast end, or a slow noise, is dropped.
+    kept = 12.0
+    fast = best_of(spectra, fast, kept, 12)
     behind = _behind_filters(spectra, starts, fast, dt)
     if len(behind):
         behind = maximise_rows(spectra, behind, hopeless=16.0, on_grid=True)
-        fast = best_of(spectra, Rows.joined([fast, behind]), _KEPT_FAST, 12)
+        fast = best_of(spectra, Rows.joined([fast, behind]), kept, 12)
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
     slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
-    found = best_of(spectra, slow, _KEPT_FAST, _MOST_SLOW)
+    found = best_of(spectra, slow, kept, 8)
     crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
         spectra, axis, own, of_axis(found, axis))]
     if crossed:
@@ -129,16 +125,12 @@ def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
     return Rows.joined(kept)
 
 
-def _with(x: Array, **values: float) -> Array:
-    """Return a copy of a starting point with some slots set by name."""
+def _with(x: Array, values: Mapping[int, float]) -> Array:
+    """Return a copy of a starting point with other values of some slots."""
     new = x.copy()
-    for name, value in values.items():
-        new[_SLOT[name]] = value
+    for slot, value in values.items():
+        new[slot] = value
     return new
-
-
-_SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIME, 'low': LOW,
-         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'random_walk': K, 'smooth': SMOOTH}
 
 
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
@@ -150,23 +142,24 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
     for more in ((), (Q,)):
         own.add((*slow, *more), x)
         for alpha in (0.5, 0.8, 1.3):
-            own.add((*law, *more), _with(x, alpha=alpha, law=x[B]))
+            own.add((*law, *more), _with(x, {ALPHA: alpha, LAW: x[B]}))
     process = spectra.tables.terms[1]
     for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
-        own.add((*slow, PROCESS, TIME), _with(x, time=time, process=1.5))
+        own.add((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
 
     unit = float(spectra.unit[axis, N])**2
-    _filtered(own, spectra, axis, start, dt, (*slow, LOW))
+    _filtered(own, spectra, axis, start, dt, (*slow, LOW), {})
     for half, edge in _edges(nu):
         prior = TOP + PER_HALF_OCTAVE * half
-        below = _with(x, white=0.5 * np.log(
-            start.white[int(np.searchsorted(nu, nu[edge] / 3))] / unit))
+        below = _with(x, {N: 0.5 * np.log(
+            start.white[int(np.searchsorted(nu, nu[edge] / 3))] / unit)})
         own.add(slow, below, edge=edge, prior=prior)
-        for key in _BESIDE_EDGE:
+        # These filters may begin to roll off below an edge.
+        for key in ('recursive_mean', 'butterworth_2'):
             family = next(k for k, shape in enumerate(LOW_PASSES) if shape.key == key)
             corner = _corner_at(key, float(nu[edge]))
             corner = np.clip(np.log(corner), table.first[family], table.last[family])
-            own.add((*slow, LOW), _with(below, low=corner), family, edge, prior)
+            own.add((*slow, LOW), _with(below, {LOW: corner}), family, edge, prior)
     return own.rows()
 
 
@@ -177,13 +170,14 @@ def _behind_filters(spectra: Spectra, starts: Sequence[Start], fast: Rows, dt: f
         if of_axis(fast, axis).edge[0] < spectra.dof.shape[1]:
             own = Proposals(spectra, axis)
             last = 0.5 * np.log(spectra.power[axis, -1] / spectra.columns[axis, OUTPUT, -1])
-            _filtered(own, spectra, axis, start, dt, (N, B, K, OUTPUT, LOW), output=last)
+            _filtered(own, spectra, axis, start, dt, (N, B, K, OUTPUT, LOW),
+                      {OUTPUT: last})
             found = Rows.joined([found, own.rows()])
     return found
 
 
 def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: float,
-              slots: Sequence[int], **values: float) -> None:
+              slots: Sequence[int], values: Mapping[int, float]) -> None:
     """Propose every filter at several corners."""
     nu, table = np.minimum(spectra.frequency * dt, 0.5), spectra.tables.low_pass
     unit = float(spectra.unit[axis, N])**2
@@ -196,13 +190,14 @@ def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: flo
             at = int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0)))
             # Start with white noise at the level of the spectrum in the pass band.
             white = 0.5 * np.log(start.white[min(at, len(nu) - 1)] / unit)
-            own.add(slots, _with(start.x, low=corner, white=white, **values), family)
+            own.add(slots, _with(start.x, {LOW: corner, N: white, **values}), family)
 
 
 def _edges(nu: Array) -> Iterator[tuple[int, int]]:
     """Yield possible edges as (half-octaves from the top, first group above the edge)."""
     halves = half_octaves(nu)
-    for half in (*range(1, _FIRST_HALVES), *range(_FIRST_HALVES, _MOST_HALVES + 1, 2)):
+    # Farther from the top, every other half-octave is enough.
+    for half in (1, 2, 3, 4, *range(5, 21, 2)):
         edge = int(np.searchsorted(halves, -half))
         if edge < FEWEST_GROUPS:
             return
@@ -224,7 +219,7 @@ def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
         low = bool(own.has[i, LOW])
         key = (int(own.family[i]) if low else -1, int(own.edge[i]), *own.has[i, [*FAST]].tolist())
         seen.setdefault(key, i)
-    kept = own.take(np.array(list(seen.values())[:_MOST_FAST]))
+    kept = own.take(np.array(list(seen.values())[:5]))
     if any(_fast_part(kept.take(np.array([i]))) == [] and kept.edge[i] == spectra.dof.shape[1]
            for i in range(len(kept))):
         return kept
@@ -253,24 +248,23 @@ def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
         if not end.has[0, slot] or x[slot] < 0:
             x[slot] = max(start.x[slot], 0.3)
 
-    def add(*slots: int, **values: float) -> None:
-        own.add((N, *slots, *fast), _with(x, **values), int(end.family[0]), int(end.edge[0]),
-                prior)
+    def add(*slots: int, begin: Mapping[int, float] = {}) -> None:
+        own.add((N, *slots, *fast), _with(x, begin), int(end.family[0]), int(end.edge[0]), prior)
 
     process, high = spectra.tables.terms[1], spectra.tables.high_pass
     for random_walk in ((), (K,)):
         for flicker in ((), (B,)):
             add(*flicker, *random_walk)
-            for smooth in _SMOOTH_STARTS:
-                add(*flicker, SMOOTH, *random_walk, smooth=smooth)
+            for smooth in (1.0, 4.0):
+                add(*flicker, SMOOTH, *random_walk, begin={SMOOTH: smooth})
         for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
-            add(PROCESS, TIME, *random_walk, time=time, process=1.5)
-            add(B, PROCESS, TIME, *random_walk, time=time, process=1.0)
+            add(PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.5})
+            add(B, PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.0})
         for alpha in (0.55, 0.8, 1.2, 1.5):
-            add(LAW, ALPHA, *random_walk, alpha=alpha, law=x[B])
+            add(LAW, ALPHA, *random_walk, begin={ALPHA: alpha, LAW: x[B]})
     for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 7):
-        add(HIGH, high=corner)
-        add(B, HIGH, high=corner)
+        add(HIGH, begin={HIGH: corner})
+        add(B, HIGH, begin={HIGH: corner})
     return own.rows()
 
 

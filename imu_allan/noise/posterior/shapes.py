@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Maps frequencies in cycles per sample and a nuisance to power, up to a constant factor."""
 
-_ROUNDING = 1e-15
-"""Smallest power response, relative to the pass band: keeps logarithms finite."""
 LOWEST_CORNER = 1e-3
 """Lowest corner of a low-pass in cycles per sample: below, slow drift looks like a pass band."""
 FEWEST_GROUPS = 24
@@ -30,12 +28,8 @@ FEWEST_GROUPS = 24
 # Nodes and weights of Gauss-Legendre quadrature over a band.
 _POINTS = np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6)
 _GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # weights
-_SLOWEST = LOWEST_CORNER / 4
-"""Leakage from frequencies below this one is neglected (cycles per sample)."""
 _EVERY = (np.arange(128) + 0.5) / 256
 """Frequencies between zero and half the sample rate, to average a spectrum over."""
-_FOLDS = 4
-"""Highest order of aliases that is computed; those beyond it hold 2 % of the power."""
 
 
 @dataclass(frozen=True)
@@ -104,18 +98,17 @@ def _high_pass(nu: Array, corner: float) -> Array:
     return np.asarray(1 - falls * (1 - leak))
 
 
-WHITE, FLICKER, WALK, QUANTIZATION = 'noise_density', 'bias_instability', 'rate_random_walk', \
-    'quantization_noise'
-OUTPUT_NOISE, SMOOTH_DRIFT = 'output_noise', 'smooth_drift'
-PROCESS, POWER_LAW, HIGH_PASS = 'gauss_markov', 'power_law', 'high_pass'
+WHITE, FLICKER, WALK = 'noise_density', 'bias_instability', 'rate_random_walk'
+SMOOTH_DRIFT = 'smooth_drift'
 GENTLE = 'recursive_mean'
 
 TERMS = (
-    Shape(QUANTIZATION, 0.2, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
+    Shape('quantization_noise', 0.2, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
     Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
     Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
     Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
-    Shape(OUTPUT_NOISE, 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True, like=WHITE),
+    Shape('output_noise', 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True,
+          like=WHITE),
     Shape(SMOOTH_DRIFT, 0.03, lambda nu, _: spectrum.random_walk(nu, 1.0)**2, like=WALK),
 )
 """
@@ -126,9 +119,10 @@ spectrum is f^-4, like that of an integrated random walk.
 """
 
 FREE_TERMS = (
-    Shape(POWER_LAW, 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
+    Shape('power_law', 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
           lambda _: Grid(0.1, 1.9, 0.1), like=FLICKER),
-    Shape(PROCESS, 0.05, lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
+    Shape('gauss_markov', 0.05,
+          lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
           lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
                                               np.log(50.0) + 1.4), 0.25), like=WHITE),
 )
@@ -150,7 +144,7 @@ LOW_PASSES = (
 )
 """Low-pass responses, at most one per model; the first may be too gentle to be detected."""
 
-HIGH_PASSES = (Shape(HIGH_PASS, 0.1, _high_pass, lambda band: Grid(
+HIGH_PASSES = (Shape('high_pass', 0.1, _high_pass, lambda band: Grid(
     np.log(band.slowest / 2), np.log(max(0.2, 2 * band.slowest)), 0.25)),)
 """A filter that tracks and subtracts a bias is slower than a fifth of the sample rate."""
 
@@ -257,7 +251,8 @@ class Response:
         count = 0
         for each, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
             inside, share = _folded(each, means)
-            slower = each * 0.5 ** np.arange(1.5, max(np.log2(each / _SLOWEST), 2))
+            # Neglect leakage from below a quarter of the lowest corner.
+            slower = each * 0.5 ** np.arange(1.5, max(np.log2(each / (LOWEST_CORNER / 4)), 2))
             kappa, f = means * each, means * slower
             leak = (f * np.log(2) / (2 * points)
                     * (1 / np.sin(np.pi * (kappa - f)) - 1 / np.sin(np.pi * (kappa + f)))**2)
@@ -275,8 +270,9 @@ class Response:
         """Return the response to a low-pass, relative to white noise without a filter."""
         passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
         error = self._lost * (power(_EVERY, corner) * self._taken).mean()
+        # The smallest response keeps logarithms finite.
         return np.asarray((passed * self._kept + error)
-                          / (self._kept + self._lost * self._taken.mean()) + _ROUNDING)
+                          / (self._kept + self._lost * self._taken.mean()) + 1e-15)
 
 
 def taken_by_mean(nu: Array) -> Array:
@@ -292,7 +288,8 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
     # Below a fiftieth of the rate of the means, aliasing is negligible.
     if nu * means < 0.02:
         return inside, _GAUSS
-    fold = np.arange(-min(_FOLDS, (means - 1) // 2), min(_FOLDS, means // 2) + 1)
+    # Aliases beyond the fourth hold 2 % of the power.
+    fold = np.arange(-min(4, (means - 1) // 2), min(4, means // 2) + 1)
     places = inside[:, None] + fold / means
     share = (np.sin(np.pi * means * inside)[:, None] / (means * np.sin(np.pi * places)))**2
     # Aliases of higher order are assumed to be as strong as the last one.

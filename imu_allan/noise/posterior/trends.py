@@ -44,14 +44,6 @@ Array = NDArray[np.float64]
 
 _SLOWEST = 128
 """Number of the slowest coefficients of the record that are searched for trends."""
-_MOST = 2
-"""Most trends in one model: a third could not be distinguished from noise."""
-_LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
-"""Lags of a thermometer behind or ahead of the sensor; shorter ones count as none."""
-CI95 = 3.841
-"""Twice the log likelihood ratio at the ends of a 95 % interval (Wilks)."""
-_NEAR = 30.0
-"""Noise models within this many nats of the best are combined with trends."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +110,9 @@ def lags_of(temperature: TemperatureSeries) -> Array:
     """Return the thermometer lags that a record can resolve, in seconds behind the sensor."""
     # A lag of more than an eighth of the record cannot be distinguished from the ramp.
     longest = temperature.duration_s / 8
-    return np.sort([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
+    # The thermometer may lag behind the sensor or be ahead. Less than 20 s count as no lag.
+    lags = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
+    return np.sort([0.0, *(sign * lag for lag in lags if lag < longest for sign in (1, -1))])
 
 
 def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
@@ -325,7 +319,8 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
     for search in searches:
         search.begin(of_axis(still, search.axis))
-    for _ in range(_MOST):
+    # A third trend could not be distinguished from noise.
+    for _ in range(2):
         fitted = _fitted(spectra, [each for search in searches for each in search.candidates()])
         for search in searches:
             own = [one for at, one in fitted if at is search]
@@ -349,7 +344,7 @@ class _Search:
 
     def begin(self, still: Rows) -> None:
         """Start from the noise models near the best, as fitted without trends."""
-        near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - _NEAR))
+        near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - 30.0))
         self._look(self._spectra, Rows.joined([self._best, near]))
 
     def _look(self, spectra: Spectra, rows: Rows) -> None:
@@ -519,7 +514,8 @@ def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
 
 def _interval(values: Array, gains: Array) -> tuple[float, float]:
     """Return the 95 % interval of the nuisance from the profile of the likelihood ratio."""
-    near = np.flatnonzero(gains > gains.max() - CI95)
+    # Twice the log likelihood ratio at the ends of the interval (Wilks).
+    near = np.flatnonzero(gains > gains.max() - 3.841)
     return (float(values[max(near[0] - 1, 0)]), float(values[min(near[-1] + 1, len(values) - 1)]))
 
 
