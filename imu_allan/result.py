@@ -599,8 +599,8 @@ class Result:
         names = [str(name) for name in (self.source.path, self.source.topic) if name]
         rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
         return (f'<Result of {" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
-                f'{timeline.duration_s:.6g} s, axes: {len(self.axes)}, findings: '
-                f'{len(self.warnings)}>')
+                f'{timeline.duration_s:.6g} s, axes={len(self.axes)}, '
+                f'findings={len(self.warnings)}>')
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""
