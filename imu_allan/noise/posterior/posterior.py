@@ -223,7 +223,7 @@ def _drawn(sets: Sequence[Sequence[TrendSet]]) -> list[tuple[Drawn, ...]]:
         total = np.array([np.logaddexp.reduce(each) for each in evidence])[axes]
         # Draw most from the models of the largest weight, which set the interval ends.
         weights = np.exp(rows.evidence - total)
-        counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 96, 32))
+        counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
         for i, (axis, draws) in enumerate(zip(axes, sample(spectra, rows, counts), strict=True)):
             row = rows.take(np.array([i]))
             found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])), spectra,
