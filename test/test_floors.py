@@ -77,21 +77,6 @@ def test_a_verb_that_estimates_nothing_does_not_wait_for_scipy(verb, short_recor
     assert done.stderr == '[]\n'
 
 
-def test_parts_of_numpy_that_only_developers_use_are_executed_for_them_alone():
-    done = subprocess.run([sys.executable, '-c', """
-from imu_allan.quick_start import start_quickly
-start_quickly()
-import sys
-import scipy.special
-print('numpy.f2py.rules' in sys.modules, 'unittest.case' in sys.modules)
-from numpy import f2py, testing
-f2py.get_include()
-testing.assert_array_equal(scipy.special.ndtr(0), 0.5)
-print('numpy.f2py.rules' in sys.modules, 'unittest.case' in sys.modules)
-"""], capture_output=True, text=True, check=True)
-    assert done.stdout == 'False False\nTrue True\n'
-
-
 def unexplained(path):
     """Lines that give a number a name, and nothing beside it or below says why."""
     lines, found = path.read_text().splitlines(), []

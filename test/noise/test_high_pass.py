@@ -74,7 +74,7 @@ def zero_taken_every_minute(seed: int) -> np.ndarray:
         (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15))),
     *((partial(hour, **terms), 10.0, 200, 0, 2) for terms in (
         {'bias_instability': 2.4e-5}, {'bias_instability': 2.4e-5, 'rate_random_walk': 1e-6}, {})),
-    (zero_taken_every_minute, 10.0, 20, 2, 20)])
+    (zero_taken_every_minute, 10.0, 20, 4, 20)])
 def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fewest, most):
     filtered = sum('high_passed' in characterized(record(seed=seed), rate)[1]
                    for seed in range(records))
@@ -84,7 +84,7 @@ def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fe
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('time_s', 'hours', 'walk', 'fewest'), [
-    (10.0, 1.0, 0.0, 60), (60.0, 1.0, 0.0, 14), (60.0, 1.0, 1e-6, 9), (60.0, 3.0, 0.0, 55),
+    (10.0, 1.0, 0.0, 60), (60.0, 1.0, 0.0, 27), (60.0, 1.0, 1e-6, 18), (60.0, 3.0, 0.0, 55),
     (600.0, 1.0, 0.0, 0)])
 def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk, fewest):
     """And what becomes of the others: of sixty records each."""
@@ -96,9 +96,7 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
     print(f'{time_s:g} s, {hours:g} h, K {walk:g}: seen in {60 - len(left)} of 60; B below the '
           f'truth in {low}, K in {walks}')
     assert 60 - len(left) >= fewest
-    # What the filter took of a walk before its bound cannot be seen: 14 of 49.
-    assert low <= 8
-    assert walks <= 18
+    assert max(low, walks) <= 8
 
 
 @pytest.mark.parametrize(('gain', 'more'), [
