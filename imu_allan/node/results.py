@@ -26,8 +26,8 @@ SETTLED_S = 2.0
 """After this long without a sample, a final fit includes all samples so far."""
 
 
-_Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float]
-"""The result, results by lane, messages, findings against standards, and seconds of CPU."""
+_Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float, float]
+"""The result, results by lane, messages, findings against standards, seconds taken, and of CPU."""
 
 
 class Results:
@@ -91,7 +91,7 @@ class Results:
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fitted:
-            started = time.thread_time()
+            started, busy = time.monotonic(), time.thread_time()
             of_lanes, fits = snapshot.fitted(tested)
             fitted = snapshot.as_one(of_lanes)
             result = run.sequential.judged(fitted, more_comes=not to_the_end)
@@ -99,7 +99,8 @@ class Results:
             findings = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
-            return result, of_lanes, messages, findings, time.thread_time() - started
+            return (result, of_lanes, messages, findings, time.monotonic() - started,
+                    time.thread_time() - busy)
 
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:
@@ -107,12 +108,12 @@ class Results:
             self._facts.fit_error = self._worker.failure('fit', future)
             if self._facts.fit_error:
                 return
-            self.latest, of_lanes, messages, findings, took_s = future.result()
-            self._facts.fit_s, self._facts.findings = took_s, findings
+            self.latest, of_lanes, messages, findings, self._facts.fit_s, cpu_s = future.result()
+            self._facts.findings = findings
             run.learn(of_lanes, fed if tested is None else None)
             # An early result is of little use: replace it when the record is three times as long.
             self._next_fit = began + max(FIT_GROWTH * run.duration_s,
-                                         min(took_s / FIT_SHARE, 2 * run.duration_s))
+                                         min(cpu_s / FIT_SHARE, 2 * run.duration_s))
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)

@@ -119,7 +119,7 @@ def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedM
     for model in models:
         adev = np.sqrt(model.allan_variance(points.size, dt))
         # A distance of 5 % from the interval is too small to matter.
-        outside &= (adev < low * (1 - 0.05)) | (adev > high * (1 + 0.05))
+        outside &= (adev < 0.95 * low) | (adev > 1.05 * high)
     return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 
