@@ -16,3 +16,7 @@ def main(args: Sequence[str] | None = None) -> int:
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process
         return run_process(SIMULATOR, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

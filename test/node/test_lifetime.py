@@ -22,6 +22,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_harness import (
     Driver,
+    ENTRY_POINTS,
     Health,
     NO_BOOLEAN,
     PATIENCE_S,
@@ -207,13 +208,12 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         assert 'Traceback' not in text
 
 
-def test_a_parameter_without_ros_args_is_refused_with_status_2() -> None:
-    done = subprocess.run(
-        [sys.executable, '-c', 'from imu_allan.node.imu_allan_node import main\n'
-         'raise SystemExit(main())', 'publish_period=5.0'], capture_output=True, text=True,
-        timeout=60, check=False)
+@pytest.mark.parametrize(('program', 'module'), ENTRY_POINTS.items())
+def test_a_parameter_without_ros_args_is_refused_with_status_2(program: str, module: str) -> None:
+    done = subprocess.run([sys.executable, '-m', module, 'publish_period=5.0'],
+                          capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (
-        2, '', "imu_allan_node: 'publish_period=5.0' is no argument; give parameters as "
+        2, '', f"{program}: 'publish_period=5.0' is no argument; give parameters as "
         '--ros-args -p publish_period:=5.0\n')
 
 
