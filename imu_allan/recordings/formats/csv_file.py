@@ -152,7 +152,7 @@ class CsvRecording(FileRecording):
                 if len(line) == longest and not line.endswith(b'\n'):
                     raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                         'samples')
-                header = line.decode('utf-8-sig', 'replace')
+                header = _decoded(line)
                 if not is_remark(header, options):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT) + file.readline(longest)
@@ -164,13 +164,14 @@ class CsvRecording(FileRecording):
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
             header, options, lambda clock: _is_plausible_clock(rows, clock))
-        below = text.partition('\n')[0]
+        below = after.partition(b'\n')[0]
         with_units = with_units_below(
-            header, below, columns, options, lambda clock: _is_plausible_clock(rows[1:], clock))
+            header, _decoded(below), columns, options,
+            lambda clock: _is_plausible_clock(rows[1:], clock))
         if with_units is not None:
             columns = with_units
             del rows[:1]
-            behind += len(after.partition(b'\n')[0]) + 1
+            behind += len(below) + 1
             self._first_line += 1
         if columns.headless:
             rows = self._rows(header, delimiter) + rows
@@ -225,6 +226,14 @@ class CsvRecording(FileRecording):
         for axis, name in enumerate(AXES):
             if axis // 3 in sensors and axis not in axes:
                 self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
+
+
+def _decoded(line: bytes) -> str:
+    """Decode names and units, in Latin-1 if they are not in UTF-8, as spreadsheets save them."""
+    try:
+        return line.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        return line.decode('latin-1')
 
 
 def _parse(lines: list[str], columns: Columns,

@@ -269,6 +269,16 @@ def test_units_stand_in_names_in_many_ways(path, header, factors):
         np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
 
 
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'latin-1'])
+@pytest.mark.parametrize('header', ['t [µs],gyro_x [°/s],accel_x [m/s²]',
+                                    't,gyro_x,accel_x\nµs,°/s,m/s²'])
+def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, header, encoding):
+    path.write_text(f'{header}\n500,180,1\n', encoding)
+    messages, _ = read(path)
+    assert messages.header_ns.tolist() == [500_000]
+    assert messages.samples[0, [0, 3]] == pytest.approx([pi, 1.0], rel=1e-15)
+
+
 @pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])
 def test_times_that_are_written_as_dates_are_no_numbers_and_reported(path, options):
     text = 'time,gx\n2014-06-24T19:02:59.75Z,1\n2014-06-24T19:02:59.76Z,2\n'
