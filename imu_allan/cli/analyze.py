@@ -93,7 +93,9 @@ def run(args: argparse.Namespace) -> int:
     """Characterize every recording; show each result once it and all earlier ones are done."""
     from imu_allan.recordings import recordings_in
 
-    args.recordings = [str(path) for given in args.recordings for path in recordings_in(given)]
+    choice = choice_of(args)
+    args.recordings = [str(path) for given in args.recordings
+                       for path in recordings_in(given, choice.reading)]
     if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
         args.parser.error('--together takes several recordings of one topic, and no --resume')
     apart = len(args.recordings) > 1 and not args.together
@@ -105,7 +107,6 @@ def run(args: argparse.Namespace) -> int:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
-    choice = choice_of(args)
     if args.dask is None:
         # The workers of a cluster may see another disk.
         if args.output is not None:

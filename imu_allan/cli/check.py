@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
     specification = arguments.specification_of(args.spec)
-    sources = [str(path) for path in recordings_in(args.source)]
+    sources = [str(path) for path in recordings_in(args.source, choice_of(args).reading)]
     unit = arguments.inspection_of(args)
     if len(sources) > 1 and any((
             args.json, args.junit, args.certificate, unit is not None and unit.serial)):

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.recordings import recordings_in
 
     complaints: list[ImuAllanError] = []
-    for number, path in enumerate(recordings_in(args.recording)):
+    for number, path in enumerate(recordings_in(args.recording, recording_options(args))):
         if number:
             print()
         try:

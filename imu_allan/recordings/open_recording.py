@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
@@ -11,6 +12,9 @@ from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
+
+if TYPE_CHECKING:
+    from imu_allan.recordings.formats.table_folder import TableFolder
 
 
 def open_recording(
@@ -53,7 +57,7 @@ def open_recording(
             if not holds_recording(path):
                 from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
                 if tables_in(path):
-                    return TableFolder(path, options)
+                    return _of_tables(TableFolder(path, options))
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         head = read_head(path)
@@ -78,15 +82,27 @@ def _result_given(given: Path, file: Path) -> ImuAllanError:
                          f'{what}')
 
 
-def recordings_in(path: Path | str) -> list[Path]:
+def _of_tables(folder: 'TableFolder') -> Recording:
+    """Return a folder of CSV files as one recording: of its pair, or of its only file."""
+    if len(folder.alone) < 2:
+        return open_recording(folder.alone[0], options=folder.options) if folder.alone else folder
+    raise ImuAllanError(f'{printable(folder.path)}: each of {len(folder.alone)} CSV files, such '
+                        f'as {printable(folder.alone[0].name)}, is a recording; name one')
+
+
+def recordings_in(
+    path: Path | str, options: RecordingOptions = RecordingOptions(),  # noqa: B008
+) -> list[Path]:
     """
     List the recordings in a folder, in natural order of their names (2 before 10).
 
     Parameters
     ----------
     path : path-like
-        A recording, or a folder of recordings: rosbag2 directories, or ``.bag``, ``.ulg`` or
-        ``.bin`` files.
+        A recording, or a folder of recordings: rosbag2 directories, ``.bag``, ``.ulg`` or ``.bin``
+        files, or CSV files with both sensors.
+    options : RecordingOptions, optional
+        Names and units of the columns of CSV files.
 
     Returns
     -------
@@ -100,6 +116,9 @@ def recordings_in(path: Path | str) -> list[Path]:
             return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
+        if not found:
+            from imu_allan.recordings.formats.table_folder import TableFolder
+            found = TableFolder(folder, options).alone
     except (OSError, ValueError):
         # The error is reported when the path is opened.
         return [folder]

@@ -57,7 +57,7 @@ class CsvRecording(FileRecording):
         try:
             self._columns = self._found_columns()
         except ImuAllanError as error:
-            raise ImuAllanError(f'{printable(path)}: {error}') from error
+            raise type(error)(f'{printable(path)}: {error}') from error
         self.topics = [ImuTopic(NO_TOPIC, None)]
         self.untimed = self._columns.clock is None
         if self._columns.temperature is not None:

@@ -56,6 +56,10 @@ _REST_OF_IMU = re.compile(
     r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
 
 
+class NamesNoAxis(ImuAllanError):
+    """The header line names columns, but none is an axis of an IMU."""
+
+
 @dataclass(frozen=True)
 class Clock:
     """
@@ -112,7 +116,7 @@ class Columns:
 def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clock], bool],
                 ) -> Columns:
     """
-    Parse the header line of a file; raise ImuAllanError if it names no axis.
+    Parse the header line of a file; raise NamesNoAxis if it names no axis.
 
     `is_usable` returns whether the stamps of a clock change, or its two columns are seconds and
     nanoseconds.
@@ -150,7 +154,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
                 names[column], units[column], meaning, options)
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
-        raise ImuAllanError(
+        raise NamesNoAxis(
             f'the first line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')

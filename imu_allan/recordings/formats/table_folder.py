@@ -12,6 +12,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.csv_file import CsvRecording
+from imu_allan.recordings.formats.csv_header import NamesNoAxis
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
@@ -29,26 +30,42 @@ def tables_in(folder: Path) -> list[Path]:
 
 
 class TableFolder(Recording):
-    """A folder with one CSV file for the gyroscope and one for the accelerometer, of one clock."""
+    """
+    A folder with one CSV file for the gyroscope and one for the accelerometer, of one clock.
+
+    Attributes
+    ----------
+    alone : list of Path
+        If the folder holds no such pair but files with both sensors, its files that may be
+        recordings by themselves.
+
+    """
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)
         self._files: dict[str, Path] = {}
         halves: dict[str, list[str]] = {sensor: [] for sensor in SENSORS}
-        whole: list[str] = []
+        tables = tables_in(path)
+        foreign: set[Path] = set()
         # A phone has some thirty sensors.
-        for file in tables_in(path)[:64]:
+        for file in tables[:64]:
             try:
                 sensors = self._table(file).sensors
             except ImuAllanError as error:
                 self.other_topics[file.name], self.reasons[file.name] = 'CSV', str(error)
+                if isinstance(error, NamesNoAxis):
+                    foreign.add(file)
                 continue
             self._files[file.name] = file
             self.topics.append(ImuTopic(file.name, None))
-            (whole if len(sensors) > 1 else halves[sensors[0]]).append(file.name)
+            if len(sensors) == 1:
+                halves[sensors[0]].append(file.name)
+        self.alone: list[Path] = []
         if not all(halves.values()):
-            raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
-                                f'together: {self._why_no_imu(halves, whole)}')
+            if len(self._files) == sum(map(len, halves.values())):
+                raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
+                                    f'together: {self._why_no_imu(halves)}')
+            self.alone = [file for file in tables if file not in foreign]
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
         # In lower case, best first. Sensor Logger removes gravity from its Accelerometer.
         preferred = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
@@ -79,11 +96,8 @@ class TableFolder(Recording):
                 return CsvRecording(file, file, replace(self.options, columns=columns))
             raise
 
-    def _why_no_imu(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
-        """Explain why the files are not an IMU: what they hold, or why they cannot be read."""
-        if whole:
-            return (f'gyroscope and accelerometer are both in {_some(whole)}; name the file '
-                    'itself')
+    def _why_no_imu(self, halves: Mapping[str, Sequence[str]]) -> str:
+        """Explain why the files are not an IMU: what they lack, or why they cannot be read."""
         lacking = [SENSORS[sensor].lower() for sensor, names in halves.items() if not names]
         said = f'its CSV files give no {" and no ".join(lacking)}'
         # List likely files first; most of a phone's thirty sensors are not part of an IMU.
@@ -105,13 +119,6 @@ class TableFolder(Recording):
         return (f'{first} ends {duration((begin - end) / 1e9)} before {second} begins: two '
                 f'recordings, or two clocks; --gyro-topic {printable(gyro)} --accel-topic '
                 f'{printable(accel)} takes them for one IMU nevertheless')
-
-
-def _some(names: Sequence[str]) -> str:
-    """List the first of some files."""
-    shown = ', '.join(map(printable, names[:_REPORTED]))
-    return f'each of {len(names)} files ({shown}, ...)' if len(names) > _REPORTED else (
-        f'each of {shown}' if len(names) > 1 else shown)
 
 
 def _best(names: list[str], best: tuple[str, ...]) -> str | None:

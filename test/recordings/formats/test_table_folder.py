@@ -7,7 +7,7 @@ from pathlib import Path
 from bags import no_axes
 from imu_allan import analyze
 from imu_allan.cli.main import main
-from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings import open_recording, RecordingOptions, recordings_in
 from imu_allan.recordings.halves import choose_streams, Stream
 import numpy as np
 import pytest
@@ -96,17 +96,41 @@ BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
     ({'audio': 'level\n1\n', 'Gyroscope': 'time,x,y,z\n1,2,3,4\n', 'Accelerometer': 'time\n1\n'},
      f'its CSV files give no accelerometer; {{}}/Accelerometer.csv: {no_axes("time")}; '
      f'{{}}/audio.csv: {no_axes("level")}'),
-    ({'b': BOTH, 'a': BOTH},
-     'gyroscope and accelerometer are both in each of a.csv, b.csv; name the file itself'),
-    ({'imu': BOTH, 'gps': 'time\n1\n'},
-     'gyroscope and accelerometer are both in imu.csv; name the file itself'),
-], ids=['gyroscope', 'no accelerometer', 'no times', 'one sensor', 'recordings', 'recording'])
+], ids=['gyroscope', 'no accelerometer', 'no times', 'one sensor'])
 def test_it_is_reported_what_the_tables_of_a_folder_lack(tmp_path, texts, said):
     for name, text in texts.items():
         (tmp_path / f'{name}.csv').write_text(text)
     with refused(f'{tmp_path}: a folder of CSV files that are no IMU together: '
                  f'{said.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
+
+
+@pytest.mark.parametrize(('names', 'found'), [
+    (['imu'], ['imu']), (['run_10', 'run_9'], ['run_9', 'run_10']),
+    (map(str, range(70)), map(str, range(70)))], ids=['one', 'two', 'more than are looked into'])
+def test_files_with_both_sensors_are_recordings(tmp_path, names, found):
+    (tmp_path / '0gps.csv').write_text('time,latitude\n1,2\n')
+    for name in names:
+        (tmp_path / f'{name}.csv').write_text(BOTH)
+    assert recordings_in(tmp_path) == [tmp_path / f'{name}.csv' for name in found]
+
+
+def test_the_only_file_with_both_sensors_is_the_recording_of_its_folder(tmp_path):
+    (tmp_path / 'data.csv').write_text(BOTH)
+    with open_recording(tmp_path) as recording:
+        assert recording.path == tmp_path / 'data.csv'
+    (tmp_path / 'other.csv').write_text(BOTH)
+    with refused(f'{tmp_path}: each of 2 CSV files, such as data.csv, is a recording; name one'):
+        open_recording(tmp_path)
+
+
+def test_a_file_whose_columns_are_unknown_is_a_recording_that_fails(tmp_path, capsys):
+    (tmp_path / 'a.csv').write_text('1,2,3,4,5,6\n')
+    write(tmp_path, 'b', 100, 1e-3, header='time,s,gyro_x,accel_x,accel_y')
+    assert main(['info', str(tmp_path)]) == 1
+    shown = capsys.readouterr()
+    assert f'{tmp_path / "b.csv"}  ' in shown.out
+    assert shown.err.startswith(f'imu_allan: {tmp_path / "a.csv"}: no line names its columns')
 
 
 BOTH_FILES = [Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
