@@ -131,20 +131,16 @@ class Content(Record):
                 return True
         return False
 
-    def has_no_outliers(self, samples: Floats) -> bool:
-        """Return quickly whether samples without NaN certainly contain no isolated outlier."""
-        return len(self.noise) == 6 and not may_have_outlier(
-            self._steps(samples), np.array(self.noise))
-
-    def _spikes(self, samples: Floats) -> Bools:
+    def spikes(self, samples: Floats) -> Bools:
         """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
-        known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
+        steps = self._steps(samples)
         # Fewer samples do not give the noise with which an outlier is compared.
-        if len(known) < 8 or self.has_no_outliers(known):
-            return np.zeros(len(known), dtype=bool)
+        if len(samples) < 8 or (len(self.noise) == 6 and not may_have_outlier(
+                steps, np.array(self.noise))):
+            return np.zeros(len(samples), dtype=bool)
         # After a change of the noise level, the full search is needed only once.
-        self.noise = noise_of_steps(self._steps(known)).tolist()
-        return spikes(known, np.array(self.last) if self.last else None)
+        self.noise = noise_of_steps(steps).tolist()
+        return spikes(samples, np.array(self.last) if self.last else None)
 
     def _steps(self, samples: Floats) -> Floats:
         """Return the steps from the newest message on, shape (n, 6), at the start (n - 1, 6)."""
@@ -161,7 +157,8 @@ class Content(Record):
 
         The state advances by the first `consumed` messages.
         """
-        wild, none = self._spikes(samples), np.zeros(len(samples), dtype=bool)
+        wild = self.spikes(np.clip(np.nan_to_num(samples), -LARGEST, LARGEST))
+        none = np.zeros(len(samples), dtype=bool)
         if self.has_no_repeats(samples[:consumed]):
             self.last = np.nan_to_num(samples[consumed - 1]).tolist()
             return Repeats(none, none, wild)

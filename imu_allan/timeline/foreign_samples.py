@@ -244,13 +244,19 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
 
     """
     known = samples if before is None else np.concatenate([before[None], samples])
-    sigma = noise_of_steps(np.diff(known, axis=0))
+    steps = np.diff(known, axis=0)
+    # A noise-free simulation still has rounding errors.
+    farthest = _SPIKE_SIGMAS * np.maximum(
+        noise_of_steps(steps), 1e-12 * np.abs(known).max(axis=0))
+    # Only a larger step leads that far away from the median of five samples.
+    large = np.flatnonzero((np.abs(steps) > farthest).any(axis=1))
+    near = np.unique([large, large + 1])
     # Reflected at both ends, so that the first and last samples are compared with others.
     padded = np.pad(known, ((2, 2), (0, 0)), mode='reflect')
-    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
-    # A noise-free simulation still has rounding errors.
-    sigma = np.maximum(sigma, 1e-12 * np.abs(known).max(axis=0))
-    found: Bools = np.any(np.abs(known - median) > _SPIKE_SIGMAS * sigma, axis=1)[-len(samples):]
+    median = np.median(padded[near[:, None] + np.arange(5)], axis=1)
+    found = np.zeros(len(known), dtype=bool)
+    found[near] = np.any(np.abs(known[near] - median) > farthest, axis=1)
+    found = found[-len(samples):]
     at = np.flatnonzero(found)
     reach = 3   # within this distance two outliers may be errors, while three are a knock
     beside = at[:, None] + np.arange(-reach, reach + 1)
@@ -258,7 +264,7 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     beside = np.where(inside, beside, 0)
     others = (inside & ~found[beside])[:, :, None]
     count = np.maximum(others.sum(axis=1), 1)
-    values = samples[beside] / sigma
+    values = samples[beside] / (farthest / _SPIKE_SIGMAS)
     mean = np.sum(np.where(others, values, 0.0), axis=1) / count
     # The samples around an outlier are this loud in one of 10,000 cases by chance, but nearly
     # always in a knock, which rings.

@@ -86,7 +86,7 @@ class Intake(Record):
                     and self.presence.is_unchanged(window.samples[:window.consumed])
                     and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
                     and self.content.has_no_repeats(window.samples[:window.consumed])
-                    and self.content.has_no_outliers(window.samples))
+                    and not self.content.spikes(window.samples).any())
 
     def count_even(self, window: Window) -> None:
         """Count faultless messages; the clock in use is known to be even and needs no check."""
