@@ -74,8 +74,8 @@ class TimelineStage(Record):
         blocks: list[EvenBlock] = []
         # 64 later messages must be seen before a message is accepted or rejected: the last of a
         # window are processed in the next one.
-        window, look_ahead = 4096, 64
-        while self._pending.messages >= window:
+        look_ahead = 64
+        while self._pending.messages >= (window := self._window):
             blocks += self._process(self._pending.take(window, window - look_ahead))
         return blocks
 
@@ -185,6 +185,14 @@ class TimelineStage(Record):
         """Sample interval by the clock in use; None until it is measured."""
         decision = self._intake.decision
         return None if decision.first_interval_ns is None else decision.pace.interval_ns
+
+    @property
+    def _window(self) -> int:
+        """Messages that are processed at once: 20 s of them, from 4,096 to 16,384."""
+        interval_ns = self._memory.decision.first_interval_ns
+        if interval_ns is None:
+            return 4096
+        return 4096 << sum(interval_ns * (4096 << more) <= 20 * SECOND for more in (1, 2))
 
     def _process(self, window: Window) -> list[EvenBlock]:
         intake, placing = self._intake, self._placing
