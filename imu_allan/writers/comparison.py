@@ -5,13 +5,14 @@ Comparison of several results: sensors of one kind, or one sensor on several day
 
 The first result is the reference. A difference is given in units of the combined interval. That is
 the root sum of squares of the facing half-widths of the two 95 % intervals. For two recordings of
-one sensor, one coefficient in twenty differs by more than 1 by chance.
+one sensor, one coefficient in twenty differs by more than 1 by chance. Where one result has only a
+bound, a value beyond it differs by its distance from the bound at least.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import hypot
+from math import copysign, hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,7 +49,8 @@ class Difference:
     ratio : float or None
         Other divided by reference; None if one is not observable.
     in_intervals : float or None
-        Signed difference in units of the combined interval; None if one is not observable.
+        Signed difference in units of the combined interval; None if one is not observable and its
+        bound does not exclude the other.
 
     """
 
@@ -113,7 +115,8 @@ def verdicts(differences: Sequence[Difference]) -> list[str]:
 
     Returns one sentence for each result, sensor and term that differs, and a summary.
     """
-    known = [one for one in differences if one.in_intervals is not None]
+    known = [one for one in differences if all(c.value is not None or c.upper95 is not None
+                                               for c in one.coefficients)]
     said = []
     for other, sensor, key in product(dict.fromkeys(one.other for one in known), SENSORS, TERMS):
         own = [one for one in known if (one.other, one.key) == (other, key)
@@ -137,11 +140,12 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
     two_digits = '{:.2g}'.format
     intervals = ranged([abs(one.in_intervals or 0.0) for one in beyond], two_digits)
     ratios = [one.ratio for one in beyond if one.ratio is not None and one.ratio > 0]
+    least = '' if all(c.observable for one in beyond for c in one.coefficients) else 'at least '
     by = word if len(ratios) < len(beyond) else (
         f'{ranged([100 * abs(ratio - 1) for ratio in ratios], two_digits)} % {word}'
         if max(ratios) < 2 and min(ratios) > 0.5 else f'{ranged(ratios, two_digits)} times')
     return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} is {by} that of '
-            f'{printable(first.reference)} ({intervals} '
+            f'{printable(first.reference)} ({least}{intervals} '
             f'{"interval" if intervals == "1" else "intervals"})')
 
 
@@ -208,11 +212,18 @@ def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
 
 
 def _difference(a: Coefficient, b: Coefficient) -> tuple[float | None, float | None]:
-    if a.value is None or b.value is None or a.ci95 is None or b.ci95 is None:
-        return None, None
-    ratio = b.value / a.value if a.value else None
-    if b.value >= a.value:
-        half = hypot(a.ci95[1] - a.value, b.value - b.ci95[0])
+    if a.value is None or a.ci95 is None:
+        _, excluded = (None, None) if b.value is None else _difference(b, a)
+        return None, None if excluded is None else -excluded
+    if b.value is not None and b.ci95 is not None:
+        value, ends, ratio = b.value, b.ci95, b.value / a.value if a.value else None
+    elif b.upper95 is not None and b.upper95 < abs(a.value):
+        value = copysign(b.upper95, a.value)
+        ends, ratio = (value, value), None
     else:
-        half = hypot(a.value - a.ci95[0], b.ci95[1] - b.value)
-    return ratio, (b.value - a.value) / half if half > 0 else None
+        return None, None
+    if value >= a.value:
+        half = hypot(a.ci95[1] - a.value, value - ends[0])
+    else:
+        half = hypot(a.value - a.ci95[0], ends[1] - value)
+    return ratio, (value - a.value) / half if half > 0 else None

@@ -47,11 +47,29 @@ def test_every_result_is_compared_with_the_first(result, make_result):
 
 
 def test_what_one_does_not_show_has_no_difference_but_both_bounds(result, make_axis):
-    axes = {'gyro_z': make_axis('gyro_z', {'noise_density': 1e-3, 'rate_random_walk': 1e-5})}
+    axes = {'gyro_z': make_axis('gyro_z', {'noise_density': 1e-3, 'rate_random_walk': 1e-7})}
     differences = {d.key: d for d in compare({'a': result, 'b': replace(result, axes=axes)})}
     assert differences['rate_random_walk'].in_intervals is None
     assert not differences['rate_random_walk'].coefficients[0].observable
     assert 'quantization_noise' not in differences
+
+
+@pytest.mark.parametrize(('value', 'interval', 'bound', 'least'), [
+    (10.0, (8.0, 13.0), 6.0, -2.0), (10.0, (8.0, 13.0), 9.0, -0.5), (10.0, (8.0, 13.0), 11.0, None),
+    (-10.0, (-13.0, -8.0), 6.0, 2.0)])
+def test_a_value_that_a_bound_excludes_differs_by_its_distance_from_the_bound(
+        make_result, make_axis, value, interval, bound, least):
+    known = one(make_result, make_axis, value, interval)
+    axis = known.axes['gyro_x']
+    bounded = replace(known, axes={'gyro_x': replace(axis, coefficients={
+        **axis.coefficients, 'noise_density': Coefficient(
+            'N', 'rad/s/sqrt(Hz)', False, None, None, bound)})})
+    (down,) = compare({'known': known, 'bounded': bounded})
+    (up,) = compare({'bounded': bounded, 'known': known})
+    assert (down.in_intervals, up.in_intervals) == (least, least if least is None else -least)
+    assert verdicts([down])[:-1] == ([] if least is None or abs(least) < 1 else [
+        f'N of gyro x of bounded is {"below" if value > 0 else "above"} that of known '
+        '(at least 2 intervals)'])
 
 
 def test_results_with_nothing_in_common_are_refused(result):
