@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of units, and their order."""
 
+from collections.abc import Sequence
 from pathlib import Path
 import re
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 
 
 def name_pattern(text: str) -> 'str | re.Pattern[str]':
@@ -41,6 +42,37 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
     if source == 'folder':
         return resolved.parent.name or 'recording'
     return (resolved.name if resolved.is_dir() else resolved.stem) or 'recording'
+
+
+def told_apart(names: Sequence[str], longest: int) -> list[str]:
+    """
+    Shorten names to `longest` characters such that those of two units still differ.
+
+    The middle is left out, or what all names have in common, or all but the place in the list.
+
+    Examples
+    --------
+    >>> told_apart(['imu_bench_a_monday_night', 'imu_bench_b_monday_night'], 14)
+    ['imu_bench_a…', 'imu_bench_b…']
+
+    """
+    whole = [printable(name) for name in names]
+    shared = _shared(whole)
+    end = _shared([name[shared:][::-1] for name in whole])
+    # As much of the common beginning as there is room for.
+    start = max(0, min(shared, max(map(len, whole), default=0) - end - (longest - 2)))
+    cut = ['…' * (start > 0) + name[start:len(name) - end] + '…' * (end > 0) for name in whole]
+    for shown in (whole, cut):
+        short = [shorten(name, longest) for name in shown]
+        if len(set(short)) == len(set(whole)):
+            return short
+    return [str(place) for place, _ in enumerate(whole, 1)]
+
+
+def _shared(names: Sequence[str]) -> int:
+    """Count the characters with which all names begin."""
+    return next((place for place, letters in enumerate(zip(*names, strict=False))
+                 if len({*letters}) > 1), min(map(len, names), default=0))
 
 
 def natural(name: str) -> tuple[tuple[object, ...], str]:

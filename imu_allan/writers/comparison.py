@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.fleet.names import told_apart
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
@@ -155,18 +156,18 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
-    longest = 14   # no row is wrapped at 80 columns
-    names = [shorten(printable(name), longest)
-             for name in (differences[0].reference, others[0])]
-    table = bare_table('axis', 'term', 'unit', *(
-        (Text(names[0]), Text(names[1])) if alone else (Text(names[0]), 'other', 'value')),
+    names = [differences[0].reference, *others]
+    # With this length no row is wrapped at 80 columns.
+    labels = {name: Text(label) for name, label in zip(names, told_apart(names, 14), strict=True)}
+    table = bare_table('axis', 'term', 'unit', labels[names[0]], *(
+        [labels[names[1]]] if alone else ['other', 'value']),
         'ratio', 'intervals', texts=3)
     for difference in differences:
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
             spoken(difference.axis), TERMS[difference.key].symbol,
             engineering(1.0, difference.unit)[1], shown(difference.coefficients[0]),
-            *([] if alone else [Text(shorten(printable(difference.other), longest))]),
+            *([] if alone else [labels[difference.other]]),
             shown(difference.coefficients[1]),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',

@@ -3,7 +3,8 @@
 import subprocess
 import sys
 
-from imu_allan.fleet.names import name_pattern, natural, unit_name
+from imu_allan.fleet.names import name_pattern, natural, told_apart, unit_name
+import pytest
 from whole_lines import refused, Varying
 
 
@@ -33,3 +34,14 @@ def test_units_stand_in_the_order_of_their_numbers():
 def test_a_name_is_found_without_loading_numerics():
     code = "import sys, imu_allan.fleet.names; sys.exit('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(('names', 'shown'), [
+    (['unit1', 'unit2'], ['unit1', 'unit2']),
+    (['bench_of_monday_1', 'bench_of_monday_2'], ['bench_…nday_1', 'bench_…nday_2']),
+    ([f'imu_bench_{unit}_monday_night' for unit in 'ab'], ['imu_bench_a…', 'imu_bench_b…']),
+    ([f'monday_night_{unit}_adis16405' for unit in (9, 10)], ['…day_night_9…', '…day_night_10…']),
+    ([f'{unit}_monday_{night}_imu_{unit}' for unit in 'ab' for night in 'xy'], list('1234')),
+    ([], [])])
+def test_shortened_names_of_two_units_differ(names, shown):
+    assert told_apart(names, 14) == shown

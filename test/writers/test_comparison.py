@@ -55,8 +55,8 @@ def test_what_one_does_not_show_has_no_difference_but_both_bounds(result, make_a
 
 
 @pytest.mark.parametrize(('value', 'interval', 'bound', 'least'), [
-    (10.0, (8.0, 13.0), 6.0, -2.0), (10.0, (8.0, 13.0), 9.0, -0.5), (10.0, (8.0, 13.0), 11.0, None),
-    (-10.0, (-13.0, -8.0), 6.0, 2.0)])
+    (10.0, (8.0, 13.0), 6.0, -2.0), (10.0, (8.0, 13.0), 9.0, -0.5),
+    (10.0, (8.0, 13.0), 11.0, None), (-10.0, (-13.0, -8.0), 6.0, 2.0)])
 def test_a_value_that_a_bound_excludes_differs_by_its_distance_from_the_bound(
         make_result, make_axis, value, interval, bound, least):
     known = one(make_result, make_axis, value, interval)

@@ -139,3 +139,9 @@ def test_a_unit_is_named_where_it_is_an_outlier_and_not_among_the_dots_of_others
              if 'unit5' in {text.get_text() for text in panel.texts}]
     assert 'N gyro x' in named
     assert all(title.endswith('gyro x') for title in named)
+
+
+def test_units_whose_long_names_differ_in_the_middle_have_labels_that_differ(make_result):
+    results = {f'recording_of_{unit}_monday_night': make_result() for unit in 'abc'}
+    for panel in units_figure(Fleet(results)).axes:
+        assert len({tick.get_text() for tick in panel.get_xticklabels()}) == 3
