@@ -44,7 +44,7 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
     return (resolved.name if resolved.is_dir() else resolved.stem) or 'recording'
 
 
-def told_apart(names: Sequence[str], longest: int) -> list[str]:
+def distinct_labels(names: Sequence[str], longest: int) -> list[str]:
     """
     Shorten names to `longest` characters such that those of two units still differ.
 
@@ -52,7 +52,7 @@ def told_apart(names: Sequence[str], longest: int) -> list[str]:
 
     Examples
     --------
-    >>> told_apart(['imu_bench_a_monday_night', 'imu_bench_b_monday_night'], 14)
+    >>> distinct_labels(['imu_bench_a_monday_night', 'imu_bench_b_monday_night'], 14)
     ['imu_bench_a…', 'imu_bench_b…']
 
     """

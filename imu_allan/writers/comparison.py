@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.fleet.names import told_apart
+from imu_allan.fleet.names import distinct_labels
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
@@ -158,7 +158,7 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
     alone = len(others) == 1
     names = [differences[0].reference, *others]
     # With this length no row is wrapped at 80 columns.
-    labels = {name: Text(label) for name, label in zip(names, told_apart(names, 14), strict=True)}
+    labels = dict(zip(names, map(Text, distinct_labels(names, 14)), strict=True))
     table = bare_table('axis', 'term', 'unit', labels[names[0]], *(
         [labels[names[1]]] if alone else ['other', 'value']),
         'ratio', 'intervals', texts=3)

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from imu_allan.fleet.names import name_pattern, natural, told_apart, unit_name
+from imu_allan.fleet.names import distinct_labels, name_pattern, natural, unit_name
 import pytest
 from whole_lines import refused, Varying
 
@@ -44,4 +44,4 @@ def test_a_name_is_found_without_loading_numerics():
     ([f'{unit}_monday_{night}_imu_{unit}' for unit in 'ab' for night in 'xy'], list('1234')),
     ([], [])])
 def test_shortened_names_of_two_units_differ(names, shown):
-    assert told_apart(names, 14) == shown
+    assert distinct_labels(names, 14) == shown

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable, shorten
-from imu_allan.fleet.names import told_apart
+from imu_allan.fleet.names import distinct_labels
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
@@ -66,7 +66,7 @@ def curves_figure(fleet: Fleet) -> 'Figure':
             named |= _draw_curves(
                 panel, _axes(fleet, name), colours, fleet.population.outlier_units)
         # A legend, as names beside the curves would overlap.
-        figure.legend([*named.values()], told_apart([*named], 18),
+        figure.legend([*named.values()], distinct_labels([*named], 18),
                       loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / figure.get_figheight()),
                       ncol=len(_PALETTE), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
                       handletextpad=0.5, columnspacing=1.4)
@@ -162,8 +162,8 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     units = fleet.population.units
     if len(units) <= _MOST_TICKS:
         # Characters that fit below a tick.
-        panel.set_xticks(range(1, len(units) + 1),
-                         told_apart(units, 14), rotation=20, ha='right', rotation_mode='anchor')
+        panel.set_xticks(range(1, len(units) + 1), distinct_labels(units, 14), rotation=20,
+                         ha='right', rotation_mode='anchor')
     panel.margins(x=0.03, y=0.12)
     if panel.get_ylim()[0] < 0:
         panel.set_ylim(bottom=0)
