@@ -176,7 +176,10 @@ class CharacterizationNode(AnyExecutorNode):
             decode = decoder(kind, *_fields(values, half), gyro_unit=gyro_unit,
                              accel_unit=accel_unit)
         except ImuAllanError as error:
-            raise ImuAllanError(f'parameter {parameter}: {error}') from error
+            # One of a field or unit begins with the name of its own parameter.
+            named = str(error).partition(' ')[0] in values
+            raise ImuAllanError(f'parameter {error}' if named else
+                                f'parameter {parameter}: {error}') from error
         subscription = DrainedSubscription(self, message_class(kind), topic, queue,
                                            f'{half}_topic')
         facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)

@@ -75,4 +75,6 @@ def factor(option: str, unit: str | None, si_unit: str) -> float:
     try:
         return convert(1.0, unit, si_unit)
     except ImuAllanError as error:
-        raise ImuAllanError(f'{option} {printable(shorten(unit, 80))}: {error}') from error
+        other = 'deg/s' if si_unit == RAD_PER_S else 'g'
+        raise ImuAllanError(f'{option} {printable(shorten(unit, 80))}: {error}; write {si_unit} '
+                            f'or {other}') from error

@@ -171,12 +171,12 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
          'sensor_msgs/msg/Imu'),
         ([twist], 'parameter imu_type: type geometry_msgs/msg/TwistStamped holds no samples of '
          'an IMU that are known; name the fields that hold them with gyro_field and accel_field'),
-        ([twist, 'gyro_field:=twist.no'], 'parameter imu_type: gyro_field twist.no: '
+        ([twist, 'gyro_field:=twist.no'], 'parameter gyro_field twist.no: '
          'geometry_msgs/msg/Twist has no field no; it has linear, angular'),
         ([twist, "gyro_field:='twist.angular m'"],
-         'parameter imu_type: gyro_field m: m cannot be turned into rad/s'),
+         'parameter gyro_field m: m cannot be turned into rad/s; write rad/s or deg/s'),
         (['accel_unit:=deg/s'],
-         'parameter imu_type: accel_unit deg/s: deg/s cannot be turned into m/s^2'),
+         'parameter accel_unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g'),
         (['gyro_topic:=/g'],
          'parameter gyro_topic: needs accel_topic, too: an IMU on two topics has both'),
         ([accel], 'parameter accel_topic: needs gyro_topic, too: an IMU on two topics has both'),

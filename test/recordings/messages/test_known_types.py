@@ -117,8 +117,10 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
     ({'gyro': 'name'}, '--gyro name: not three numbers in my_driver/msg/Frame; name a field with '
                        'x, y, z, three elements such as gyro[0:3], or three fields such as '
                        'gx,gy,gz'),
-    ({'gyro': 'raw[3:6] b c'}, '--gyro b c: b c cannot be turned into rad/s'),
-    ({'accel': 'raw[0:3] furlong'}, '--accel furlong: furlong cannot be turned into m/s^2'),
+    ({'gyro': 'raw[3:6] b c'}, '--gyro b c: b c cannot be turned into rad/s; write rad/s or '
+                               'deg/s'),
+    ({'accel': 'raw[0:3] furlong'}, '--accel furlong: furlong cannot be turned into m/s^2; write '
+                                    'm/s^2 or g'),
     ({'gyro': 'raw[0:3]', 'stamp': 't'}, '--stamp t: name a number and its unit (s, ms, us or '
                                          'ns), or a field with seconds and nanoseconds'),
     ({'gyro': '..'}, '--gyro ..: not a field path such as imu.gyro[0:3]'),
