@@ -53,7 +53,7 @@ def register(verbs: Any) -> None:
     topics.add_argument('--topic', metavar='NAME',
                         help='the Imu topic; may be left out where there is only one')
     topics.add_argument('--all-topics', action='store_true', help='every Imu topic in turn')
-    parser.add_argument('--output', metavar='DIR',
+    parser.add_argument('-o', '--output', metavar='DIR',
                         help='folder for result.json, curve.csv, allan_deviation.png and '
                              'report.html; of several recordings or topics a folder each, with '
                              'fleet.html, fleet.csv and fleet.json')

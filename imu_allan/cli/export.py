@@ -51,7 +51,7 @@ def register(verbs: Any) -> None:
                              'this recording')
     parser.add_argument('--inflate', metavar='N=2,K=5', type=arguments.factors, default={},
                         help='factors on top of the numbers; they are written into the file')
-    parser.add_argument('--output', metavar='PATH',
+    parser.add_argument('-o', '--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
     parser.set_defaults(run=run, inputs=('result', 'spec'),
                         outputs={'output': CONFIGURATION})

@@ -21,7 +21,7 @@ def register(verbs: Any) -> None:
                     'their intervals.')
     parser.add_argument('results', metavar='RESULT', nargs='+',
                         help='result file of analyze --json RESULT, or the folder of --output')
-    parser.add_argument('--output', metavar='DIR', default='.',
+    parser.add_argument('-o', '--output', metavar='DIR', default='.',
                         help='folder to write to (default: this folder)')
     parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),
                         help='what to write besides: png, svg, pdf, and of one result latex, a '

@@ -28,7 +28,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('model', metavar='MODEL',
                         help='noise model: a YAML file with units, or one that is shipped '
                              '(consumer_mems, tactical_mems)')
-    parser.add_argument('--output', metavar='DIR',
+    parser.add_argument('-o', '--output', metavar='DIR',
                         help='recording to write (default: the name of MODEL, in this folder)')
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap',
                         help='container of the recording (default: %(default)s)')

@@ -159,7 +159,7 @@ SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate',
 
 def test_help_shows_what_most_need_and_help_all_the_rest(output_of):
     shown = {word: output_of('analyze', word) for word in ('--help', '--help-all')}
-    options = {word: re.findall(r'^  (?:-h, )?(--[\w-]+)', text, re.MULTILINE)
+    options = {word: re.findall(r'^  (?:-\w(?: DIR)?, )?(--[\w-]+)', text, re.MULTILINE)
                for word, text in shown.items()}
     assert sorted(options['--help']) == sorted([*SHORT, '--help', '--help-all'])
     assert set(options['--help-all']) > {*options['--help'], '--resume', '--meta', '--gyro'}
@@ -177,6 +177,7 @@ def test_the_consumers_are_listed_by_family(output_of):
 
 
 @pytest.mark.parametrize(('words', 'key', 'expected'), [
+    ('analyze bag -o out', 'output', 'out'),
     ('analyze bag --rate 100', 'rate', 100.0), ('analyze bag --rate 100Hz', 'rate', 100.0),
     ('analyze bag --rate 2kHz', 'rate', 2000.0), ("analyze bag --rate '0.5 khz'", 'rate', 500.0),
     ('analyze bag --duration 5m', 'duration', 300.0),
