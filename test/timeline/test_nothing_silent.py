@@ -517,6 +517,15 @@ def test_no_output_of_one_sensor_passes_for_two(lost, late, output):
         assert not passes_for_two(output(white), lost, late)
 
 
+@pytest.mark.parametrize('every', [20, 64, 100])
+@pytest.mark.parametrize('size', [8, 1000])
+def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(every, size):
+    messages, _, _ = rest(100, 60)
+    messages.samples[::every] += size * SIGMA
+    found = codes(run(messages.block())[0])
+    assert not PERHAPS_TWO & found
+
+
 @pytest.mark.parametrize('output', [
     lambda white: np.hstack([white[:, :3], np.where(
         np.arange(4096)[:, None] % 2, (np.roll(white, 1, 0) + np.roll(white, -1, 0)) / 2,
