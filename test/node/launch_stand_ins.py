@@ -4,8 +4,8 @@
 Stand-ins for the part of ``launch`` and ``launch_ros`` that the launch files use.
 
 There are no wheels of launch, so a launch file cannot be run where ROS is not installed. These
-take the keyword arguments that the Jazzy versions document and no others, and build the command
-line that launch_ros builds: they show what a launch file says, not that launch understands it.
+take the keyword arguments that the Jazzy versions document and no others: they show what a launch
+file says, not that launch understands it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,14 +20,7 @@ from unittest import mock
 import yaml
 
 ROOT = Path(__file__).parents[2]
-
-
-@dataclass
-class LaunchContext:
-    """Holds the values of arguments."""
-
-    configurations: dict[str, str]
-    folder: Path
+LaunchContext = dict[str, str]
 
 
 @dataclass
@@ -35,44 +28,31 @@ class LaunchConfiguration:
     name: str
 
     def perform(self, context: LaunchContext) -> str:
-        """Look it up: what no argument declares has no value."""
-        return context.configurations[self.name]
+        return context[self.name]
 
 
 @dataclass
 class FindPackageShare:
     package: str
 
-    def perform(self, _: LaunchContext) -> str:
-        assert self.package == 'imu_allan'
-        return str(ROOT)
-
 
 class ThisLaunchFileDir:
-    def perform(self, context: LaunchContext) -> str:
-        return str(context.folder)
+    pass
 
 
 @dataclass
 class PathJoinSubstitution:
     parts: Sequence[Any]
 
-    def perform(self, context: LaunchContext) -> str:
-        return str(Path(*(performed(part, context) for part in self.parts)))
-
-
-def performed(value: Any, context: LaunchContext) -> str:
-    """Give the text of a substitution, of a list of them, or of a text."""
-    if isinstance(value, list):
-        return ''.join(performed(part, context) for part in value)
-    return value if isinstance(value, str) else str(value.perform(context))
+    def perform(self, _: LaunchContext) -> str:
+        first, *others = self.parts
+        assert first == FindPackageShare('imu_allan')
+        return str(ROOT.joinpath(*others))
 
 
 @dataclass
 class ParameterValue:
-    """Gives a value the type of its parameter."""
-
-    value: Any
+    value: LaunchConfiguration
     value_type: type = field(kw_only=True)
 
 
@@ -83,26 +63,15 @@ class DeclareLaunchArgument:
     description: str = field(default='', kw_only=True)
     choices: Sequence[str] | None = field(default=None, kw_only=True)
 
-    def visit(self, context: LaunchContext) -> list[Any]:
-        """Set the default, or check what was given."""
-        if self.name not in context.configurations:
-            if self.default_value is None:
-                raise RuntimeError(f'Required launch argument "{self.name}" was not provided.')
-            context.configurations[self.name] = performed(self.default_value, context)
-        value = context.configurations[self.name]
-        if self.choices is not None and value not in self.choices:
-            raise RuntimeError(f'Argument "{self.name}" provided value "{value}" is not valid.')
-        return []
+
+@dataclass
+class LaunchDescription:
+    entities: Sequence[Any]
 
 
 @dataclass
 class OpaqueFunction:
-    """Calls a function when everything before it is known."""
-
-    function: Callable[[LaunchContext], Sequence[Any]] = field(kw_only=True)
-
-    def visit(self, context: LaunchContext) -> list[Any]:
-        return [node for entity in self.function(context) for node in entity.visit(context)]
+    function: Callable[[LaunchContext], list[Any]] = field(kw_only=True)
 
 
 @dataclass
@@ -112,104 +81,77 @@ class PythonLaunchDescriptionSource:
 
 @dataclass
 class IncludeLaunchDescription:
-    """Visits another launch file, whose arguments stay set afterwards."""
-
     source: PythonLaunchDescriptionSource
     launch_arguments: Any = field(default=(), kw_only=True)
-
-    def visit(self, context: LaunchContext) -> list[Any]:
-        context.configurations |= {
-            name: performed(value, context) for name, value in self.launch_arguments}
-        return described(Path(performed(self.source.location, context))).visit(context)
-
-
-@dataclass
-class LaunchDescription:
-    entities: Sequence[Any]
-
-    def visit(self, context: LaunchContext) -> list[Any]:
-        return [node for entity in self.entities for node in entity.visit(context)]
 
 
 @dataclass(kw_only=True)
 class Node:
     package: str
     executable: str
-    name: Any = None
-    namespace: Any = None
+    name: str | None = None
+    namespace: str = ''
     parameters: Sequence[Any] = ()
-    remappings: Sequence[tuple[Any, Any]] = ()
-    arguments: Sequence[Any] = ()
+    remappings: Sequence[tuple[str, str]] = ()
+    arguments: Sequence[str] = ()
     output: str = 'log'
     respawn: bool = False
     respawn_delay: float | None = None
     sigterm_timeout: str = '5'
     sigkill_timeout: str = '5'
 
-    def visit(self, context: LaunchContext) -> list['Node']:
-        self._context = LaunchContext(dict(context.configurations), context.folder)
-        return [self]
-
     def command(self, folder: Path) -> list[str]:
         """Give the arguments of its command line; parameters go to files in `folder`."""
-        words = [performed(word, self._context) for word in self.arguments]
-        words.append('--ros-args')
-        if self.name is not None:
-            words += ['-r', f'__node:={performed(self.name, self._context)}']
-        if self.namespace is not None:
-            words += ['-r', f'__ns:=/{performed(self.namespace, self._context).lstrip("/")}']
+        words = [*self.arguments, '--ros-args', '-r', f'__ns:=/{self.namespace.lstrip("/")}']
+        words += [] if self.name is None else ['-r', f'__node:={self.name}']
         for number, given in enumerate(self.parameters):
             file = given
             if isinstance(given, Mapping):
-                values = {name: self._evaluated(value) for name, value in given.items()}
                 file = folder / f'launch_params_{number}.yaml'
-                file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+                file.write_text(yaml.safe_dump({'/**': {'ros__parameters': dict(given)}}))
             words += ['--params-file', str(file)]
-        for before, after in self.remappings:
-            words += ['-r', ':='.join(performed(name, self._context) for name in (before, after))]
+        for names in self.remappings:
+            words += ['-r', ':='.join(names)]
         return words
-
-    def _evaluated(self, value: Any) -> Any:
-        if isinstance(value, ParameterValue):
-            return value.value_type(performed(value.value, self._context))
-        if isinstance(value, (str, bool, int, float)):
-            return value
-        # A substitution that is not given its type is read as YAML.
-        return yaml.safe_load(performed(value, self._context))
 
 
 MODULES = {
-    'launch': (LaunchContext, LaunchDescription),
-    'launch.actions': (DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction),
-    'launch.launch_description_sources': (PythonLaunchDescriptionSource,),
-    'launch.substitutions': (LaunchConfiguration, PathJoinSubstitution, ThisLaunchFileDir),
-    'launch_ros': (), 'launch_ros.actions': (Node,),
-    'launch_ros.parameter_descriptions': (ParameterValue,),
-    'launch_ros.substitutions': (FindPackageShare,)}
+    'launch': {'LaunchContext': LaunchContext, 'LaunchDescription': LaunchDescription},
+    'launch.actions': {kind.__name__: kind for kind in (
+        DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction)},
+    'launch.launch_description_sources': {
+        'PythonLaunchDescriptionSource': PythonLaunchDescriptionSource},
+    'launch.substitutions': {kind.__name__: kind for kind in (
+        LaunchConfiguration, PathJoinSubstitution, ThisLaunchFileDir)},
+    'launch_ros': {}, 'launch_ros.actions': {'Node': Node},
+    'launch_ros.parameter_descriptions': {'ParameterValue': ParameterValue},
+    'launch_ros.substitutions': {'FindPackageShare': FindPackageShare}}
 
 
-def described(file: Path) -> LaunchDescription:
-    """Run a launch file."""
-    modules = {name: ModuleType(name) for name in MODULES}
-    for name, kinds in MODULES.items():
-        vars(modules[name]).update({kind.__name__: kind for kind in kinds})
-    spec = importlib.util.spec_from_file_location(file.name.partition('.')[0], file)
+def described(name: str) -> list[Any]:
+    """Give what a launch file describes."""
+    modules = {module: ModuleType(module) for module in MODULES}
+    for module, kinds in MODULES.items():
+        vars(modules[module]).update(kinds)
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'launch' / f'{name}.launch.py')
     assert spec is not None
     assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    file = importlib.util.module_from_spec(spec)
     with mock.patch.dict(sys.modules, modules):
-        spec.loader.exec_module(module)
-    description = module.generate_launch_description()
-    assert isinstance(description, LaunchDescription)
-    return description
+        spec.loader.exec_module(file)
+    return list(file.generate_launch_description().entities)
 
 
-def launched(file: Path, **given: str) -> list[Node]:
-    """Give the nodes that a launch file starts with these arguments."""
-    return described(file).visit(LaunchContext(given, file.parent))
+def arguments(name: str) -> dict[str, DeclareLaunchArgument]:
+    """Give the arguments of a launch file."""
+    return {one.name: one for one in described(name) if isinstance(one, DeclareLaunchArgument)}
 
 
-def declared(file: Path) -> dict[str, DeclareLaunchArgument]:
-    """Give the arguments of a launch file by name."""
-    return {entity.name: entity for entity in described(file).entities
-            if isinstance(entity, DeclareLaunchArgument)}
+def launched(file: str, /, **given: str) -> list[Any]:
+    """Give what a launch file starts with these arguments."""
+    context = {key: one.default_value if isinstance(one.default_value, (str, type(None)))
+               else one.default_value.perform(given) for key, one in arguments(file).items()}
+    context |= given
+    return [started for one in described(file) for started in (
+        one.function(context) if isinstance(one, OpaqueFunction) else [one])
+        if not isinstance(started, DeclareLaunchArgument)]

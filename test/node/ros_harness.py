@@ -24,7 +24,7 @@ from imu_allan.node.checkpoint import decode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Timeline
+from imu_allan.result import Result, Timeline
 from imu_allan.state import part_of
 from imu_allan.timeline import TimelineSummary
 import numpy as np
@@ -85,17 +85,14 @@ class Process:
 
     @property
     def log(self) -> str:
-        """Return what it has printed."""
         return self.log_path.read_text()
 
     @property
     def lines(self) -> list[str]:
-        """Return the lines of its log as a user reads them."""
         return said_in(self.log)
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
         return self.popen.poll() is None
 
     @property
@@ -161,19 +158,7 @@ class Heard:
 
 
 class Ros:
-    """
-    A test's own node, and the processes it starts.
-
-    Parameters
-    ----------
-    context : Context
-        Of the domain of this test run.
-    folder : Path
-        Where logs and outputs go.
-    namespace : str
-        In which the processes live, so that tests do not hear each other.
-
-    """
+    """A test's own node, and the processes it starts in a namespace of their own."""
 
     def __init__(self, context: Context, folder: Path, namespace: str) -> None:
         self.folder = folder
@@ -186,7 +171,7 @@ class Ros:
         self._recorders: list[Node] = []
 
     def name(self, topic: str) -> str:
-        """Full name of a topic, service or node of this test."""
+        """Give the full name of a topic, service or node of this test."""
         return f'{self.namespace}/{topic}'
 
     def start(self, program: str, parameters: Mapping[str, Any] | None = None,
@@ -199,9 +184,8 @@ class Ros:
         Start a node.
 
         Unless `best_effort`, every sample reaches imu_allan_node. With `shared_memory` it has the
-        transports that DDS chooses by default, and is ended in peace. A `wrapper` is a command
-        that runs the one that follows it. The `constants` are those of the node that have another
-        value, such as reports.LOOK_S: not everything that takes long in it is a parameter.
+        transports that DDS chooses by default, and is ended in peace. The `constants` are those of
+        the node that have another value, such as reports.LOOK_S.
         """
         args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
         for file in files:
@@ -269,7 +253,6 @@ class Ros:
                           and document['timeline']['samples'] == samples and document)
 
     def results(self) -> list[Any]:
-        """Read the documents in the output folder."""
         return [json.loads(path.read_text())
                 for path in sorted((self.folder / 'output').rglob('result.json'))]
 
@@ -347,17 +330,10 @@ class Health:
                      if status.name.endswith(f': {part}')), None)
 
     def level(self, part: str) -> bytes:
-        """Give its level; that of a stale one before it has come."""
         found = self.status(part)
-        return b'\3' if found is None else bytes(found.level)
-
-    def message(self, part: str) -> str:
-        """Give what it says."""
-        found = self.status(part)
-        return '' if found is None else str(found.message)
+        return DiagnosticStatus.STALE if found is None else bytes(found.level)
 
     def values(self, part: str) -> dict[str, str]:
-        """Give its values."""
         found = self.status(part)
         return {} if found is None else {entry.key: entry.value for entry in found.values}
 
@@ -377,12 +353,7 @@ class Health:
 
 
 class Driver:
-    """
-    An IMU driver of the test's own: whatever stamps and samples are wanted.
-
-    With a `depth` it does not wait for subscribers that do not take what they asked for, such as
-    killed ones.
-    """
+    """An IMU driver; with a `depth` it does not wait for subscribers that were killed."""
 
     def __init__(self, ros: Ros, topic: str = 'imu/data_raw', depth: int = 0) -> None:
         self.ros = ros
@@ -440,12 +411,24 @@ class Driver:
                 return
 
 
-def at_rest(count: int, rate_hz: float = 100.0, *, start_s: float = 0.0, seed: int = 1,
-            noise: float = NOISE, mean: Sequence[float] = (0, 0, 0, 0, 0, 9.8)) -> ImuBlock:
-    """Give messages of an IMU of white noise."""
-    stamps = START_NS + np.rint((start_s + np.arange(count) / rate_hz) * SECOND).astype(np.int64)
+def at_rest(count: int, rate_hz: float = 100.0, *, start_s: float = 0.0, seed: Any = 1,
+            noise: float = NOISE, mean: Any = (0, 0, 0, 0, 0, 9.8), polled: int = 1,
+            together: bool = False, frame_id: str = 'imu') -> ImuBlock:
+    """Give an IMU of white noise whose samples come `polled` times each, if wanted at once."""
+    index = np.arange(count * polled)
+    index -= index % polled if together else 0
+    stamps = START_NS + np.rint((start_s + index / rate_hz / polled) * SECOND).astype(np.int64)
     samples = np.random.default_rng(seed).normal(mean, noise, (count, 6))
-    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool), 'imu')
+    return ImuBlock(stamps, stamps, np.repeat(samples, polled, axis=0),
+                    np.zeros((len(stamps), 2), bool), frame_id)
+
+
+def result_of(*blocks: ImuBlock) -> Result:
+    """Characterize messages."""
+    run = Characterization(kind='topic', topic='/imu')
+    for block in blocks:
+        run.update(block)
+    return run.result()
 
 
 class Sensor:
@@ -454,7 +437,7 @@ class Sensor:
     def __init__(self, ros: Ros, rate_hz: float = 50.0, seed: int = 1) -> None:
         self.ros = ros
         self.rate_hz = rate_hz
-        self.now_ns = START_NS
+        self.now_s = 0.0
         self.random = np.random.default_rng(seed)
         self.bias = np.array([0, 0, 0, 0, 0, 9.8])
         self.noise = NOISE
@@ -466,7 +449,7 @@ class Sensor:
     def plug_in(self, away_s: float = 3.0) -> None:
         """Start the driver, anew if it runs."""
         self.unplug()
-        self.now_ns += round(away_s * SECOND)
+        self.now_s += away_s
         self.driver = Driver(self.ros)
         self.driver.dead = self.dead
         self.driver.wait_for_node()
@@ -478,20 +461,15 @@ class Sensor:
             self.ros.node.destroy_publisher(self.driver.publisher)
             self.driver = None
 
-    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu', *,
-                together: bool = False) -> None:
-        """Publish what it measures meanwhile, each sample so many times, if wanted at once."""
+    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
+        """Publish what it measures meanwhile, each sample so many times."""
         assert self.driver is not None
         count = round(seconds * self.rate_hz)
-        samples = self.bias + self.random.normal(0, self.noise, (count, 6))
-        index = np.arange(count * polled)
-        index -= index % polled if together else 0
-        stamps = self.now_ns + np.rint(index * SECOND / self.rate_hz / polled).astype(np.int64)
-        self.now_ns += round(seconds * SECOND)
-        for row in encode_imu_rows(ImuBlock(
-                stamps, stamps, np.repeat(samples, polled, axis=0),
-                np.zeros((len(index), 2), bool), frame_id)):
+        for row in encode_imu_rows(at_rest(
+                count, self.rate_hz, start_s=self.now_s, seed=self.random, noise=self.noise,
+                mean=self.bias, polled=polled, frame_id=frame_id)):
             self.driver.send(row.tobytes())
+        self.now_s += seconds
         self.sent += count
 
 
@@ -520,11 +498,7 @@ def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:
 
 
 def assert_kept_up(node: Process, health: Health, rate_hz: float) -> None:
-    """
-    Nothing may be lost, and reception not held up for longer than half the queue lasts.
-
-    Unless the computer had no time for the node: what is lost then tells nothing about it.
-    """
+    """Nothing may be lost, and reception not be held up for longer than half the queue lasts."""
     lost, queue = (health.number('reception', key) for key in ('lost', 'queue'))
     longest_hold_s = max(float(entry.value) for status in health.heard for entry in status.values
                          if entry.key == 'longest_hold_s')

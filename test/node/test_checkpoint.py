@@ -7,7 +7,6 @@ import io
 import os
 from pathlib import Path
 import pickle
-import zipfile
 
 from hypothesis import given, settings, strategies
 from imu_allan.node.checkpoint import (
@@ -27,24 +26,8 @@ STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3,
 CONTENT = encode_state(STATE)
 
 
-def framed(payload: bytes, version: bytes = b'%d' % VERSION) -> bytes:
-    return b'imu_allan.state/' + version + b'\n' + hashlib.sha256(payload).digest() + payload
-
-
-def test_a_state_of_another_layout_is_reported_by_its_version() -> None:
-    for version, reason in ((VERSION - 1, 'foreign'), (VERSION + 1, 'newer')):
-        with pytest.raises(UnusableState, match=(
-                f'^it has version {version}, this imu_allan reads {VERSION}$')) as caught:
-            decode_state(framed(b'', b'%d' % version))
-        assert caught.value.reason == reason
-
-
-def test_a_state_reads_back_exactly() -> None:
-    found = decode_state(CONTENT)
-    assert list(found) == list(STATE)
-    for key, array in STATE.items():
-        assert found[key].dtype == array.dtype
-        np.testing.assert_array_equal(found[key], array)
+def framed(payload: bytes) -> bytes:
+    return b'imu_allan.state/%d\n' % VERSION + hashlib.sha256(payload).digest() + payload
 
 
 def assert_damaged(content: bytes) -> None:
@@ -78,22 +61,6 @@ def test_pickles_are_never_loaded(tmp_path: Path) -> None:
     assert not (tmp_path / 'exploded').exists()
 
 
-def test_arrays_that_unpack_to_more_than_the_file_are_refused() -> None:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
-        zeros = io.BytesIO()
-        np.save(zeros, np.zeros(1_000_000))
-        archive.writestr('zeros.npy', zeros.getvalue())
-    assert len(packed.getvalue()) < 50_000
-    with refused('its arrays are larger than the file', UnusableState):
-        decode_state(framed(packed.getvalue()))
-
-
-def test_objects_are_not_stored() -> None:
-    with refused('Object arrays cannot be saved when allow_pickle=False', ValueError):
-        encode_state({'fine': np.zeros(3), 'bomb': np.array([object()])})
-
-
 def in_folder(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
@@ -104,7 +71,10 @@ def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside(tmp_path: Path) 
     assert file.save(STATE) == file.path.stat().st_size
     loaded = file.load()
     assert loaded is not None
-    np.testing.assert_array_equal(loaded['sums'], STATE['sums'])
+    assert list(loaded) == list(STATE)
+    for key, array in STATE.items():
+        assert loaded[key].dtype == array.dtype
+        np.testing.assert_array_equal(loaded[key], array)
     assert {path.name: path.stat().st_mode & 0o777 for path in file.path.parent.iterdir()} == {
         'state': 0o600, 'state.lock': 0o600}
     content = file.path.read_bytes()
@@ -135,39 +105,22 @@ def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
 
 
 def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
-    (tmp_path / '.state.a1b2c3d4').write_bytes(b'half of a state')
-    others = {'.state.keep.this.one', '.state.settings', '.state.database', '.state.A1B2C3D4'}
-    for name in others:
-        (tmp_path / name).write_bytes(b'of somebody else')
+    for name in ('.state.a1b2c3d4', '.state.settings', '.state.A1B2C3D4'):
+        (tmp_path / name).write_bytes(b'half of a state, or of somebody else')
     StateFile(tmp_path / 'state')
-    assert in_folder(tmp_path) == {*others, 'state.lock'}
-
-
-def test_a_file_in_use_is_refused_until_the_other_node_has_ended(tmp_path: Path) -> None:
-    path = tmp_path / 'state'
-    other = StateFile(path)
-    with refused(f'state_file {path}: is in use by another node; give every node a file of its '
-                 'own'):
-        StateFile(path)
-    other.close()
-    StateFile(path).close()
-
-
-WRITABLE = 'choose a folder that may be written to'
+    assert in_folder(tmp_path) == {'.state.settings', '.state.A1B2C3D4', 'state.lock'}
 
 
 @pytest.mark.parametrize(('made', 'path', 'words'), [
     (lambda at: (at / 'file').write_text('in the way'), 'file/state',
-     f'cannot be written (File exists); {WRITABLE}'),
+     'cannot be written (File exists); choose a folder that may be written to'),
     (lambda at: (at / 'state').mkdir(), 'state', 'is a folder; name a file in it'),
     # A pipe is waited for until somebody writes to it: for ever.
     (lambda at: os.mkfifo(at / 'state'), 'state', 'is a device, a pipe or a socket; name a '
      'regular file, or one that is not there yet'),
-    (lambda at: os.mkfifo(at / 'state.lock'), 'state',
-     f'cannot be written (state.lock is not a regular file); {WRITABLE}'),
     (lambda at: (at / 'state.lock').symlink_to(at / 'precious'), 'state',
-     f'cannot be written (<words>); {WRITABLE}')],
-    ids=['below a file', 'folder', 'pipe', 'pipe as lock', 'link as lock'])
+     'cannot be written (<words>); choose a folder that may be written to')],
+    ids=['below a file', 'folder', 'pipe', 'link as lock'])
 def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(
         tmp_path: Path, made: Callable[[Path], object], path: str, words: str) -> None:
     (tmp_path / 'precious').write_text('mine')

@@ -8,29 +8,14 @@ from math import inf
 import random
 import signal
 import time
-from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3Stamped
-from imu_allan.cdr import encode_imu
-import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from repeated import slow
-from ros_harness import assert_density, NOISE, Process, Ros, SECOND, Sensor
-from sensor_msgs.msg import CompressedImage
+from ros_harness import assert_density, NOISE, Process, Ros, Sensor
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
-TOPICS = {'imu_allan/coefficients': DiagnosticArray, 'imu_allan/result': String,
-          'imu_allan/gyro/noise_density': Vector3Stamped,
-          'imu_allan/plot/compressed': CompressedImage, '/diagnostics': DiagnosticArray}
-PARAMETERS = (('publish_period', 0.5), ('publish_period', 1.0), ('publish_period', -1.0),
-              ('export_for', ['kalibr']), ('export_for', ['']), ('export_for', ['nonsense']),
-              ('coast', 20.0), ('aiding_interval', 50.0), ('aiding_interval', 0.1),
-              ('motion', 'keep'))
 PLUG_S = 2.5
 """Nobody plugs in faster: whoever sends again sooner has only been slow."""
 COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
@@ -52,17 +37,13 @@ class HostileWorld:
         # Samples that kills may have lost, and when how many had come to the node that runs.
         self.killed = 0
         self._taken: list[tuple[float, int]] = []
-        self._subscriptions: list[Any] = []
         self.imu = Sensor(ros, 100.0, seed)
         self._start()
         self.imu.plug_in()
         self._actions: dict[str, Callable[[], None]] = {
             'replug': self._replug, 'swap': self._swap, 'stranger beside': self._beside,
             'stranger instead': self._instead, 'rate': self._rate, 'kill': self._kill,
-            'signal': self._signal, 'unusable values': self._unusable_values,
-            'no messages': self._no_messages, 'clock jump': self._clock_jump,
-            'listener': self._listener, 'listener leaves': self._listener_leaves,
-            'requests': self._requests, 'pause': self._pause}
+            'signal': self._signal, 'clock jump': self._clock_jump, 'pause': self._pause}
 
     def go_on(self) -> None:
         """Let one thing happen, then the IMU be at rest."""
@@ -117,7 +98,7 @@ class HostileWorld:
 
     def _other(self) -> Sensor:
         other = Sensor(self.ros, 100.0, self.draw.randrange(1000))
-        other.now_ns, other.dead = self.imu.now_ns, self.imu.dead
+        other.now_s, other.dead = self.imu.now_s, self.imu.dead
         return other
 
     def _in_place_of_it(self, other: Sensor, seconds: float, frame_id: str = 'imu') -> None:
@@ -125,7 +106,7 @@ class HostileWorld:
         self._plug_in(other)
         other.measure(seconds, self.polled, frame_id)
         other.unplug()
-        self.imu.now_ns = other.now_ns
+        self.imu.now_s = other.now_s
         self._plug_in(self.imu)
 
     def _swap(self) -> None:
@@ -173,36 +154,8 @@ class HostileWorld:
             signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))) == 0
         self._again()
 
-    def _unusable_values(self) -> None:
-        assert self.imu.driver is not None
-        value = self.draw.choice((float('nan'), float('inf')))
-        for _ in range(self.draw.randrange(1, 50)):
-            self.imu.driver.send(encode_imu(self.imu.now_ns, np.full(6, value), 'imu'))
-            self.imu.now_ns += round(SECOND / self.imu.rate_hz)
-
-    def _no_messages(self) -> None:
-        assert self.imu.driver is not None
-        for _ in range(20):
-            self.imu.driver.send(self.draw.randbytes(self.draw.randrange(4, 400)))
-
     def _clock_jump(self) -> None:
-        self.imu.now_ns += self.draw.choice((1, 3600, 100_000)) * SECOND
-
-    def _listener(self) -> None:
-        topic = self.draw.choice(sorted(TOPICS))
-        name = topic if topic.startswith('/') else self.ros.name(topic)
-        self._subscriptions.append(self.ros.node.create_subscription(
-            TOPICS[topic], name, lambda _: None, 10))
-
-    def _listener_leaves(self) -> None:
-        if self._subscriptions:
-            self.ros.node.destroy_subscription(self._subscriptions.pop())
-
-    def _requests(self) -> None:
-        name, value = self.draw.choice(PARAMETERS)
-        self.ros.call(SetParameters, 'imu_allan/set_parameters', SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()]))
-        self.ros.call(Trigger, 'imu_allan/save')
+        self.imu.now_s += self.draw.choice((1, 3600, 100_000))
 
     def _pause(self) -> None:
         assert self.imu.driver is not None

@@ -6,9 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.characterization import Characterization
-from imu_allan.errors import ImuAllanError
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
@@ -17,7 +14,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import at_rest, Driver, RATE_HZ, Ros
+from ros_harness import at_rest, RATE_HZ
 
 SETUP = Setup('/imu', TimelineOptions())
 SIGMA = 0.01
@@ -110,12 +107,9 @@ HOLE = {'without': 100}
 
 
 @pytest.mark.parametrize('power_ons', [
-    pytest.param([{}] * 4, id='whole'),
-    *(pytest.param([LONG] * at + [CUT_OFF] + [LONG] * (3 - at), id=f'{at} is cut off', marks=marks)
-      for at, marks in ((0, ()), (2, pytest.mark.slow), (3, ()))),
-    *(pytest.param([{}] * at + [HOLE] + [{}] * (3 - at), id=f'{at} lacks a moment of a sensor',
-                   marks=marks)
-      for at, marks in ((0, ()), (1, pytest.mark.slow), (2, pytest.mark.slow), (3, ())))])
+    [CUT_OFF, LONG, LONG, LONG], [LONG, LONG, LONG, CUT_OFF], [HOLE, {}, {}, {}],
+    [{}, {}, {}, HOLE]], ids=['first cut off', 'last cut off', 'first lacks a moment of a sensor',
+                              'last lacks a moment of a sensor'])
 def test_the_spread_is_that_of_all_power_ons_but_those_cut_off_or_without_rest(
         boot: Path, power_ons: list[dict[str, float]]) -> None:
     run, means = new_run(SETUP), []
@@ -132,50 +126,3 @@ def test_the_spread_is_that_of_all_power_ons_but_those_cut_off_or_without_rest(
     assert result.axes['gyro_x'].saturated is None
     assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(means, ddof=1), rel=1e-3)
     assert result.turn_on_bias['accel_x'].sigma < SIGMA
-
-
-@pytest.mark.parametrize('marks', [
-    {}, [{}], [{'samples': 'many', 'means': {}, 'first': 0.0}],
-    [{'samples': {}, 'means': [], 'first': 0.0}],
-    [{'samples': {}, 'means': {'gyro_x': 0.0}, 'first': 0.0}],
-    [{'samples': {'gyro_x': -1}, 'means': {'gyro_x': 0.0}, 'first': 0.0}],
-    [{'samples': {'gyro_x': 1}, 'means': {'gyro_x': 1e30}, 'first': 0.0}]])
-def test_what_is_no_list_of_power_ons_is_refused(marks: Any) -> None:
-    run = new_run(SETUP)
-    feed(run, 0.0, 0)
-    state = run.lanes[0].characterization.to_state()
-    Characterization.from_state(state)
-    with pytest.raises(ImuAllanError):
-        Characterization.from_state(state | {'memory/power_ons': np.array(json.dumps(marks))})
-
-
-@pytest.mark.usefixtures('boot')
-def test_a_node_tells_the_turn_on_bias_after_a_reboot_at_which_its_driver_starts_first(
-        ros: Ros) -> None:
-    topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
-    setup = Setup(topic, TimelineOptions())
-    run = new_run(setup)
-    run.lanes[0].update([at_rest(SAMPLES, RATE_HZ, start_s=-1e5, mean=(0.2, 0, 0, 0, 0, 9.8))])
-    run.lanes[0].known.publishers = ['the driver of before']
-    # The node takes that of this computer.
-    state.write_bytes(encode_state(pack(run, setup)))
-    driver = Driver(ros)
-    node = ros.start('imu_allan_node', {'state_file': str(state), 'publish_period': 0.5})
-    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    driver.wait_for_node()
-
-    def said() -> list[float]:
-        driver.publish(200)
-        return [float(entry.value) for array in arrays[-1:] for status in array.status
-                if status.name.endswith('gyro_x') for entry in status.values
-                if entry.key == 'turn_on_bias/value']
-
-    # Between 0.2 rad/s and none.
-    [sigma] = ros.until(said)
-    assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
-    document = ros.saved()
-    assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)
-    assert node.stop() == 0
-    kept = decode_state(state.read_bytes())['lane0/memory/power_ons']
-    assert len(json.loads(str(kept))) == 1
-    assert 'may have been switched off and on' not in node.log

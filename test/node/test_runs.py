@@ -15,12 +15,10 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.runs import Runs
-from imu_allan.node.same_imu import Known, LOOK_S
 from imu_allan.result import Result, Source, Timeline
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 import numpy as np
 import pytest
-from repeated import slow
 from ros_harness import assert_density, at_rest, Heard, NOISE, SECOND, START_NS
 
 RATE_HZ = 100.0
@@ -115,91 +113,58 @@ def at_rates(pace: Sequence[tuple[float, float]], start_s: float) -> ImuBlock:
     return replace(at_rest(len(stamps), seed=2), header_ns=stamps, receive_ns=stamps)
 
 
-@pytest.mark.parametrize('together', [500, 6000])
-def test_other_rates_for_some_seconds_end_no_run_however_many_messages_come_together(
-        world: World, together: int) -> None:
+def test_other_rates_for_some_seconds_end_no_run(world: World) -> None:
     # At other rates for less time than it takes to prove another IMU.
     later = at_rates([(8.0, 109.4), (20.0, RATE_HZ), (8.0, 107.8), (50.0, RATE_HZ)], PROVEN_S)
-    world.comes(later, together=together)
+    world.comes(later, together=6000)
     assert not world.replaced
     # Some seconds pass until it is known whose they are.
     assert world.samples > RATE_HZ * (PROVEN_S + 70 - 20)
 
 
-@pytest.mark.parametrize(('within', 'beyond'), [
-    (-0.015, 0.025), *(slow(0.01, beyond) for beyond in (0.04, -0.03, 0.1))])
-def test_a_rate_within_the_tolerance_of_the_timeline_goes_on_and_no_other(
-        within: float, beyond: float) -> None:
-    world, rate_hz = World(), 200 * (1 + within)
-    world.comes(at_rest(6000, 200.0))
-    for part in range(5):
-        world.comes(at_rest(1200, rate_hz, start_s=30 + 1200 / rate_hz * part, seed=part))
-    assert not world.replaced
-    assert world.samples == pytest.approx(12_000, rel=0.02)
+@pytest.mark.parametrize(('rate_hz', 'together', 'comes', 'reasons', 'samples'), [
+    # Of each that comes: seconds, start, publisher, and what is other than before.
+    pytest.param(200.0, 100, [(30, 0, 1, {}), (30, 30, 1, {'rate_hz': 197.0})], [], 12_000,
+                 id='a rate within the tolerance of the timeline'),
+    pytest.param(200.0, 100, [(30, 0, 1, {}), (60, 30, 1, {'rate_hz': 205.0})], ['rate'], 10_400,
+                 id='a rate beyond'),
+    pytest.param(100.0, 100, [(120, 0, 1, {'polled': 2, 'together': True})], [], 12_000,
+                 id='every sample twice'),
+    pytest.param(20.0, 1000, [
+        (1200, 0, 1, {}), (30, 1203, 2, {'frame_id': 'other'}), (30, 1268, 3, {}),
+        (30, 1301, 4, {'rate_hz': 40.0}), (30, 1366, 5, {})], [], 25_200,
+        id='strangers for some seconds'),
+    pytest.param(100.0, 100, [
+        (600, 0, 1, {}), (20, 605, 2, {'noise': 3 * NOISE}), (20, 625, 2, {}), (20, 645, 2, {})],
+        [], 64_000, id='shaken while its driver starts'),
+    # It has to last for a minute, within which it is looked at several times.
+    pytest.param(100.0, 50, [(600, 0, 1, {}), (100, 605, 2, {'noise': 1.2 * NOISE})], ['noise'],
+                 10_000, id='another noise'),
+    pytest.param(20.0, 10, [(90, 0, 1, {}), (60, 95, 2, {'noise': 1.2 * NOISE})], ['noise'], 1200,
+                 id='another noise at a low rate')])
+def test_an_imu_is_known_by_its_rate_its_frame_and_its_noise(
+        rate_hz: float, together: int, comes: list[tuple[float, float, int, dict[str, Any]]],
+        reasons: list[str], samples: int) -> None:
+    world = World()
+    for seed, (seconds, start_s, publisher, other) in enumerate(comes):
+        last = {'rate_hz': rate_hz, **other}
+        world.comes(at_rest(round(seconds * last['rate_hz']), start_s=start_s, seed=seed, **last),
+                    publisher=publisher, together=together)
+    assert [why.reason for _, why in world.replaced] == reasons
+    assert world.samples == pytest.approx(samples, rel=0.025)
     assert world.timeline.rejected == 0
-    rate_hz = 200 * (1 + beyond)
-    for part in range(30):
-        world.comes(at_rest(400, rate_hz, start_s=100 + 400 / rate_hz * part, seed=100 + part))
-    [(_, why)] = world.replaced
-    assert why.reason == 'rate'
-    assert world.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=1e-3)
-    assert world.timeline.rejected == 0
-    assert_density(world.result.to_dict(), rate_hz)
+    last = last if reasons else {'rate_hz': rate_hz}
+    assert_density(world.result.to_dict(), last['rate_hz'], last.get('noise', NOISE))
 
 
-@pytest.mark.parametrize('step_s', [-3600, 3600])
-def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop(step_s: float) -> None:
+def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop() -> None:
     world = World()
     world.comes(at_rest(6000))
     later = at_rest(6000, start_s=60.0, seed=2)
-    world.comes(replace(later, header_ns=later.header_ns + step_s * SECOND))
+    world.comes(replace(later, header_ns=later.header_ns - 3600 * SECOND))
     assert (world.samples, world.timeline.gaps, world.replaced) == (12_000, (), [])
     assert world.timeline.duration_s == pytest.approx(120.0, rel=.01)
     assert [remark.code for remark in world.summaries()[0].remarks] == ['clock_jumps']
-
-
-def polled_block(polled: int, count: int, rate_hz: float, start_s: float, seed: int, *,
-                 together: bool = False) -> ImuBlock:
-    """Return messages of an IMU whose samples come so many times, if wanted at once."""
-    block = at_rest(count, rate_hz, start_s=start_s, seed=seed)
-    index = np.arange(count * polled)
-    index -= index % polled if together else 0
-    stamps = START_NS + np.rint((start_s + index / rate_hz / polled) * SECOND).astype(np.int64)
-    return ImuBlock(stamps, stamps, np.repeat(block.samples, polled, axis=0),
-                    np.zeros((len(stamps), 2), bool), 'imu')
-
-
-@pytest.mark.parametrize(('polled', 'together'), [
-    *(slow(polled, False) for polled in (2, 3)), (2, True)])
-def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
-        polled: int, together: bool) -> None:
-    world = World()
-    for part in range(6):
-        world.comes(polled_block(polled, 2000, RATE_HZ, 20.0 * part, part, together=together))
-    assert not world.replaced
-    assert world.samples == pytest.approx(12_000, abs=10)
-    assert_density(world.result.to_dict(), RATE_HZ)
-
-
-def test_a_message_that_comes_twice_is_one() -> None:
-    twice = at_rest(1000).part(np.sort(np.append(np.arange(1000), np.arange(0, 1000, 5))))
-    assert Known('imu', 'header', RATE_HZ).mismatch([twice], by_level=False) is None
-
-
-def test_a_stranger_for_some_seconds_does_not_end_a_long_run() -> None:
-    world, now_s, publisher = World(), 1200.0, 1
-    world.comes(at_rest(24_000, 20.0), together=1000)
-    for rate_hz, frame_id in (20.0, 'other'), (40.0, 'imu'):
-        stranger = at_rest(round(30 * rate_hz), rate_hz, start_s=now_s + 3, seed=publisher)
-        world.comes(replace(stranger, frame_id=frame_id), publisher=publisher + 1)
-        now_s += 68.0
-        world.comes(at_rest(600, 20.0, start_s=now_s, seed=publisher + 50),
-                    publisher=publisher + 2)
-        now_s, publisher = now_s + 30, publisher + 2
-    assert not world.replaced
-    assert sum('are of another IMU' in line for line in world.lines) == 2
-    assert world.samples == pytest.approx(25_200, abs=80)
-    assert_density(world.result.to_dict(), 20.0)
 
 
 @pytest.mark.parametrize('count', [10, 3000])
@@ -216,40 +181,6 @@ def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and
     [(_, why)] = world.replaced
     assert str(why) == "it is of frame_id 'imu', the messages now have 'other'"
     assert world.samples == count
-
-
-@pytest.mark.parametrize(('rate_hz', 'needed_s', 'reason'), [
-    (200.0, 2.0, None), (202.0, 10.0, None), (400.0, 2.0, 'rate'),
-    (50.0, 2.0, 'rate'), (220.0, 10.0, 'rate'), (206.0, 10.0, 'rate'), (4.0, 4.0, 'rate')])
-def test_a_look_takes_longer_where_jitter_could_be_the_reason(
-        rate_hz: float, needed_s: float, reason: str | None) -> None:
-    known, held = Known('imu', 'header', 200.0), [at_rest(round(rate_hz / 2), rate_hz)]
-    while not known.suffices(held, LOOK_S, by_level=False):
-        assert len(held) < 40
-        held.append(at_rest(round(rate_hz / 2), rate_hz, start_s=0.5 * len(held)))
-    assert 0.5 * len(held) == pytest.approx(needed_s, abs=0.5)
-    why = known.mismatch(held, by_level=False)
-    assert (why and why.reason) == reason
-    if why is not None:
-        assert str(why) == f'it is of 200 Hz, the messages now come at {rate_hz:g} Hz'
-
-
-def test_a_run_that_its_imu_has_just_returned_to_is_one_to_save_at_the_end(world: World) -> None:
-    before = world.runs.run
-    # For so long that the first has to last again before it takes its place.
-    world.comes(replace(at_rest(350_000, start_s=PROVEN_S + 5, seed=2), frame_id='other'),
-                publisher=2, together=350_000)
-    assert [run for run, _ in world.replaced] == [before]
-    assert world.runs.unproven is None
-    world.comes(at_rest(1000, start_s=PROVEN_S + 3600, seed=3), publisher=3)
-    assert world.runs.unproven is before
-
-
-def test_a_reset_ends_the_look_at_whose_messages_come(world: World) -> None:
-    world.comes(at_rest(30, start_s=PROVEN_S + 5, seed=2), publisher=2)
-    assert world.facts[0].on_probation
-    world.runs.begin_anew()
-    assert not world.facts[0].on_probation
 
 
 def half(number: int, seconds: float, start_s: float = 0.0, rate_hz: float = 0.0) -> ImuBlock:
@@ -289,102 +220,11 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -
     assert [seen.frame_id for seen in world.summaries()] == ['other', 'accel_frame']
 
 
-def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half() -> None:
-    world = World(setup=HALVES)
-    for start_s, publisher in (0.0, 1), (20.0, 2):
-        world.comes(half(0, 12.0, start_s), publisher=publisher)
-    world.comes(half(1, 32.0), number=1)
-    assert not world.replaced
-    assert [[round(gap.duration_s) for gap in seen.timeline.gaps]
-            for seen in world.summaries()] == [[8], []]
-
-
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:
     [lane] = new_run(Setup('/imu', TimelineOptions(clock='header'))).lanes
     sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
     assert lane.error == 'header stamps are zero: choose the other clock (parameter clock)'
-
-
-def test_a_backtest_is_made_again_when_the_record_is_longer_by_a_part() -> None:
-    run, whole = new_run(SETUP), at_rest(8100, 10.0)
-
-    def trained_s(first: int, last: int) -> set[int]:
-        """Go on, and fit as the node does; give what the backtests were trained on."""
-        run.lanes[0].update([whole.part(slice(first, last))])
-        tested = run.backtests
-        results, _ = run.snapshot().fitted(tested)
-        run.learn(results, run.fed if tested is None else None)
-        return {round(axis.backtest.trained_s) for axis in
-                run.snapshot().as_one(results).axes.values() if axis.backtest is not None}
-
-    assert [trained_s(0, 7000), trained_s(7000, 8000), trained_s(8000, 8100)] == [
-        {350}, {350}, {405}]
-
-
-@pytest.mark.parametrize('noise', [1.2, slow(0.85)])
-def test_another_sensor_stays_another_however_long_it_takes_until_its_run_begins(
-        noise: float) -> None:
-    world = World()
-    # It has to last for a minute, within which it is looked at several times; all of it comes as
-    # to a node in real time.
-    world.comes(at_rest(60_000), together=50)
-    world.comes(at_rest(10_000, start_s=605.0, seed=2, noise=noise * NOISE), publisher=2,
-                together=50)
-    assert [why.reason for _, why in world.replaced] == ['noise']
-    assert world.samples == 10_000
-    assert_density(world.result.to_dict(), RATE_HZ, noise * NOISE)
-
-
-def test_a_sensor_that_is_shaken_while_its_driver_starts_is_the_same_one() -> None:
-    world = World()
-    world.comes(at_rest(60_000), together=100_000)
-    for start_s, noise in (605.0, 3 * NOISE), (625.0, NOISE), (645.0, NOISE):
-        world.comes(at_rest(2000, start_s=start_s, seed=round(start_s), noise=noise), publisher=2)
-    assert not world.replaced
-    assert sum('it goes on' in line for line in world.lines) == 1
-    assert world.samples == pytest.approx(64_000, abs=1500)
-
-
-def test_a_rate_that_differs_by_hardly_more_than_the_timeline_allows_begins_a_new_run() -> None:
-    world = World()
-    world.comes(at_rest(12_000), together=100_000)
-    world.comes(at_rest(12_264, 102.2, start_s=120.0, seed=2))
-    assert [why.reason for _, why in world.replaced] == ['rate']
-    assert world.timeline.rejected == 0
-    assert world.timeline.sample_rate_hz == pytest.approx(102.2, rel=1e-3)
-    assert world.samples > 5000
-
-
-def test_a_rate_that_changes_before_any_fit_begins_a_new_run() -> None:
-    runs = World().runs
-    for start_s, rate_hz in (0.0, 200.0), (60.0, 208.0):
-        block = at_rest(round(60 * rate_hz), rate_hz, start_s=start_s, seed=round(rate_hz))
-        for first in range(0, len(block), 100):
-            runs.take(0, 1, [block.part(slice(first, first + 100))])
-    [lane] = runs.run.lanes
-    assert lane.known.rate_hz == pytest.approx(208.0, rel=1e-3)
-    assert lane.fed > 5000
-
-
-def test_a_rate_that_changes_for_some_seconds_leaves_its_rate_to_a_polled_sensor() -> None:
-    world, now_s = World(), 0.0
-    # The other rate is the last that the timeline sees before it waits for its next window.
-    for part, (seconds, rate_hz) in enumerate([(53.0, RATE_HZ), (8.0, 103.0), (100.0, RATE_HZ)]):
-        world.comes(polled_block(2, round(seconds * rate_hz), rate_hz, now_s, part))
-        now_s += seconds
-    assert not [line for line in world.lines if 'another IMU' in line]
-    assert world.samples > RATE_HZ * 140
-
-
-@pytest.mark.parametrize('rate_hz', [20.0, 50.0])
-def test_a_slow_sensor_is_distinguished_by_all_of_its_axes_together(rate_hz: float) -> None:
-    world = World()
-    world.comes(at_rest(round(90 * rate_hz), rate_hz), together=round(rate_hz / 2))
-    world.comes(at_rest(round(60 * rate_hz), rate_hz, start_s=95.0, seed=2, noise=1.2 * NOISE),
-                publisher=2, together=round(rate_hz / 2))
-    assert [why.reason for _, why in world.replaced] == ['noise']
-    assert_density(world.result.to_dict(), rate_hz, 1.2 * NOISE)
 
 
 def test_a_run_whose_place_two_others_have_taken_goes_on_where_its_imu_returns(
@@ -402,10 +242,23 @@ def test_a_run_whose_place_two_others_have_taken_goes_on_where_its_imu_returns(
     assert len(json.loads(str(kept))) == 1
 
 
-def test_a_polled_sensor_that_is_started_anew_is_no_other() -> None:
-    world = World()
-    for publisher in range(16):
-        world.comes(polled_block(2, 3000, RATE_HZ, 35.0 * publisher, publisher),
-                    publisher=publisher, together=50)
-    assert not [line for line in world.lines if 'another IMU' in line]
-    assert world.samples == pytest.approx(16 * 3000, abs=16)
+@pytest.mark.parametrize(('joined', 'together'), [(1000, 50), (3700, 2500)])
+def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
+        joined: int, together: int) -> None:
+    whole, [lane] = at_rest(4000), new_run(SETUP).lanes
+    played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
+    for first in range(0, len(played), together):
+        lane.update([whole.part(played[first:first + together])])
+    assert lane.seen.looping
+    lane.characterization.finish()
+    assert lane.characterization.summary().timeline.samples == 4000
+
+
+@pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
+def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
+    run, block = new_run(SETUP), at_rest(1000, noise=1.0, mean=(0, 0, 0, 0, 0, gravity))
+    run.lanes[0].update([block])
+    run = resumed(run)
+    run.lanes[0].update([block])
+    assert run.snapshot().result().timeline.samples == 1000
+    assert run.lanes[0].seen.looping == (gravity > 0)

@@ -4,43 +4,32 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-import json
 
-from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.sequential import SequentialLooks
-from imu_allan.result import Coefficient, Result, Span
-from imu_allan.sensor.noise_model import parse_model
-from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.result import Coefficient, Result
 from imu_allan.timeline import TimelineOptions
-import numpy as np
 import pytest
-from ros_harness import Driver, Ros
-from std_msgs.msg import String
+from ros_harness import at_rest, result_of
 
 RANDOM_WALK = 'rate_random_walk'
 
 
 @pytest.fixture(scope='module')
 def fitted() -> Result:
-    run = Characterization(kind='topic', topic='/imu')
-    for block in simulated_blocks(parse_model('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'),
-                                  100.0, 2000):
-        run.update(block)
-    return run.result()
+    return result_of(at_rest(2000))
 
 
 def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
-       moved_s: float = 0.0) -> Result:
+       presence: float | None = None) -> Result:
     """Give the result as that of another time, in which K of one axis shows or not."""
     axis = result.axes['gyro_x']
-    walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None) if observable else
-            Coefficient('K', 'u', False, None, None, 4.0, observable_in_s=wait_s))
+    walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None, presence=presence) if observable
+            else Coefficient('K', 'u', False, None, None, 4.0, observable_in_s=wait_s))
     return replace(
-        result, timeline=replace(
-            result.timeline, samples=round(100 * seconds), sample_rate_hz=100.0,
-            duration_s=seconds, motion=(Span(1.0, moved_s),) if moved_s else ()),
+        result, timeline=replace(result.timeline, samples=round(100 * seconds),
+                                 sample_rate_hz=100.0, duration_s=seconds),
         axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, RANDOM_WALK: walk})})
 
 
@@ -71,27 +60,13 @@ def test_the_first_look_at_a_long_record_is_one_look(fitted: Result) -> None:
 
 def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
         fitted: Result) -> None:
-    def probably(seconds: float, presence: float) -> Result:
-        result = at(fitted, seconds, True)
-        axis = result.axes['gyro_x']
-        walk = axis.coefficients[RANDOM_WALK]
-        return replace(result, axes={'gyro_x': replace(axis, coefficients={
-            **axis.coefficients, RANDOM_WALK: replace(walk, presence=presence)})})
-
-    found = seen(SequentialLooks(), [probably(10.0 * number, presence) for number, presence
-                                     in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
+    found = seen(SequentialLooks(), [
+        at(fitted, 10.0 * number, True, presence=presence)
+        for number, presence in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
     # At 30 s the record is thrice as long, but only at 40 s it is probable; what is shown stays.
     assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
     assert [coefficient.observable_in_s for coefficient in found[:3]] == [20.0, None, None]
     assert (found[0].value, found[0].upper95) == (None, 3.0)
-
-
-def test_nothing_is_expected_where_no_more_comes(fitted: Result) -> None:
-    looks = SequentialLooks()
-    seen(looks, [at(fitted, time, False, 500 - time) for time in (10.0, 20.0, 30.0)])
-    last = looks.judged(at(fitted, 31.0, False, 469.0), more_comes=False)
-    assert last.axes['gyro_x'].coefficients[RANDOM_WALK].observable_in_s is None
-    assert seen(looks, [at(fitted, 40.0, False, 460.0)])[0].observable_in_s == 460.0
 
 
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(fitted: Result) -> None:
@@ -105,12 +80,6 @@ def test_a_look_after_a_restart_is_one_more_and_not_the_first(fitted: Result) ->
         assert found.observable == observable
 
 
-def test_noise_density_is_published_at_once(fitted: Result) -> None:
-    found = SequentialLooks().judged(fitted).axes['gyro_x'].coefficients['noise_density']
-    assert found == fitted.axes['gyro_x'].coefficients['noise_density']
-    assert found.observable
-
-
 def test_a_wait_that_recedes_is_not_said(fitted: Result) -> None:
     times = [10.0 * number for number in range(1, 21)]
     recedes = seen(SequentialLooks(), [at(fitted, time, False, 2 * time) for time in times])
@@ -119,33 +88,3 @@ def test_a_wait_that_recedes_is_not_said(fitted: Result) -> None:
     # At 30 s the record is thrice as long as at the first look.
     assert [coefficient.observable_in_s for coefficient in stands] == [
         None, None, *(500 - time for time in times[2:])]
-
-
-def test_nothing_is_expected_while_the_record_does_not_grow(fitted: Result) -> None:
-    looks = SequentialLooks()
-    seen(looks, [at(fitted, time, False, 500 - time) for time in (10.0, 20.0, 30.0)])
-    in_motion = seen(looks, [at(fitted, 30.0 + time, False, 470.0, moved_s=time)
-                             for time in (10.0, 20.0)])
-    assert [coefficient.observable_in_s for coefficient in in_motion] == [None, None]
-    # Another look at the same messages is no other.
-    assert seen(looks, [at(fitted, 50.0, False, 470.0, moved_s=20.0)])[0].observable_in_s is None
-    [after] = seen(looks, [at(fitted, 60.0, False, 460.0, moved_s=20.0)])
-    assert after.observable_in_s == 460.0
-
-
-def test_a_node_that_fits_over_and_over_shows_no_term_that_is_not_there(ros: Ros) -> None:
-    results = ros.listen(String, 'imu_allan/result')
-    node = ros.start('imu_allan_node', {'publish_period': 0.5},
-                     constants={'results.SETTLED_S': 0.5})
-    driver = Driver(ros).wait_for_node()
-    # White noise whose fit at 16 s, and no other, shows a quantization noise by chance.
-    driver.random = np.random.default_rng(32)
-    for _ in range(4):
-        driver.publish(1600)
-        ros.until(lambda: results and json.loads(
-            results[-1].data)['timeline']['samples'] == driver.next)
-    assert len(results) >= 4
-    shown = {term for result in results for axis in json.loads(result.data)['axes'].values()
-             for term, found in axis['coefficients'].items() if found['observable']}
-    assert shown == {'noise_density'}
-    assert 'no longer observable' not in node.log

@@ -15,7 +15,7 @@ from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 import pytest
 from ros_harness import Driver, Health, Ros
-from whole_lines import refused, Varying
+from whole_lines import Varying
 
 MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
@@ -27,22 +27,10 @@ def run_of(model: str, seed: int = 0) -> Characterization:
     return run
 
 
-def judged(standards: Standards, run: Characterization) -> list[Finding]:
-    return standards.judge(run.result(), run, Looks())
-
-
-@pytest.fixture(scope='module')
-def healthy_run() -> Characterization:
-    return run_of(MODEL)
-
-
-def written(folder: Path, text: str) -> str:
+def written(folder: Path, limit: str) -> str:
     path = folder / 'spec.yaml'
-    path.write_text(text)
+    path.write_text(f'gyro: {{noise_density: {limit} rad/s/sqrt(Hz)}}')
     return str(path)
-
-
-KEPT = 'every limit of the specification is kept, certain after <words>'
 
 
 def above(limit: str) -> str:
@@ -50,21 +38,9 @@ def above(limit: str) -> str:
                      '(measured <number>, <number> .. <number>)' for letter in 'xyz')
 
 
-def test_a_look_takes_the_fits_that_the_result_was_made_of(
-        tmp_path: Path, healthy_run: Characterization, monkeypatch: pytest.MonkeyPatch) -> None:
-    standards = Standards(spec_file=written(
-        tmp_path, 'gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}'))
-    fitted_again = judged(standards, healthy_run)
-    run = Run(Lane(healthy_run))
-    [result], fits = run.snapshot().fitted()
-    monkeypatch.setattr(live, 'fit_axes', lambda *_: pytest.fail('fitted again'))
-    assert standards.judge(result, healthy_run, Looks(), fits) == fitted_again
-
-
 def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
-        tmp_path: Path) -> None:
-    standards = Standards(spec_file=written(
-        tmp_path, 'gyro: {noise_density: 1.3e-3 rad/s/sqrt(Hz)}'))
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
     run, looks, levels = Characterization(kind='topic', topic='/imu'), Looks(), []
     assert standards.judge(run.result(), run, looks) == [
         Finding('specification', 'warn', 'cannot tell yet: no axis has a result')]
@@ -75,21 +51,25 @@ def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_
     assert levels == sorted(levels, reverse=True)
     assert levels[0] == 'warn'
     assert levels[-1] == 'ok'
-    assert finding.message == Varying(KEPT)
+    assert finding.message == Varying(
+        'every limit of the specification is kept, certain after <words>')
     # It stays certain, whatever the next look would say, until the limit is broken.
-    [same] = standards.judge(run.result(), run, looks)
-    assert same == finding
+    assert standards.judge(run.result(), run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
-    [broken] = standards.judge(noisy.result(), run, looks)
+    # A look takes the fits that the result was made of.
+    [result], fits = Run(Lane(noisy)).snapshot().fitted()
+    monkeypatch.setattr(live, 'fit_axes', lambda *_: pytest.fail('fitted again'))
+    [broken] = standards.judge(result, noisy, looks, fits)
     assert broken.level == 'error'
     assert broken.message == Varying(above('1.3e-3'))
 
 
 def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_figures(
-        tmp_path: Path, healthy_run: Characterization) -> None:
-    save_result(healthy_run.result(), tmp_path / 'before.json')
+        tmp_path: Path) -> None:
+    save_result(run_of(MODEL).result(), tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
-    assert judged(standards, run_of(MODEL, seed=1)) == [
+    again = run_of(MODEL, seed=1)
+    assert standards.judge(again.result(), again, Looks()) == [
         Finding('reference', 'ok', 'as in the reference: 3 axes')]
     shaken = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
                     '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
@@ -107,17 +87,10 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
 
 def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
         ros: Ros, health: Health) -> None:
-    spec = written(ros.folder, 'gyro: {noise_density: 1e-4 rad/s/sqrt(Hz)}')
-    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'spec_file': spec})
+    node = ros.start('imu_allan_node', {
+        'publish_period': 0.5, 'spec_file': written(ros.folder, '1e-4')})
     driver = Driver(ros).wait_for_node()
     # Certain takes longer than likely.
     ros.until(lambda: driver.publish(500) or health.said(
         'specification', Varying(above('1e-4')), b'\2'))
     assert Varying(f'specification: {above("1e-4")}') in node.lines
-
-
-def test_a_file_that_cannot_be_read_is_named_with_its_parameter(tmp_path: Path) -> None:
-    with refused(f'parameter reference: {tmp_path / "nothing.json"}: cannot be read (No such file '
-                 'or directory); give the path of a result file, written by: imu_allan analyze '
-                 'RECORDING --json FILE'):
-        Standards(reference=str(tmp_path / 'nothing.json'))

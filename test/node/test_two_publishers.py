@@ -56,22 +56,6 @@ def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
     assert health.number('reception', 'lost') == 0
 
 
-def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) -> None:
-    node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    drivers = Driver(ros), Driver(ros)
-    for driver in drivers:
-        driver.wait_for_node()
-    for _ in range(2000):
-        for driver in drivers:
-            driver.publish(1)
-    for driver in drivers:
-        driver.until_taken()
-    ros.until(lambda: MIXED.format(drivers[0].topic) in node.lines)
-    document = ros.saved() or {'axes': {}}
-    assert not any(coefficient['observable'] for axis in document['axes'].values()
-                   for coefficient in axis['coefficients'].values())
-
-
 def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
     driver = Driver(ros).wait_for_node()
@@ -94,17 +78,3 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None
     driver.until_taken()
     assert ros.saved()['timeline']['samples'] == 3000
     assert set(document['axes']) == set(AXES)
-
-
-def test_two_nodes_of_one_name_are_reported_and_have_a_folder_each(ros: Ros) -> None:
-    nodes = [ros.start('imu_allan_node', constants={'reports.LOOK_S': 1.0}) for _ in range(2)]
-    driver = Driver(ros)
-    ros.until(lambda: driver.publisher.get_subscription_count() == 2)
-    driver.publish(2000)
-    assert driver.publisher.wait_for_all_acked()
-    for node in nodes:
-        ros.until(lambda node=node: (
-            'another node has the same name: their topics and services cannot be kept apart; '
-            'start one of them with another name') in node.lines)
-    assert [node.stop() for node in nodes] == [0, 0]
-    assert [document['timeline']['samples'] for document in ros.results()] == [2000, 2000]
