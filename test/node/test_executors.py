@@ -65,8 +65,7 @@ def feed(ros: Ros, places: Sequence[str]) -> None:
 
 
 @pytest.mark.parametrize(('executor', 'count'), [
-    ('EventsExecutor', 1), ('MultiThreadedExecutor', 4), slow('SingleThreadedExecutor', 4),
-    slow('EventsExecutor', 4)])
+    ('EventsExecutor', 1), ('MultiThreadedExecutor', 4), slow('SingleThreadedExecutor', 4)])
 def test_imus_in_one_process_are_characterized_in_any_executor_and_share_what_is_large(
         ros: Ros, executor: str, count: int) -> None:
     sides = [f'imu{number}' for number in range(count)]

@@ -2,13 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that has characterized five minutes of a simulated IMU, seen through every interface."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 import json
 import math
-import os
 from pathlib import Path
-import subprocess
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
@@ -119,6 +116,10 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         assert all(axis.coefficients[key] == found for key, found in kept.items())
         assert replace(axis, coefficients={}) == replace(published.axes[name], coefficients={})
     stamp = latest(live, DiagnosticArray, 'imu_allan/coefficients').header.stamp
+    # It is that of the last sample.
+    start = np.datetime64(str(result.source.start_time).removesuffix('Z'), 'ns').astype(np.int64)
+    assert (stamp.sec * 10**9 + stamp.nanosec - start) * 1e-9 == pytest.approx(
+        DURATION_S - 1 / RATE_HZ, abs=2e-6)
     messages = result_messages(published, live.name('imu_allan'), stamp, Filter(0.2, 30.0))
     assert len(messages) == 24
     for topic, message in messages.items():
@@ -129,31 +130,11 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         for key in TERMS:
             value = axis.coefficients[key].value
             assert entries.get(f'{key}/value') == (None if value is None else repr(value))
+        drift = predicted_drift(axis, [10.0], 60)
+        what = 'angle' if sensor == 'gyro' else 'velocity'
+        assert entries[f'predicted_drift/10s/{what}/value'] == repr(drift.integral[0])
         tuned = messages[f'{sensor}/filter_random_walk'].vector
         assert getattr(tuned, letter) == tune(axis, 0.2, 30.0).random_walk
-
-
-def test_the_forecast_of_every_axis_is_among_the_values(live: Ros, result: Result) -> None:
-    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
-    for name, axis in result.axes.items():
-        entries, wanted = values(array, name), predicted_drift(axis, [1, 10, 60, 600, 3600], 60)
-        assert float(entries['predicted_drift/calibration_s']) == 60
-        assert float(entries['predicted_drift/known_to_s']) == wanted.known_to_s
-        parts = ({'angle': (wanted.integral, wanted.integral_ci95, 'rad')}
-                 if name.startswith('gyro') else
-                 {'velocity': (wanted.integral, wanted.integral_ci95, 'm/s'),
-                  'position': (wanted.position, wanted.position_ci95, 'm')})
-        found = {}
-        for what, (sigmas, bands, unit) in parts.items():
-            for horizon, sigma, (low, high) in zip((1, 10, 60, 600, 3600), sigmas, bands,
-                                                   strict=True):
-                key = f'predicted_drift/{horizon}s/{what}'
-                if high > 100 * low:
-                    continue
-                found |= {f'{key}/value': repr(sigma), f'{key}/ci95_low': repr(low),
-                          f'{key}/ci95_high': repr(high), f'{key}/unit': unit}
-        assert found == {key: value for key, value in entries.items()
-                         if key.startswith('predicted_drift/') and key.count('/') == 3}
 
 
 def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
@@ -172,15 +153,6 @@ def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
 
-def test_stamps_are_those_of_the_last_sample(
-        live: Ros, result: Result) -> None:
-    vector = latest(live, Vector3Stamped, 'imu_allan/gyro/noise_density')
-    assert result.source.start_time is not None
-    start = np.datetime64(result.source.start_time.removesuffix('Z'), 'ns').astype(np.int64)
-    stamp = vector.header.stamp.sec * 10**9 + vector.header.stamp.nanosec
-    assert (stamp - start) * 1e-9 == pytest.approx(DURATION_S - 1 / RATE_HZ, abs=2e-6)
-
-
 def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_are_there(
         live: Ros) -> None:
     response = live.call(Trigger, 'imu_allan/save')
@@ -193,7 +165,6 @@ def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_ar
     assert folder.name.startswith(f'{live.namespace[1:]}_imu_allan_20')
     assert sorted(folder.iterdir()) == sorted(paths)
     document = json.loads(paths[0].read_text())
-    assert document['source']['kind'] == 'topic'
     assert document['source']['topic'] == live.name('imu/data_raw')
     assert document['timeline']['samples'] == RATE_HZ * DURATION_S
     assert paths[-1].read_bytes().startswith(b'\x89PNG')
@@ -218,36 +189,6 @@ def test_a_folder_that_cannot_be_written_is_answered_with_the_reason(live: Ros) 
         'folder that exists on a disk with room and may be written to')
     change(live, 'output_dir', str(live.folder / 'output'))
     assert live.call(Trigger, 'imu_allan/save').success
-
-
-@pytest.fixture
-def full_disk(live: Ros) -> Iterator[Path]:
-    folder = live.folder / 'output' / 'disk'
-    folder.mkdir(parents=True)
-    if os.geteuid() != 0 or subprocess.run(
-            ['mount', '-t', 'tmpfs', '-o', 'size=16k', 'tmpfs', folder],
-            capture_output=True, check=False).returncode:
-        pytest.skip('only root can mount a small disk')
-    yield folder
-    subprocess.run(['umount', '-l', folder], check=True)
-
-
-def test_a_full_disk_is_answered_with_the_reason_and_nothing_is_left_on_it(
-        live: Ros, full_disk: Path) -> None:
-    change(live, 'output_dir', str(full_disk))
-    response = live.call(Trigger, 'imu_allan/save')
-    assert not response.success
-    assert response.message == Varying(
-        f'{full_disk}/<words>: cannot be written (No space left on device); choose a folder that '
-        'exists on a disk with room and may be written to')
-    assert list(full_disk.iterdir()) == []
-    # With room again the same run has its folder.
-    subprocess.run(['mount', '-o', 'remount,size=4m', full_disk], check=True)
-    response = live.call(Trigger, 'imu_allan/save')
-    assert response.success, response.message
-    assert [path.name for path in full_disk.iterdir()] == [
-        Path(response.message.splitlines()[0]).parent.name]
-    change(live, 'output_dir', str(live.folder / 'output'))
 
 
 def test_whoever_is_on_the_network_cannot_have_files_written_elsewhere(live: Ros) -> None:
@@ -283,22 +224,15 @@ def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> Non
     assert health.values('estimation')['observable/noise_density'] == '6'
 
 
-def test_every_parameter_out_of_range_is_refused_with_a_reason(live: Ros) -> None:
-    for name, value in (('publish_period', 0.0), ('publish_period', -1.0),
-                        ('publish_period', 1e9), ('publish_period', math.nan),
-                        ('publish_period', 'often'), ('checkpoint_period', 0.0),
-                        ('checkpoint_period', math.inf), ('export_for', ['kalibr', 'nonsense']),
-                        ('output_dir', ''), ('motion', 'keep'), ('clock', 'receive'),
-                        ('expected_rate', 100.0), ('gap_tolerance', 3),
-                        ('state_file', '/tmp/other'), ('use_sim_time', 'perhaps')):
+def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(live: Ros) -> None:
+    change(live, 'publish_period', 0.75)
+    for name, value in (('publish_period', 0.0), ('publish_period', math.nan),
+                        ('publish_period', 'often'), ('checkpoint_period', math.inf),
+                        ('export_for', ['kalibr', 'nonsense']), ('output_dir', ''),
+                        ('motion', 'keep'), ('gap_tolerance', 3), ('use_sim_time', 'perhaps')):
         answer = set_parameter(live, name, value)
         assert not answer.successful, name
         assert answer.reason, name
-
-
-def test_a_refused_parameter_keeps_its_value(live: Ros) -> None:
-    change(live, 'publish_period', 0.75)
-    assert not set_parameter(live, 'publish_period', 0.0).successful
     both: list[ParameterMessage] = [
         Parameter(name, value=value).to_parameter_msg()
         for name, value in (('aiding_interval', 31.0), ('coast', 29.0))]

@@ -14,8 +14,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
-from repeated import slow
-from ros_harness import NO_BOOLEAN, Ros, start_repeatedly
+from ros_harness import Ros
 from std_srvs.srv import Trigger
 
 MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
@@ -34,7 +33,6 @@ class Recording:
         return sum(map(len, self.blocks))
 
     def __getattr__(self, part: str) -> Any:
-        """Give the samples, or the stamps, of all blocks."""
         return np.concatenate([getattr(block, part) for block in self.blocks])
 
 
@@ -68,7 +66,6 @@ def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_
     values = {entry.key: entry.value for entry in truth.status[0].values}
     assert truth.status[0].name == 'imu_simulator: gyro_x'
     assert float(values['noise_density/value']) == model.axes['gyro_x']['noise_density']
-    assert values['noise_density/unit'] == 'rad/s/sqrt(Hz)'
 
 
 def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros: Ros) -> None:
@@ -113,26 +110,13 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
     assert loud[-1] - loud[0] < 0.6 * 200
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, slow(signal.SIGTERM)])
-def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(
-        ros: Ros, number: signal.Signals) -> None:
+def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros: Ros) -> None:
     subscription = ros.recorder()
     simulator = ros.start('imu_simulator', {'rate': 1000.0, 'speed': 0.0})
     ros.until(lambda: 'publishing' in simulator.log)
     # It waits in the middle of a publication now.
     time.sleep(1.0)
     # After so long `ros2 launch` signals again.
-    assert simulator.stop(number, within_s=5.0) == 0
+    assert simulator.stop(within_s=5.0) == 0
     assert subscription.take().messages
     assert 'Traceback' not in simulator.log
-
-
-def test_a_wrong_parameter_is_one_line_and_status_1(ros: Ros) -> None:
-    results = start_repeatedly(ros, [['-p', given] for given in (
-        'model:=no_such_imu', 'rate:=-1.0', 'use_sim_time:=maybe')], 'imu_simulator')
-    for (status, text), line in zip(results, (
-            'parameter model: no_such_imu: no such file, and no model of that name is shipped; '
-            'give the path of a noise model YAML file',
-            'parameter rate: must lie between 0.1 and 100000', NO_BOOLEAN),
-            strict=True):
-        assert (status, text) == (1, f'imu_simulator: {line}\n')

@@ -9,8 +9,6 @@ from imu_allan.node import rclpy_inside
 import pytest
 import rclpy
 from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
@@ -40,17 +38,6 @@ def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros: Ro
     assert [info['publication_sequence_number'] for _, info in found] == [1, 2]
     assert all(info['received_timestamp'] > info['source_timestamp'] > 0 for _, info in found)
     assert rclpy_inside.drain(subscription, Imu, 10) == [], 'None where nothing waits'
-
-
-def test_the_parameters_that_a_node_was_given_are_known_before_they_are_declared(ros: Ros) -> None:
-    node = Node('given', context=ros.node.context,
-                parameter_overrides=[Parameter('gap_tolerence', value=3)])
-    try:
-        assert rclpy_inside.given_parameters(node)['gap_tolerence'].value == 3, (
-            'Node._parameter_overrides')
-        assert isinstance(node.get_logger(), rclpy_inside.Logger), 'rclpy.impl.rcutils_logger'
-    finally:
-        node.destroy_node()
 
 
 def publish_often(publisher: Publisher, count: int) -> None:

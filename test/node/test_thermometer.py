@@ -3,15 +3,12 @@
 """A thermometer on a topic of its own beside the IMU."""
 
 import json
-from types import SimpleNamespace
 from typing import Any
 
 from imu_allan.cdr import encode_imu
-from imu_allan.node import thermometer
-from imu_allan.node.log import Log
 import numpy as np
 import pytest
-from ros_harness import Driver, facts, Health, Ros
+from ros_harness import Driver, Health, Ros
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 
@@ -66,35 +63,3 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
     assert low < PER_KELVIN < high
     assert high - low < 0.1 * PER_KELVIN
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
-
-
-def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone(
-        heard: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken: list[str] = []
-
-    def subscribe(_: object, __: type, topic: str, *___: object) -> SimpleNamespace:
-        taken.append(topic)
-        return SimpleNamespace(topic=topic)
-
-    monkeypatch.setattr(thermometer, 'DrainedSubscription', subscribe)
-    kind, seen = 'sensor_msgs/msg/Temperature', {'/imu/data_raw': 'sensor_msgs/msg/Imu'}
-    node: Any = SimpleNamespace(
-        get_topic_names_and_types=lambda: [(name, [kind]) for name, kind in seen.items()],
-        count_publishers=lambda name: int(not name.endswith('/unpublished')))
-    beside = thermometer.Thermometer(node, Log(heard), facts(topic='/imu/data_raw'), 1, '')
-
-    def look() -> list[str]:
-        beside.look_beside()
-        return taken
-
-    seen |= {'/motor/temperature': kind, '/imu/unpublished': kind, '/imu/a': kind}
-    assert look() == []
-    seen['/imu/b'] = kind
-    assert look() == look() == []
-    del seen['/imu/a']
-    assert look() == []
-    assert look() == ['/imu/b']
-    # One is enough.
-    del seen['/imu/b']
-    seen['/imu/a'] = kind
-    assert look() == look() == ['/imu/b']
