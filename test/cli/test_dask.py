@@ -2,15 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Dask cluster that works on recordings, and addresses where there is none."""
 
-import contextlib
 import socket
-import subprocess
-import sys
-import threading
 
 from imu_allan.cli import dask_cluster
 import pytest
-from whole_lines import Varying
 
 distributed = pytest.importorskip('distributed')
 
@@ -30,23 +25,3 @@ def test_a_dask_address_where_nobody_answers_or_somebody_is_silent_is_one_line(
                                 ('not an address', '<words>')):
             fails_with(f'--dask {address}: no scheduler answers ({reason}); start one with: dask '
                        'scheduler', 'analyze', recording, '--dask', address)
-
-
-def test_a_dask_address_where_garbage_is_sent_is_one_line(recording):
-    def send(server):
-        with contextlib.suppress(OSError):
-            while True:
-                peer, _ = server.accept()
-                with peer:
-                    # As the library counts: one frame, of 2^56 bytes.
-                    peer.sendall((24).to_bytes(8, 'little') + (1).to_bytes(8, 'little')
-                                 + (1 << 56).to_bytes(8, 'little') * 2)
-
-    with socket.create_server(('127.0.0.1', 0)) as server:
-        threading.Thread(target=send, args=(server,), daemon=True).start()
-        address = f'tcp://127.0.0.1:{server.getsockname()[1]}'
-        ended = subprocess.run([sys.executable, '-m', 'imu_allan', 'analyze', str(recording),
-                                '--dask', address], capture_output=True, text=True)
-    assert ended.returncode == 1
-    assert ended.stderr == Varying(f'imu_allan: --dask {address}: no scheduler answers (<words>); '
-                                   'start one with: dask scheduler\n')

@@ -6,15 +6,10 @@ import csv
 import json
 import os
 from pathlib import Path
-import pickle
 import shutil
 
 from bags import no_axes
-from imu_allan.analysis import analyze, Choice
-from imu_allan.cli.fleet import FleetResults
 from imu_allan.cli.main import main
-from imu_allan.cli.tasks import Task
-from imu_allan.errors import ImuAllanError
 from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -35,19 +30,6 @@ def write_csv(path, density, seed, samples=6000, axes='y'):
                      for i, row in enumerate(columns.tolist()))
     path.write_text(f'time_s,{",".join(f"gyro_{axis}" for axis in axes)}\n{rows}\n')
     return str(path)
-
-
-def test_a_recording_given_twice_counts_once(tmp_path, output_of):
-    one = write_csv(tmp_path / 'u1.csv', 0.005, 1)
-    other = write_csv(tmp_path / 'u3.csv', 0.005, 2)
-    copy = str(tmp_path / 'u2.csv')
-    shutil.copy(one, copy)
-    out = tmp_path / 'out'
-    assert ('u2: u1 and u2 hold the same messages, which would count twice; give each recording '
-            'of the IMU once') in output_of(
-                'analyze', one, copy, other, '--output', out).splitlines()
-    fleet = json.loads((out / 'fleet.json').read_text())
-    assert [unit['name'] for unit in fleet['units']] == ['u1', 'u3']
 
 
 def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, capsys):
@@ -143,28 +125,12 @@ def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(tmp_path, o
     assert done_before(*part) == ['unit1', 'unit2']
     part = (*part, '--operator', 'Ada')
     assert done_before(*part) == []
-    part = (*part, '--for', 'kalibr')
-    assert done_before(*part) == []
     (output / 'unit2' / 'allan_deviation.png').unlink()
     assert done_before(*part) == ['unit1']
     changed = load_result(output / 'unit1' / 'result.json').to_dict()
     (output / 'unit1' / 'result.json').write_text(
         json.dumps(changed | {'imu_allan_version': '0.0.1'}))
     assert done_before(*part) == ['unit2']
-
-
-def test_resume_takes_no_other_recording_of_the_same_relative_name(tmp_path, monkeypatch, capsys):
-    for number, density in enumerate((0.005, 0.02)):
-        folder = tmp_path / f'unit{number}'
-        folder.mkdir()
-        for seed, name in enumerate(('a', 'b')):
-            write_csv(folder / f'{name}.csv', density, seed, 1500)
-        monkeypatch.chdir(folder)
-        assert main(['analyze', 'a.csv', 'b.csv', '--output', '../out', '--resume']) == 0
-    assert 'done before' not in capsys.readouterr().out
-    found = load_result(tmp_path / 'out' / 'a' / 'result.json')
-    assert found.axes['gyro_y'].coefficients['noise_density'].value == pytest.approx(
-        np.radians(0.02), rel=0.1)
 
 
 def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):
@@ -181,29 +147,3 @@ def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):
     # Nothing is left out.
     assert fails_with(f'{tmp_path}/no.csv: no such file or directory',
                       'analyze', paths[0], tmp_path / 'no.csv', '--together') == ''
-
-
-@pytest.mark.parametrize(('rows', 'complaint'), [
-    ([f'{i / 100},0.5' for i in range(500)], 'no coefficient: every axis is constant, there is '
-     'no noise to measure; look whether the IMU works and is read out'),
-    ([f'{i / 100},{(i * i) % 7}' for i in range(56)],
-     'no coefficient: 56 samples are too few; record for longer'),
-    ([f'{i / 100},{(i * i) % 7},2' for i in range(56)],
-     'no coefficient: 56 samples are too few; record for longer')])
-def test_where_no_coefficient_comes_out_the_status_is_1(rows, complaint, tmp_path, fails_with):
-    path = tmp_path / 'r.csv'
-    header = ','.join(['time_s', 'gyro_x', 'gyro_y'][:rows[0].count(',') + 1])
-    path.write_text('\n'.join([header, *rows, '']))
-    fails_with(f'{path}: {complaint}', 'analyze', path, '--json', tmp_path / 'r.json')
-    assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)
-
-
-def test_without_a_folder_for_a_page_no_results_are_kept(recording, tmp_path):
-    result = analyze(recording)
-    kept = []
-    for output in (None, tmp_path):
-        gathering = FleetResults(output)
-        gathering.add(Task('a', Choice(), unit='a'), result)
-        gathering.fail('b', 'b', ImuAllanError('it is damaged'))
-        kept.append(len(pickle.dumps(gathering)))
-    assert kept[0] < 200 < kept[1]

@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import replace
-import os
-from pathlib import Path
 
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
 from other_types import full_definition, imu, store_with, write_mcap
-import pytest
 from whole_lines import Varying
 
 CLOCK = ('  clock       header stamps: each stamp shows its place, single missing samples are '
@@ -66,18 +63,6 @@ def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
     assert main(['info', str(path), '--gyro', 'rate', '--gyro-topic', '/other']) == 0
 
 
-@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
-                    reason='IMU_ALLAN_DATA names no folder of real recordings')
-def test_clock_faults_of_a_real_recording_are_counted(output_of):
-    path = Path(os.environ['IMU_ALLAN_DATA']) / 'robot_localization_test1_2imu_xsens'
-    shown = output_of('info', path).splitlines()
-    assert [line for line in shown if line.startswith('  faults')] == [
-        '  faults      45 missing, 590 repeated receive stamps',
-        '  faults      423 missing, 31 out of order, 347 duplicates, 347 repeated header stamps, '
-        '31 backward header stamps, 9,658 repeated receive stamps']
-    assert '  /stereo_odometer/odometry  nav_msgs/msg/Odometry' in shown
-
-
 def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, output_of):
     kind = 'my_driver/msg/Stamped'
     store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
@@ -90,18 +75,6 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, ou
     assert shown.index('run_9') < shown.index('run_10')
     assert shown.count('  read as     my_driver/msg/Stamped, its field imu '
                        '(sensor_msgs/msg/Imu)\n') == 2
-
-
-def test_a_folder_is_described_to_its_end_though_one_recording_cannot_be_read(
-        recording, tmp_path, fails_with):
-    for name in ('1', '3'):
-        (tmp_path / name).symlink_to(recording)
-    (tmp_path / '2').mkdir()
-    (tmp_path / '2' / 'broken.mcap').write_bytes(b'nothing')
-    assert fails_with(
-        f'{tmp_path}/2/broken.mcap: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, '
-        'PX4 .ulg, ArduPilot .bin or CSV file', 'info', tmp_path
-    ).count('  messages    30,000\n') == 2
 
 
 def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(

@@ -16,7 +16,6 @@ from imu_allan.recordings import RecordingOptions
 from imu_allan.writers.consumers import FAMILIES
 from processes import wait_until
 import pytest
-import zstandard
 
 COMMAND = [sys.executable, '-m', 'imu_allan']
 NO_MODEL = ('no such file, and no model of that name is shipped; give the path of a noise model '
@@ -61,65 +60,45 @@ def test_version_is_the_one_of_the_package(output_of):
 
 
 CHOICE = 'invalid choice: {} (choose from <words>)'
-NO_CONSUMER = "argument --for: no consumer is called '{}'; {}imu_allan export --list names all"
 NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
-FAST = 'argument --{}: 1e9: no IMU gives so many samples a second; give the rate in Hz'
-CENTURY = 'argument {}: {} is more than a hundred years'
 
 
 @pytest.mark.parametrize(('words', 'line'), [
     ('', 'the following arguments are required: VERB'),
-    ('characterize', 'argument VERB: ' + CHOICE.format("'characterize'")),
     ('analyse bag', 'argument VERB: ' + CHOICE.format("'analyse'") + '; did you mean analyze?'),
-    ('analyze', 'the following arguments are required: RECORDING'),
     ('analyze bag --al-topics',
      'unrecognized arguments: --al-topics; did you mean --all-topics?'),
     ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
     ('analyze bag --rate fast', NO_RATE.format('fast')),
-    ('analyze bag --rate nan', NO_RATE.format('nan')),
-    ('analyze bag --rate 1e9', FAST.format('rate')),
-    ('analyze bag --accel-rate 1e9', FAST.format('accel-rate')),
-    ('analyze bag --rate 1e-320', 'argument --rate: 1e-320: no IMU gives so few samples a second; '
-     'give the rate in Hz'),
+    ('analyze bag --rate 1e9',
+     'argument --rate: 1e9: no IMU gives so many samples a second; give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
     ('analyze bag --force-rate', '--force-rate needs --rate'),
-    ('analyze bag --clock wall', 'argument --clock: ' + CHOICE.format("'wall'")),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
-    ('analyze bag --start 1e300', CENTURY.format('--start', '1e300')),
-    ('analyze bag --start 40000d', CENTURY.format('--start', '40000d')),
-    ('analyze bag --duration 1e300', CENTURY.format('--duration', '1e300')),
+    ('analyze bag --start 1e300', 'argument --start: 1e300 is more than a hundred years'),
     ('analyze bag --duration 3weeks', f"argument --duration: '3weeks' {NO_TIME}"),
-    ('analyze bag --duration 5x', f"argument --duration: '5x' {NO_TIME}"),
     ('analyze bag --jobs 0', 'argument --jobs: 0 is below one'),
     ('analyze bag --topic /imu --all-topics',
      'argument --all-topics: not allowed with argument --topic'),
-    ('analyze bag --jobs 2 --dask tcp://localhost:8786',
-     'argument --dask: not allowed with argument --jobs'),
     ('analyze one two --json result.json',
      '--json takes one recording; use --output DIR for several'),
-    ('analyze one two --for kalibr', '--for takes one recording; use --output DIR for several'),
     ('analyze one two --resume', '--resume needs --output'),
     ('analyze one two --meta serial=A-17',
      '--meta serial is of one unit; several are named by --name-from'),
     ('analyze one two --together --all-topics',
      '--together takes several recordings of one topic, and no --resume'),
-    ('simulate model --storage csv', 'argument --storage: ' + CHOICE.format("'csv'")),
     ('simulate model --seed 1.5', "argument --seed: '1.5' is not a whole number"),
     ('export --for kalibr', 'takes a RESULT, or a datasheet by --spec FILE'),
-    ('export r.json --for toaster', NO_CONSUMER.format('toaster', '')),
-    ('export r.json --for kalbr', NO_CONSUMER.format('kalbr', 'did you mean kalibr? ')),
+    ('export r.json --for kalbr', "argument --for: no consumer is called 'kalbr'; did you "
+     'mean kalibr? imu_allan export --list names all'),
     *((f'export r.json --for kalibr --inflate={bad}', f'argument --inflate: {line}')
       for bad, line in (
           *((bad, f"'{bad}' is not of the form N=2,K=5: a factor for N, for K, or for both")
-            for bad in ('N', '2', 'B=2', 'N=2,N=3', '')),
+            for bad in ('N', 'B=2', 'N=2,N=3')),
           ('N=0', '0 is not above zero'), ('K=nan', 'nan is not a finite number'))),
-    *((f'tune r.json {option}={bad}', f'argument {option}: {line}')
-      for option in ('--aiding', '--coast', '--calibration') for bad, line in (
-          *((bad, f"'{bad}' {NO_TIME}") for bad in ('nan', 'inf', 'text', '')),
-          ('0', '0 is not above zero'), ('-1s', '-1s is below zero'),
-          ('1e-30', '1e-30 is less than a microsecond'),
-          ('1e308', '1e308 is more than a hundred years'),
-          ('200000d', '200000d is more than a hundred years'))),
+    *((f'tune r.json --aiding={bad}', f'argument --aiding: {line}') for bad, line in (
+        ('nan', f"'nan' {NO_TIME}"), ('0', '0 is not above zero'),
+        ('1e-30', '1e-30 is less than a microsecond'))),
     ('check r.json', 'the following arguments are required: --spec'),
     ('check bag --spec x --meta colour=red', "argument --meta: 'colour=red' is not of the form "
      'KEY=VALUE with a KEY of serial, operator, station'),
@@ -130,7 +109,6 @@ CENTURY = 'argument {}: {} is more than a hundred years'
     ('report r.json --width 3', "argument --width: '3' is not a width of 5 to 50 cm"),
     # A line break within a number.
     ('analyze bag --rate 1\\n2', NO_RATE.format('1\\n2')),
-    ('analyze bag --start 1\\n2', f"argument --start: '1\\n2' {NO_TIME}"),
 ])
 def test_wrong_usage_is_reported_in_two_lines_with_the_right_word(words, line, wrong_usage):
     verb = next((word for word in words.split()[:1] if word in VERBS), '')
@@ -140,13 +118,9 @@ def test_wrong_usage_is_reported_in_two_lines_with_the_right_word(words, line, w
 
 @pytest.mark.parametrize(('words', 'line'), [
     ('analyze no/such/bag', 'no such file or directory'),
-    ('info no/such/bag', 'no such file or directory'),
     ('simulate no/such/model', NO_MODEL),
-    ('check result --spec no/such/spec', NO_MODEL),
     ('export no/such/result --for kalibr', NO_RESULT),
-    ('report no/such/result', NO_RESULT),
     ('simulate ~nosuchuser/x', 'this user has no home folder; write the path without ~'),
-    ('simulate ~nosuchuser', 'this user has no home folder; write the path without ~'),
 ])
 def test_missing_file_is_one_line_that_names_it_and_exit_1(words, line, fails_with):
     [missing] = [word for word in words.split() if 'no' in word.lstrip('~')[:3]]
@@ -178,27 +152,22 @@ def test_the_consumers_are_listed_by_family(output_of):
 
 @pytest.mark.parametrize(('words', 'key', 'expected'), [
     ('analyze bag -o out', 'output', 'out'),
-    ('analyze bag --rate 100', 'rate', 100.0), ('analyze bag --rate 100Hz', 'rate', 100.0),
-    ('analyze bag --rate 2kHz', 'rate', 2000.0), ("analyze bag --rate '0.5 khz'", 'rate', 500.0),
-    ('analyze bag --duration 5m', 'duration', 300.0),
-    ('analyze bag --duration 5min', 'duration', 300.0), ('analyze bag --start 90s', 'start', 90.0),
+    ('analyze bag --rate 100', 'rate', 100.0), ("analyze bag --rate '0.5 khz'", 'rate', 500.0),
+    ('analyze bag --duration 5m', 'duration', 300.0), ('analyze bag --start 90s', 'start', 90.0),
     ('analyze bag --accel-rate 200Hz', 'accel_rate', 200.0),
     ('analyze bag --for VINS', 'consumers', ['vins_fusion']),
     ("analyze bag --meta serial=A=7 --meta 'station= 3 '", 'meta',
      [('serial', 'A=7'), ('station', '3')]),
-    *((f"check bag --spec x --margin '{text}'", 'margin', 5.0) for text in ('5', '5%', ' 5 % '))])
+    *((f"check bag --spec x --margin '{text}'", 'margin', 5.0) for text in ('5', ' 5 % '))])
 def test_times_rates_and_names_are_read_as_people_write_them(words, key, expected):
     assert getattr(command_parser().parse_args(shlex.split(words)), key) == expected
 
 
 @pytest.mark.parametrize(('words', 'said'), [
     (['--gyro', 'imu.gyro[0:3]:deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
-    (['--gyro', 'imu.gyro[0:3] deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
     (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
-    (['--gyro', ':deg/s'], {'gyro_unit': 'deg/s'}),
     (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'}),
-    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'}),
-    (['--accel-unit', 'g'], {'accel_unit': 'g'})])
+    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'})])
 def test_a_unit_stands_behind_the_field_or_alone(words, said):
     args = command_parser().parse_args(['info', 'bag', *words])
     assert recording_options(args) == RecordingOptions(**said)
@@ -259,8 +228,7 @@ raise SystemExit(main())
 """
 
 
-@pytest.mark.parametrize('module', ['contextlib', 'imu_allan.cli.main', 'imu_allan.cli.tune',
-                                    'argparse', 'imu_allan.recordings', 'numpy', 'scipy', 'rich'])
+@pytest.mark.parametrize('module', ['contextlib', 'imu_allan.cli.main', 'numpy', 'scipy'])
 @pytest.mark.usefixtures('children_unmeasured')
 def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recording):
     done = subprocess.run(
@@ -287,11 +255,12 @@ def test_a_closed_stream_is_one_line_and_mixes_nothing_into_the_other(
     assert in_a_shell('"$@" 2>&-', 'info', tmp_path / 'none') == (1, '', '')
 
 
-def test_a_limit_to_files_is_not_blamed_on_the_recording(recording, tmp_path, in_a_shell):
-    [mcap] = recording.glob('*.mcap')
-    path = tmp_path / 'a.mcap.zst'
-    path.write_bytes(zstandard.ZstdCompressor(1).compress(mcap.read_bytes()))
-    assert in_a_shell('ulimit -f 20; exec "$@"', 'info', path, TMPDIR=str(tmp_path),
-                      PYTHONDONTWRITEBYTECODE='1') == (
-        1, '', f'imu_allan: {path}: cannot be unpacked or copied to {tmp_path} (File too large); '
-        'name a larger folder with TMPDIR, or raise the limit (ulimit -f)\n')
+@pytest.mark.parametrize(('package', 'verb'), [('mcap', 'analyze'), ('zstandard', 'info')])
+def test_a_package_that_rosdep_does_not_install_is_one_line(recording, package, verb):
+    done = subprocess.run(
+        [sys.executable, '-c', f'import sys; sys.modules[{package!r}] = None\n'
+         f'from imu_allan.cli.main import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))'],
+        capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (
+        1, f'imu_allan: needs the Python package {package}, which is not installed; rosdep does '
+        f'not know it: pip install {package}\n')

@@ -9,20 +9,18 @@ import re
 from changed import with_axes
 import imu_allan
 from imu_allan.finding import finding
-from imu_allan.result import Saturation
 from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 import pytest
 from whole_lines import Varying
 
 
-@pytest.mark.parametrize('width', [60, 80, None])
+@pytest.mark.parametrize('width', [60, None])
 def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_terminal(
         result_file, output_of, monkeypatch, width):
     if width is not None:
         monkeypatch.setenv('COLUMNS', str(width))
-    verify = ['--verify', result_file] if width == 80 else []
-    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', *verify)
+    out = output_of('tune', result_file, '--aiding', '1s', '--coast', '20s')
     assert out.splitlines()[0] == (
         'Numbers for a filter that is corrected every 1 s and unaided for 20 s:')[:width]
     assert '…' not in out
@@ -31,10 +29,8 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
         assert sum(row[:len(words)] == words for row in rows) == 6
     assert all(len(row) == 6 for row in rows if row[:1] == ['conservative'])
     # Ten times a bound is a bound.
-    assert (re.search(r'as measured +\S+ +< ', out) is None) == (
-        re.search(r'ten times K +\S+ +< ', out) is None)
-    for row in re.findall(r'as measured +\S+ +< .*\n.*', out):
-        assert re.search(r'ten times K +\S+ +< ', row)
+    assert len(re.findall(r'as measured +\S+ +< ', out)) == len(
+        re.findall(r'ten times K +\S+ +< ', out))
     if width is not None:
         assert max(map(len, out.splitlines())) <= width
         # A line that goes on is set in.
@@ -46,25 +42,6 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
         assert row in out
     assert Varying('After one unaided minute the error of heading is about <number>° rms '
                    '(<number> to <number>°; gyro_z, the worst axis).') in out.splitlines()
-
-
-def test_an_axis_without_numbers_or_that_knows_too_little_hides_no_sentence_of_the_others(
-        result_file, tmp_path, output_of):
-    result = load_result(result_file)
-    path = tmp_path / 'changed.json'
-    save_result(with_axes(result, 'gyro_z', drift_model=lambda axis: replace(
-        axis.drift_model, to_s=10.0)), path)
-    [said] = [line for line in output_of('tune', path).splitlines() if ' of heading ' in line]
-    assert said == Varying('After one unaided minute the error of heading is about <number>° rms '
-                           '(<number> to <number>°; gyro_y, the worst axis that is known).')
-    for name, fault in (('gyro_y', {'saturated': Saturation(0.01, 0.2)}),
-                        ('gyro_z', {'copy_of': 'gyro_x'}), ('accel_z', {'high_passed_hz': 0.2})):
-        result = with_axes(result, name, drift_model=None, **fault)
-    save_result(result, path)
-    out = output_of('tune', path).splitlines()
-    assert {'gyro y is left out: its output is cut off at 0.01 rad/s.',
-            'gyro z is left out: it repeats another axis.',
-            'accel z is left out: a filter has taken out its slow part.'} <= {*out}
 
 
 def test_the_numbers_as_json(result_file, tmp_path, output_of):
@@ -109,21 +86,6 @@ def test_how_far_another_day_may_be_off_and_what_changed_within_the_recording_is
             'a recording is short.') in out
 
 
-def test_what_is_beyond_the_recording_is_said(result_file, output_of):
-    out = output_of('tune', result_file, '--aiding', '50ms', '--coast', '3h', '--calibration',
-                    '3h')
-    lines = out.splitlines()
-    assert lines[0] == 'Numbers for a filter that is corrected every 50 ms and unaided for 3 h:'
-    for what in ('unaided', 'of averaging the bias'):
-        assert (f'3 h {what} is beyond what this recording knows (100 s): the numbers are '
-                'widened; record for 9 h to know.') in lines
-    # Every number of the table is in brackets.
-    assert any(re.fullmatch(r'gyro x +heading, deg( +\([^)]+\)){5}', line) for line in lines)
-    assert ('This recording is too short to predict the error of heading after one unaided '
-            'minute (bias averaged over 3 h before).') in lines
-    assert not any(line.startswith('After one unaided minute') for line in lines)
-
-
 def test_the_numbers_hold_on_the_recording_they_come_from(
         result_file, imu_recording, tmp_path, output_of):
     path = tmp_path / 'verified.json'
@@ -150,26 +112,7 @@ def test_the_numbers_hold_on_the_recording_they_come_from(
         'are compared; name the recording itself to run filters over it.')
 
 
-def test_a_filter_with_a_process_stays_one_when_it_is_verified(
-        result_file, imu_recording, tmp_path, output_of):
-    path, picture = tmp_path / 'verified.json', tmp_path / 'drift.svg'
-    out = ' '.join(output_of('tune', result_file, '--aiding', '1s', '--bias', 'gauss_markov',
-                             '--verify', imu_recording, '--no-progress', '--json', path,
-                             '--plot', picture).split())
-    assert 'sigma, Tc' in out
-    assert 'sigma times' in out
-    assert 'K times' not in out
-    assert out.index('After one unaided minute') < out.index('Filters with these numbers')
-    for axis in json.loads(path.read_text())['verification']['axes'].values():
-        assert axis['sigma_factor'] > 0
-        assert 'random_walk_factor' not in axis
-    drawn = picture.read_text()
-    for word in ('Drift observed in', 'Gyroscope', 'Accelerometer', 'x axis', '60 s'):
-        assert word in drawn, word
-
-
 @pytest.mark.parametrize(('options', 'seen'), [
-    ('--plot drift.png', '--plot shows what --verify OTHER_RECORDING finds: name one'),
     ('--verify x --plot drift.jpg',
      '--plot drift.jpg: write a file that ends in .png, .svg, .pdf'),
     ('--aiding 10s --coast 1s',

@@ -2,18 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes that work on several recordings, and the folders that results go to."""
 
-from concurrent.futures import Future
-from dataclasses import replace
 import os
 import signal
 import subprocess
 import sys
 import time
 
-from imu_allan.analysis import Choice
-from imu_allan.cli.tasks import folder_names, Task
-from imu_allan.cli.workers import executor, in_order, WorkerProcesses
-from imu_allan.errors import ImuAllanError
+from imu_allan.cli.tasks import folder_names
+from imu_allan.cli.workers import executor
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from processes import living, marked, wait_until
@@ -51,33 +47,6 @@ def test_a_worker_that_is_killed_costs_its_own_recording_only_and_a_defect_shows
         with pytest.raises(ZeroDivisionError) as error:
             workers.submit(divmod, 1, 0).result(timeout=60)
         assert 'ZeroDivisionError' in str(error.value.__cause__)
-
-
-@pytest.mark.parametrize(('jobs', 'topics', 'parts'), [
-    (2, 16, [8, 8]), (3, 7, [3, 3, 1]), (16, 2, [1, 1])])
-def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, parts):
-    given = []
-
-    class Workers(WorkerProcesses):
-        def submit(self, _, tasks):
-            given.append(len(tasks))
-            future = Future()
-            future.set_result([(None, (ImuAllanError('nothing'), ''))] * len(tasks))
-            return future
-
-    tasks = [Task('a.mcap', Choice(f'/imu_{number}')) for number in range(topics)]
-    with Workers(jobs) as workers:
-        found = list(in_order(workers, tasks, print))
-    assert [task for task, _ in found] == tasks
-    assert given == parts
-    with refused('nothing'):
-        found[-1][1]()
-    given.clear()
-    many = [replace(tasks[0], path=f'{letter}.mcap') for letter in 'abcdefgh' for _ in 'xy']
-    with Workers(jobs) as workers:
-        assert len(list(in_order(workers, many, print))) == 16
-    # With a recording for every worker none is read twice.
-    assert given == [2] * 8 if jobs <= 8 else [1] * 16
 
 
 @pytest.fixture(scope='module')
