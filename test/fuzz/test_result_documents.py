@@ -127,16 +127,12 @@ def test_damaged_result_files_are_used_or_refused(tmp_path, count, seed):
     assert judge.used > count / 5
 
 
-def gauss_markov(sigma: float, correlation_time_s: float) -> dict[str, float]:
-    return {'sigma': sigma, 'correlation_time_s': correlation_time_s}
-
-
 # Found by mutation: the square of a sample interval over 1e-200 s is no number any more; a quarter
 # of the smallest number there is, is zero; check named the copied axis as it stood in the file.
 @pytest.mark.parametrize(('path', 'key', 'value'), [
-    *((('axes', 'gyro_x'), 'gauss_markov', gauss_markov(*pair)) for pair in (
-        (1e-4, 5e-324), (1e-4, 1e-200), (1e-200, 1e59))),
-    *((('timeline',), 'sample_rate_hz', rate) for rate in (5e-324, 1e-200, 2e-60)),
+    *((('axes', 'gyro_x'), 'gauss_markov', {'sigma': sigma, 'correlation_time_s': time_s})
+      for sigma, time_s in ((1e-4, 5e-324), (1e-200, 1e59))),
+    (('timeline',), 'sample_rate_hz', 5e-324),
     (('axes', 'accel_x'), 'copy_of', '\x1b]0;title\x07')])
 def test_what_is_absurd_is_drawn_or_refused_and_steers_no_terminal(tmp_path, path, key, value):
     document = RESULT.to_dict()
@@ -147,28 +143,17 @@ def test_what_is_absurd_is_drawn_or_refused_and_steers_no_terminal(tmp_path, pat
     Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
 
 
-LONG = f'{"a" * 99}…{"a" * 99}'
-
-
-@pytest.mark.parametrize(('place', 'reason'), [
-    (('source', 'kind'),
-     f".source.kind: '{LONG[1:-1]}' is not one of recording, topic, datasheet"),
-    (('axes', None), f'.axes.{LONG}: unknown axis; known are gyro_x, gyro_y, gyro_z, accel_x, '
-                     'accel_y, accel_z')])
-def test_a_very_long_word_does_not_make_a_very_long_line(tmp_path, place, reason):
+def test_a_very_long_word_does_not_make_a_very_long_line(tmp_path):
     # Found by mutation: what was not understood stood in the message as a whole.
     document = RESULT.to_dict()
-    word = 'a' * 100_000
-    if place[1] is None:
-        document[place[0]][word] = document[place[0]]['gyro_x']
-    else:
-        document[place[0]][place[1]] = word
+    document['source']['kind'] = 'a' * 100_000
     Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
-    with refused(f'{tmp_path}/result.json{reason}'):
+    with refused(f"{tmp_path}/result.json.source.kind: '{'a' * 98}…{'a' * 98}' is not one of "
+                 'recording, topic, datasheet'):
         load_result(tmp_path / 'result.json')
 
 
-@pytest.mark.parametrize('name', ['2/140', '3/290', '3/487', '4/96', '5/824', '11/187'])
+@pytest.mark.parametrize('name', ['2/140', '3/487', '5/824'])
 def test_a_value_far_outside_of_its_picture_is_drawn_or_refused(tmp_path, name):
     # Found by mutation: the pixel of a value 1e300 times the range is no number any more, and
     # the square of what a mean is uncertain by over 5e-324 s none either.

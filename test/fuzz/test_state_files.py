@@ -94,10 +94,6 @@ def resumed(content: bytes) -> bool:
     return True
 
 
-def test_the_whole_state_is_gone_on_with():
-    assert resumed(CONTENT)
-
-
 def judge_state(choice: Random) -> None:
     if choice.random() < .8:
         resumed(checkpoint.encode_state(damaged(choice)))
@@ -107,6 +103,7 @@ def judge_state(choice: Random) -> None:
 
 @rounds(35)
 def test_damaged_states_are_gone_on_with_or_refused(count, seed):
+    assert resumed(CONTENT)
     each(count, seed, judge_state)
 
 
@@ -123,9 +120,8 @@ def test_numbers_that_no_record_has_are_refused(key, value):
 
 
 @pytest.mark.parametrize(('key', 'field', 'value'), [
-    ('lane0/timeline/content', 'changed', [1, 2, 3]), ('lane0/timeline/content', 'last', [0.0]),
-    ('lane0/timeline/counts', 'gravity', [0.0]),
-    ('lane0/timeline/options', 'clock', 'a[]uto'), ('lane0/timeline/options', 'motion', 'no')])
+    ('lane0/timeline/content', 'changed', [1, 2, 3]), ('lane0/timeline/counts', 'gravity', [0.0]),
+    ('lane0/timeline/options', 'clock', 'a[]uto')])
 def test_what_only_a_forger_writes_is_refused(key, field, value):
     # Found by mutation: a state that is gone on with ended the node at the next samples.
     document = json.loads(str(STATE[key]))
