@@ -12,9 +12,7 @@ from imu_allan.cdr import (
     decode_imu_rows,
     encode_imu,
     encode_imu_rows,
-    imu_layout,
     MalformedImu,
-    rows_like_first,
 )
 import numpy as np
 import pytest
@@ -51,7 +49,7 @@ def test_decoding_what_was_encoded_gives_every_bit_back(
 
 
 @pytest.mark.parametrize('little_endian', [True, False])
-@pytest.mark.parametrize('frame_id', ['', 'a', 'imu', 'imu_link', 'base/imu_sensor_17', 'ä°'])
+@pytest.mark.parametrize('frame_id', ['', 'imu', 'ä°'])
 def test_agrees_with_rosbags(frame_id, little_endian):
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
@@ -76,15 +74,6 @@ def test_agrees_with_rosbags(frame_id, little_endian):
     assert back.orientation_covariance[0] == -1.
 
 
-def test_ros1_serialization_agrees_with_rosbags():
-    store = get_typestore(Stores.ROS1_NOETIC)
-    [row] = encode_imu_rows(block(1), 'ros1')
-    message = store.deserialize_ros1(row.tobytes(), 'sensor_msgs/msg/Imu')
-    assert message.header.frame_id == 'imu_link'
-    assert message.angular_velocity.x == block(1).samples[0, 0]
-    assert message.linear_acceleration.z == block(1).samples[0, 5]
-
-
 @given(st.lists(st.sampled_from(['imu', 'gyro', 'imu_a', 'a_much_longer_frame']), max_size=30))
 def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
     parts = [block(1, frame, seed) for seed, frame in enumerate(frames)]
@@ -97,26 +86,6 @@ def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
     assert all(first.frame_id != second.frame_id for first, second in pairwise(blocks))
     for part, sample in zip(parts, (row for item in blocks for row in item.samples), strict=True):
         assert part.samples[0].tolist() == sample.tolist()
-
-
-def test_rows_may_lie_apart_and_hold_anything_in_the_alignment_gap():
-    before = block(10, 'im')
-    rows = encode_imu_rows(before)
-    layout = imu_layout(rows[0].tobytes())
-    assert layout.doubles_at - layout.text_end == 1
-    apart = np.zeros((10, rows.shape[1] + 31), np.uint8)
-    apart[:, 13:13 + rows.shape[1]] = rows
-    apart[:, 13 + layout.text_end] = np.arange(10)
-    [after] = decode_imu_rows(apart[:, 13:13 + rows.shape[1]], before.receive_ns)
-    assert_same(before, after)
-
-
-def test_frame_ids_of_equal_padded_length_are_distinguished():
-    parts = [block(3, 'ab'), block(2, 'abc', 1), block(2, 'ab', 2)]
-    rows = np.concatenate([encode_imu_rows(part) for part in parts])
-    blocks = decode_imu_rows(rows, np.concatenate([part.receive_ns for part in parts]))
-    for before, after in zip(parts, blocks, strict=True):
-        assert_same(before, after)
 
 
 def test_padding_to_four_bytes_behind_a_message_is_tolerated():
@@ -139,38 +108,6 @@ def test_padding_to_four_bytes_behind_a_message_is_tolerated():
 def test_what_is_no_imu_message_is_refused_with_its_reason(message, reason):
     with refused(reason, MalformedImu):
         decoded(message)
-
-
-def test_malformed_messages_are_counted_and_the_others_decoded():
-    good = [encode_imu_rows(block(1, seed=seed)).tobytes() for seed in range(4)]
-    messages = [good[0], b'junk', good[1], good[2][:100], good[2][:100], good[3]]
-    said = []
-    blocks = blocks_from_messages(
-        messages, np.arange(6), on_malformed=lambda count, error: said.append((count, str(error))))
-    assert [stamp for item in blocks for stamp in item.receive_ns.tolist()] == [0, 2, 5]
-    assert said == [
-        (1, '4 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
-        (2, '100 bytes are too few for a sensor_msgs/Imu message (312 at least)')]
-    with refused(said[0][1], MalformedImu):
-        blocks_from_messages(messages, np.arange(6))
-
-
-@given(st.integers(1, 50), st.integers(0, 40), st.data())
-@settings(max_examples=200, deadline=None)
-def test_rows_that_differ_anywhere_in_a_span_are_distinguished(size, start, data):
-    rows = np.tile(np.arange(100, dtype=np.uint8), (9, 1))
-    spans = [(start, min(start + size, 100)), (90, 92)]
-    for row, at in data.draw(st.sets(st.tuples(st.integers(0, 8), st.integers(0, 99)))):
-        rows[row, at] += 1
-    expected = np.all([(rows[:, a:b] == rows[0, a:b]).all(axis=1) for a, b in spans], axis=0)
-    like = rows_like_first(rows, spans)
-    assert (like is None) == expected.all()
-    assert like is None or like.tolist() == expected.tolist()
-
-
-def test_no_messages_give_no_blocks():
-    assert blocks_from_messages([], np.zeros(0, np.int64)) == []
-    assert decode_imu_rows(np.zeros((0, 320), np.uint8), np.zeros(0, np.int64)) == []
 
 
 @settings(max_examples=300)

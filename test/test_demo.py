@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demonstration, with minutes of simulated time in place of hours."""
 
-import importlib.util
 import os
 from pathlib import Path
 import signal
@@ -61,23 +60,3 @@ def test_recording_of_the_user_is_analyzed_instead(tmp_path):
                            'STAMP='], check=True, capture_output=True, text=True)
     assert '6,000 samples at 100 Hz, 60 s' in done.stdout.splitlines()
     assert {path.name for path in output.iterdir()} == FILES
-
-
-def test_missing_recording_is_one_line(tmp_path):
-    done = subprocess.run([sys.executable, str(DEMO), '--recording', 'no/such', '--output',
-                           str(tmp_path)], check=False, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr == 'imu_allan: no/such: no such file or directory\n'
-
-
-def test_the_comparison_sees_any_difference():
-    spec = importlib.util.spec_from_file_location('run_demo', DEMO)
-    demo = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(demo)
-    tree = {'a': [1.0, 2.0, None], 'b': {'c': 4.0, 'd': 'text', 'e': True}}
-    assert demo.largest_difference(tree, tree) == (3, 0.0)
-    changed = {'a': [1.0, 2.0, None], 'b': {'c': 5.0, 'd': 'text', 'e': True}}
-    assert demo.largest_difference(tree, changed) == (3, pytest.approx(0.2))
-    for other in ({**tree, 'a': [1.0, 2.0]}, {**tree, 'a': [1.0, 2.0, 0.0]},
-                  {'a': tree['a']}, {**tree, 'b': {**tree['b'], 'e': False}}):
-        assert demo.largest_difference(tree, other)[1] == float('inf')

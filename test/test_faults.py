@@ -3,12 +3,10 @@
 """Disks that are full or read-only and kills in the middle of writing; the table of faults."""
 
 import contextlib
-import json
 import os
 from pathlib import Path
 from random import Random
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -16,10 +14,9 @@ import time
 
 from imu_allan import analyze
 from imu_allan.writers.result_file import load_result, save_result
-from processes import wait_until
 import pytest
 from repeated import slow
-from whole_lines import refused, unwritable, Varying
+from whole_lines import unwritable, Varying
 
 ROOT = Path(__file__).parents[1]
 MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
@@ -48,19 +45,6 @@ def mounted(folder, options):
         subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
-def command(*arguments, file_limit=None):
-    """Run the command as a process, if wanted with a limit to the size of any file it writes."""
-    def limit():
-        if file_limit is not None:
-            # Beyond it a write fails with EFBIG, where the signal is ignored as Python does.
-            resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
-    # Under the limit Python would keep half a compiled module for the next command.
-    cached = [] if file_limit is None else ['-B']
-    return subprocess.run([sys.executable, *cached, '-m', 'imu_allan', *map(str, arguments)],
-                          capture_output=True, text=True, timeout=60, check=False,
-                          preexec_fn=limit)
-
-
 def assert_one_line(done, line):
     assert done.returncode == 1, done.stderr
     assert done.stderr == Varying(f'imu_allan: {line}\n')
@@ -78,18 +62,6 @@ def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file
         # What was complete before the disk was full is there and whole.
         assert set(files_in(disk / 'out')) <= {'result.json', 'curve.csv', 'allan_deviation.png'}
         assert load_result(disk / 'out' / 'result.json').axes
-
-
-@pytest.mark.usefixtures('children_unmeasured')
-def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(
-        tmp_path, short_recording):
-    target = tmp_path / 'result.json'
-    before = '{"schema": "imu_allan.result/1"}'
-    target.write_text(before)
-    done = command('analyze', short_recording, '--json', target, '--no-progress', file_limit=4096)
-    assert_one_line(done, unwritable(target, 'File too large'))
-    assert target.read_text() == before
-    assert files_in(tmp_path) == ['result.json']
 
 
 @pytest.mark.parametrize('verb', ['analyze', 'simulate', 'report', 'export', 'check'])
@@ -114,16 +86,6 @@ def test_a_read_only_disk_is_one_line_for_every_verb(
             'check': ['check', result, '--spec', model, '--json', disk / 'x.json']}[verb])
 
 
-def test_a_simulation_that_fills_the_disk_is_one_line_and_leaves_nothing(tmp_path, fails_with):
-    model = tmp_path / 'm.yaml'
-    model.write_text(MODEL)
-    with mounted(tmp_path / 'small', 'size=300k') as disk:
-        fails_with(f'{disk}/rec: cannot be written (No space left on device); choose a folder on '
-                   'a disk with more room',
-                   'simulate', model, '--duration', '10min', '--output', disk / 'rec')
-        assert files_in(disk) == []
-
-
 def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
     if not Path('/dev/full').exists():
         pytest.skip('needs /dev/full')
@@ -132,20 +94,6 @@ def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
                               stdout=full, stderr=subprocess.PIPE, text=True, timeout=60,
                               check=False)
     assert_one_line(done, 'standard output: No space left on device')
-
-
-def test_a_state_on_a_full_disk_is_reported_and_the_state_before_stays(tmp_path):
-    checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
-    np = pytest.importorskip('numpy')
-    with mounted(tmp_path / 'small', 'size=64k') as disk:
-        file = checkpoint.StateFile(disk / 'state')
-        file.save({'sums': np.arange(10.0)})
-        before = file.path.read_bytes()
-        with refused(unwritable(disk / 'state', 'No space left on device')):
-            file.save({'sums': np.arange(100_000.0)})
-        assert file.path.read_bytes() == before
-        assert files_in(disk) == ['state', 'state.lock']
-        file.close()
 
 
 WRITER = """
@@ -177,25 +125,6 @@ def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path, kills, fe
             assert content == content[:9] * 200_000
             written += 1
     assert written > fewest
-
-
-def test_a_kill_during_analyze_leaves_whole_files_only(tmp_path, short_recording):
-    choice = Random(3)
-    for number in range(3):
-        output = tmp_path / f'out{number}'
-        with subprocess.Popen(
-                [sys.executable, '-m', 'imu_allan', 'analyze', str(short_recording), '--output',
-                 str(output), '--no-progress'], stdout=subprocess.DEVNULL) as process:
-            # The first file tells that writing has begun.
-            wait_until((output / 'result.json').exists, 50)
-            time.sleep(choice.uniform(0, .5))
-            process.send_signal(signal.SIGKILL)
-        json.loads((output / 'result.json').read_text())
-        assert load_result(output / 'result.json').axes
-        if (output / 'report.html').exists():
-            assert (output / 'report.html').read_text().rstrip().endswith('</html>')
-        if (output / 'allan_deviation.png').exists():
-            assert (output / 'allan_deviation.png').read_bytes().endswith(b'IEND\xaeB`\x82')
 
 
 def test_every_fault_of_the_page_names_a_test_that_exists():

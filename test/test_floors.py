@@ -4,7 +4,6 @@
 
 import ast
 from graphlib import TopologicalSorter
-from itertools import pairwise
 import re
 import subprocess
 import sys
@@ -75,39 +74,6 @@ def test_a_verb_that_estimates_nothing_does_not_wait_for_scipy(verb, short_recor
                            *([] if verb == 'explain' else [short_recording])],
                           capture_output=True, text=True, check=True)
     assert done.stderr == '[]\n'
-
-
-def unexplained(path):
-    """Lines that give a number a name, and nothing beside it or below says why."""
-    lines, found = path.read_text().splitlines(), []
-    for node, after in pairwise([*tree_of(path).body, None]):
-        if (isinstance(node, ast.Assign) and all_upper(node.targets[0]) and is_number(node.value)
-                and not (isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant))
-                and '#' not in lines[node.lineno - 1]
-                and not lines[node.lineno - 2].startswith('#')):
-            found.append(lines[node.lineno - 1])
-    return found
-
-
-def test_a_number_with_a_name_says_where_it_comes_from():
-    assert not {module: lines for module, path in MODULES.items() if (lines := unexplained(path))}
-
-
-def all_upper(target):
-    """Tell whether a name, or each of several, is that of a constant."""
-    if isinstance(target, ast.Tuple):
-        return all(map(all_upper, target.elts))
-    return isinstance(target, ast.Name) and target.id.isupper()
-
-
-def is_number(value):
-    """Tell whether a value is a number, worked out from some, or several of them."""
-    if isinstance(value, ast.BinOp):
-        return is_number(value.left) or is_number(value.right)
-    if isinstance(value, ast.Tuple):
-        return bool(value.elts) and all(map(is_number, value.elts))
-    return isinstance(value, ast.UnaryOp) or (
-        isinstance(value, ast.Constant) and isinstance(value.value, (int, float)))
 
 
 def private(tree):

@@ -19,18 +19,6 @@ child = start_python('signal', 'pause', start_new_session=True)
 print('ready', flush=True)
 time.sleep(100)
 """
-UNENDING = """
-import signal, time
-from imu_allan import isolated_process
-isolated_process.CLEANUP_S = 1
-isolated_process.exit_on_sigterm()
-try:
-    print('ready', flush=True)
-    time.sleep(100)
-finally:
-    while True:
-        pass
-"""
 IN_A_CALLBACK = """
 import os, signal, sys, threading, time, weakref
 from imu_allan.isolated_process import exit_on_sigterm
@@ -64,16 +52,6 @@ def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> Non
     finally:
         for child in living(tmp_path):
             os.kill(child, signal.SIGKILL)
-
-
-@pytest.mark.usefixtures('children_unmeasured')
-def test_a_process_that_is_not_done_with_tidying_is_ended() -> None:
-    with subprocess.Popen([sys.executable, '-c', UNENDING], stdout=subprocess.PIPE, text=True
-                          ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == 'ready\n'
-        process.terminate()
-        assert process.wait(20) == -signal.SIGALRM
 
 
 @pytest.mark.parametrize('slow_s', ['0', '0.1'])

@@ -3,11 +3,8 @@
 """What a ROS distribution, colcon, pip and a lawyer look at."""
 
 import ast
-from configparser import ConfigParser
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import find_spec
-from itertools import pairwise
 import os
 from pathlib import Path
 import re
@@ -18,7 +15,6 @@ from xml.etree import ElementTree
 
 import imu_allan
 import pytest
-from rosdep_workspace import lacking
 from sources import libraries
 from whole_lines import Varying
 
@@ -117,14 +113,6 @@ def test_every_source_file_begins_with_copyright_and_licence():
         rf'(#!.*\n)?{re.escape(begin)}', path.read_text())]
 
 
-@pytest.mark.parametrize('name', ['imu_allan', 'imu_allan_node', 'imu_simulator'])
-def test_entry_points_lead_to_callables(name):
-    [entry] = [entry for entry in entry_points(group='console_scripts')
-               if entry.name == name and entry.value.startswith('imu_allan')]
-    module, _, attribute = entry.value.partition(':')
-    assert callable(getattr(import_module(module), attribute))
-
-
 @pytest.mark.parametrize('package', ['cli', 'node'])
 def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package):
     program = (f'import imu_allan.{package}, os, sys; '
@@ -136,26 +124,6 @@ def test_the_programs_keep_numpy_to_one_thread_unless_asked_otherwise(package):
         done = subprocess.run([sys.executable, '-c', program], env=env, text=True,
                               capture_output=True, check=True)
         assert done.stdout == f'{shown} False\n'
-
-
-def test_scripts_marker_and_manifest_are_installed_where_ros2_run_and_ament_look():
-    config = ConfigParser()
-    config.read(ROOT / 'setup.cfg')
-    assert config['install']['install_scripts'] == '$base/lib/imu_allan'
-    assert config['develop']['script_dir'] == '$base/lib/imu_allan'
-    assert (ROOT / 'resource' / 'imu_allan').is_file()
-    assert 'share/ament_index/resource_index/packages' in SETUP
-    for kind in ("['package.xml']", "glob('config/*.*')", "glob('launch/*.launch.py')"):
-        assert kind in SETUP
-
-
-def test_changelog_is_one_that_catkin_tools_read():
-    lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
-    assert lines[1] == 'Changelog for package imu_allan'
-    assert lines[0] == lines[2] == '^' * len(lines[0])
-    headings = [line for line, under in pairwise(lines) if re.fullmatch('-+', under)]
-    assert all(re.fullmatch(r'Forthcoming|\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)', heading)
-               for heading in headings)
 
 
 def fresh_environment():
@@ -203,31 +171,6 @@ def ended(environment, *arguments):
     return done.returncode, (done.stdout + done.stderr).splitlines()
 
 
-ESTIMATED_AND_DRAWN = """
-from imu_allan.characterization import Characterization
-from imu_allan.sensor.noise_model import NoiseModel
-from imu_allan.noise.terms import AXES
-from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.filters import export
-from imu_allan.writers.plot import overview_figure, render
-
-stream = Characterization(kind='topic', topic='/imu/data_raw')
-model = NoiseModel(None, {axis: {'noise_density': 1e-3} for axis in AXES})
-for block in simulated_blocks(model, 100.0, 2000):
-    stream.update(block)
-result = stream.result()
-assert 'noise_density' in export(result, 'kalibr').text
-assert render(overview_figure(result), 'png').startswith(b'\\x89PNG')
-"""
-"""What a node does that saves, without the topics."""
-
-
-def test_the_nodes_need_nothing_that_only_pip_has(rosdep_only):
-    """A package that depends on pip keys cannot be released into a ROS distribution."""
-    subprocess.run([sys.executable, '-c', ESTIMATED_AND_DRAWN], check=True, cwd=ROOT,
-                   env=rosdep_only)
-
-
 @pytest.mark.thorough
 def test_a_workspace_that_rosdep_filled_collects_every_test(rosdep_only):
     status, said = ended(rosdep_only, '--collect-only')
@@ -245,16 +188,6 @@ def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(ro
     assert skipped
     assert all(re.search(r'needs (rosbags|mcap|rich), which rosdep does not install: pip install '
                          r'\1$', line) for line in skipped), skipped
-
-
-@pytest.mark.parametrize(('asking', 'excused'), [
-    ('test/test_cdr.py', 'mcap'), ('imu_allan/recordings/write.py', 'mcap'),
-    ('imu_allan/node/run.py', None), ('imu_allan/noise/curve.py', None)])
-def test_numerics_and_nodes_may_not_ask_for_what_rosdep_lacks(asking, excused):
-    ask = compile('raise ModuleNotFoundError(name="mcap.writer")', str(ROOT / asking), 'exec')
-    with pytest.raises(ModuleNotFoundError) as raised:
-        exec(ask, {})
-    assert lacking(raised.value) == excused
 
 
 @pytest.fixture(scope='module')

@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from test_packaging import environment, fresh_environment
 
@@ -61,31 +60,6 @@ def test_two_tools_and_one_small_case_make_a_page(peers):
     assert text.index('Where another tool is better') < text.index('## Accuracy')
 
 
-@pytest.mark.usefixtures('small')
-def test_a_record_is_the_same_whenever_it_is_drawn(peers, tmp_path):
-    first, again, other = (peers.simulated.record('walk', number, tmp_path / name)
-                           for number, name in ((0, 'a'), (0, 'b'), (1, 'c')))
-    assert first.samples.tobytes() == again.samples.tobytes()
-    assert not np.allclose(first.samples, other.samples)
-
-
-@pytest.mark.parametrize(('key', 'right'), [
-    ('noise_density', lambda tau: 1 / tau),
-    ('bias_instability', lambda tau: 2 * np.log(2) / np.pi * tau**0),
-    ('rate_random_walk', lambda tau: tau / 3), ('quantization_noise', lambda tau: 3 / tau**2)])
-def test_the_generator_has_the_allan_variance_of_each_term(peers, key, right):
-    drawn = np.hstack([peers.simulated.noise({key: 1.0}, 100.0, 1 << 14,
-                                             np.random.default_rng(seed)) for seed in range(8)])
-    tau, variance = peers.recorded.overlapped(drawn, 100.0, 2 ** np.arange(8))
-    assert variance.mean(axis=0) / right(tau) == pytest.approx(np.ones(8), abs=0.06)
-
-
-def test_the_bound_is_that_of_the_statistics_page(peers):
-    bound = peers.simulated.bound(peers.simulated.CASES['b'])
-    assert [bound[key] for key in ('noise_density', 'bias_instability', 'rate_random_walk')] == (
-        pytest.approx([0.00084, 0.10, 0.1739], rel=0.02))
-
-
 def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss(
         peers, small):
     estimate = peers.recorded.Estimate
@@ -100,36 +74,6 @@ def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_an
     for truth, score in ((1.0, 0.2), (1.2, 0.2 / 1.2 + 40 / 12)):
         assert peers.accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (
             pytest.approx(score))
-
-
-def test_whatever_another_tool_does_better_comes_first(peers):
-    figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
-
-    def is_first(better):
-        return bool(re.search(better, peers.page.page(figures).partition('## Tools')[0]))
-
-    scores = [[case['tools'][tool]['coefficients']['rate_random_walk']
-               for tool in ('ours', 'readings')]
-              for case in figures['accuracy'].values() if 'rate_random_walk' in case['bound']]
-    for mine, theirs in scores:
-        mine |= {'reported': 0.5, 'over_bound': 1.0}
-        theirs |= {'reported': 0.4, 'over_bound': 1.0}
-    assert not is_first('share of axes.*allantools K')
-    scores[0][1]['reported'] = 0.6
-    assert is_first('share of axes.*allantools K')
-
-    assert not is_first('false terms.*allantools')
-    for case in figures['accuracy'].values():
-        for tool, share in (('ours', 0.1), ('readings', 0.05)):
-            score = case['tools'][tool]['coefficients']['bias_instability']
-            score |= {'false': share} if 'false' in score else {}
-    assert is_first('false terms.*allantools B')
-
-    for theirs, first in ((0.3, False), (-0.1, True)):
-        for tool, ratio in (('ours', 0.2), ('readings', theirs)):
-            for axis in figures['published']['tools'][tool]['filter']['log_ratio'].values():
-                axis['noise_density'] = ratio
-        assert is_first('halves of the.*allantools N') == first
 
 
 def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed(peers):

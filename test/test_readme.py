@@ -18,15 +18,12 @@ import subprocess
 import sys
 import time
 
-from browser import needs_browser, running_browser
 from imu_allan.cli.main import main
-from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.datasheet import live
 import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ONE_SCREEN_PX = 850
 
 WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
 NEEDS_ROS = {
@@ -220,16 +217,6 @@ def test_links_pictures_and_files_that_are_named_are_there(page):
         assert (ROOT / name).exists(), name
 
 
-def test_what_each_consumer_wants_is_said_with_where_it_was_read():
-    page = (ROOT / 'docs' / 'filters.md').read_text()
-    named = page.partition('## What each consumer wants')[2].partition('\n## ')[0]
-    for key, consumer in CONSUMERS.items():
-        name = consumer.title.partition(',')[0]
-        # Drivers have the files of robot_localization.
-        assert re.search(f'`{key}`' if name == 'a filter of your own' else
-                         rf'{re.escape(name)}(, drivers)? \([\w-]+\.\w+', named), key
-
-
 def test_commands_page_is_what_the_parsers_say():
     shown = subprocess.run(
         [sys.executable, '-c', 'import make_commands; print(make_commands.page(), end="")'],
@@ -269,15 +256,3 @@ def test_documentation_builds_without_warnings(built_pages):
     [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)
     assert (built_pages / drawn_by).is_file()
     assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:', page)
-
-
-@needs_browser
-def test_a_page_by_task_is_one_screen_of_a_laptop(built_pages):
-    with running_browser() as browser:
-        heights = {}
-        for page in sorted(built_pages.glob('task_*.html')):
-            browser.show(page, width=1280)
-            heights[page.stem] = browser.run(
-                'return document.querySelector("article").getBoundingClientRect().height')
-    assert len(heights) == 4
-    assert max(heights.values()) <= ONE_SCREEN_PX, heights

@@ -7,19 +7,17 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 import time
 
 from imu_allan.analysis import Choice
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.run_folder import try_folder
 from imu_allan.writers import output_path
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.output_path import folder_lock
 import pytest
 from shared_places import planted, shared_folder, SOMEBODY_ELSE
-from whole_lines import refused, unwritable, Varying
+from whole_lines import unwritable, Varying
 
 KEPT = ('{}: cannot be written (another process writes to it); choose another folder, or wait '
         'until it has ended')
@@ -84,18 +82,6 @@ def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path)
     assert refusals > 10
 
 
-def test_a_link_in_a_folder_that_another_user_made_in_a_shared_one_is_not_followed(tmp_path):
-    theirs = shared_folder(tmp_path / 'shared') / 'theirs'
-    theirs.mkdir()
-    (tmp_path / 'precious').write_text('mine')
-    link = planted(theirs / 'result.json', tmp_path / 'precious')
-    os.lchown(theirs, SOMEBODY_ELSE, SOMEBODY_ELSE)
-    with refused(unwritable(link, f'{link} is a link that another user put into a folder that '
-                                  'everybody may write to')):
-        write_atomically(link, b'x')
-    assert (tmp_path / 'precious').read_text() == 'mine'
-
-
 @pytest.fixture
 def link(tmp_path):
     """Give a link to a folder of this user that another one put into a shared one."""
@@ -111,17 +97,6 @@ def test_a_simulated_recording_follows_no_link_of_another_user(tmp_path, link, f
     assert not list((tmp_path / 'precious').iterdir())
 
 
-def test_a_node_leaves_nothing_in_its_folder_and_makes_none_behind_a_link_of_another_user(
-        tmp_path, link):
-    try_folder(str(tmp_path / 'runs'))
-    assert not list((tmp_path / 'runs').iterdir())
-    with refused(f'output_dir {link}/runs: cannot be written ({link} is a link that another user '
-                 'put into a folder that everybody may write to); set the parameter to a folder '
-                 'that may be written to'):
-        try_folder(str(link / 'runs'))
-    assert not list((tmp_path / 'precious').iterdir())
-
-
 def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording, monkeypatch):
     monkeypatch.setattr(output_path, 'LOCK_TIMEOUT_S', 0.1)
     with folder_lock(tmp_path / 'out'):
@@ -129,19 +104,3 @@ def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording
     assert result.axes
     assert str(error) == KEPT.format(tmp_path / 'out')
     assert not list((tmp_path / 'out').iterdir())
-
-
-def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
-    took = []
-
-    def second():
-        with folder_lock(tmp_path / 'out'):
-            took.append('second')
-
-    with folder_lock(tmp_path / 'out'):
-        thread = threading.Thread(target=second)
-        thread.start()
-        time.sleep(0.2)
-        took.append('first')
-    thread.join(60)
-    assert took == ['first', 'second']

