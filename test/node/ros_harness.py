@@ -480,23 +480,6 @@ def assert_density(document: Mapping[str, Any], rate_hz: float, noise: float = N
         assert low - (high - low) < noise / sqrt(rate_hz) < high + (high - low), (name, low, high)
 
 
-def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:
-    """Write messages as a recording, each block as a topic."""
-    from mcap.writer import Writer
-
-    with path.open('wb') as file:
-        writer = Writer(file)
-        writer.start('ros2')
-        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
-        for name, block in blocks.items():
-            channel = writer.register_channel(f'/{name}', 'cdr', schema)
-            for stamp, row in zip(block.header_ns.tolist(), encode_imu_rows(block), strict=True):
-                writer.add_message(channel, log_time=stamp, data=row.tobytes(),
-                                   publish_time=stamp)
-        writer.finish()
-    return path
-
-
 def assert_kept_up(node: Process, health: Health, rate_hz: float) -> None:
     """Nothing may be lost, and reception not be held up for longer than half the queue lasts."""
     lost, queue = (health.number('reception', key) for key in ('lost', 'queue'))
@@ -522,29 +505,21 @@ def resident_mb(pid: int) -> float:
     return int(pages) * 4096 / 1e6
 
 
-NO_BOOLEAN = ("Trying to set parameter 'use_sim_time' to 'maybe' of type 'STRING', expecting type "
-              "'BOOL': use_sim_time")
-"""What is said of a parameter that every node has."""
-
-
 def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
-                     program: str = 'imu_allan_node', env: Mapping[str, str] = MappingProxyType({})
-                     ) -> list[tuple[int, str]]:
+                     env: Mapping[str, str] = MappingProxyType({})) -> list[tuple[int, str]]:
     """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
 from imu_allan.node.characterization_node import CharacterizationNode
-from imu_allan.node.interface import CHARACTERIZATION, SIMULATOR
+from imu_allan.node.interface import CHARACTERIZATION
 from imu_allan.node.process import run_process
-from imu_allan.node.simulator_node import SimulatorNode
-CharacterizationNode.serve = SimulatorNode.serve = lambda node, stop: 0
-interface = {one.program: one for one in (CHARACTERIZATION, SIMULATOR)}[sys.argv[2]]
+CharacterizationNode.serve = lambda node, stop: 0
 for arguments in json.loads(sys.argv[1]):
-    status = run_process(interface, ['--ros-args', *arguments])
+    status = run_process(CHARACTERIZATION, ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]
-    done = subprocess.run([sys.executable, '-c', code, json.dumps(given), program], check=True,
+    done = subprocess.run([sys.executable, '-c', code, json.dumps(given)], check=True,
                           text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           env={**os.environ, **env})
     parts = re.split(r'== status (\d+)\n', done.stdout)

@@ -21,7 +21,6 @@ from ros_harness import (
     Driver,
     ENTRY_POINTS,
     Health,
-    NO_BOOLEAN,
     PATIENCE_S,
     Process,
     RATE_HZ,
@@ -132,7 +131,8 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
          'every node a file of its own'),
         (['publish_period:=5'],
          'parameter publish_period: expected a number with a decimal point, such as 10.0'),
-        (['use_sim_time:=maybe'], NO_BOOLEAN),
+        (['use_sim_time:=maybe'], "Trying to set parameter 'use_sim_time' to 'maybe' of type "
+         "'STRING', expecting type 'BOOL': use_sim_time"),
         (['motion:=ignore'], "parameter motion: 'ignore' is not one of exclude, keep"),
         (["output_dir:=''"], 'parameter output_dir: must not be empty'),
         (['output_dir:=~no-such-user/x', 'state_file:=~no-such-user/x'],
