@@ -75,20 +75,3 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, ou
     assert shown.index('run_9') < shown.index('run_10')
     assert shown.count('  read as     my_driver/msg/Stamped, its field imu '
                        '(sensor_msgs/msg/Imu)\n') == 2
-
-
-def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(
-        tmp_path, model, output_of, monkeypatch):
-    def stop(_, samples):
-        samples[:, 1] = samples[0, 1]
-
-    gaps = (slice(first, first + 777) for first in range(5000, 35_000, 3123))
-    path = write_recording(tmp_path / 'bag', without(model, 40_000, *gaps, change=stop))
-    monkeypatch.setattr('sys.stdout.isatty', lambda: True)
-    monkeypatch.setenv('COLUMNS', '100')
-    shown = output_of('info', path).splitlines()
-    assert '  constant    gyro y: every sample is the same' in shown
-    gaps = shown.index('  gaps        10, 78 s in all: 7.77 s at 50 s, 7.77 s at 81 s, 7.77 s at '
-                       '112 s, 7.77 s at 2 min 24')
-    assert shown[gaps + 1] == '              s, 7.77 s at 2 min 55 s and 5 more'
-    assert max(map(len, shown[1:])) <= 100

@@ -13,7 +13,6 @@ import sys
 from imu_allan.cli.main import command_parser
 from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
-from imu_allan.writers.consumers import FAMILIES
 from processes import wait_until
 import pytest
 
@@ -141,13 +140,6 @@ def test_help_shows_what_most_need_and_help_all_the_rest(output_of):
     assert '--serial' not in options['--help-all']
     for text in shown.values():
         assert len(re.findall('^  imu_allan analyze ', text, re.MULTILINE)) == 3
-
-
-def test_the_consumers_are_listed_by_family(output_of):
-    families = output_of('export', '--list').split('\n\n')
-    assert [family.partition(':')[0] for family in families] == list(FAMILIES)
-    assert [line.split()[0] for family in families for line in family.splitlines()[1:]] == [
-        name for names in FAMILIES.values() for name in names]
 
 
 @pytest.mark.parametrize(('words', 'key', 'expected'), [

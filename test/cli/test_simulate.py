@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from pathlib import Path
-import subprocess
-import sys
 
 import imu_allan
 from imu_allan.cli.main import main
@@ -70,23 +68,6 @@ def test_a_wrong_model_is_one_line_that_names_what_is_wrong(text, reason, tmp_pa
     model.write_text(text)
     fails_with(f'{model}: {reason}', 'simulate', model, '--output', tmp_path / 'out')
     assert not (tmp_path / 'out').exists()
-
-
-def peak_megabytes(tmp_path, duration):
-    code = ('import resource, sys; from imu_allan.cli.main import main; '
-            'status = main(sys.argv[1:]); '
-            'print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024); sys.exit(status)')
-    done = subprocess.run(
-        [sys.executable, '-c', code, 'simulate', str(CONFIG / 'consumer_mems.yaml'), '--rate',
-         '1000', '--duration', duration, '--output', str(tmp_path / duration)],
-        check=True, capture_output=True, text=True)
-    return float(done.stdout.split()[-1])
-
-
-def test_memory_does_not_grow_with_the_length_of_the_recording(tmp_path):
-    pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
-                                       'mcap')
-    assert peak_megabytes(tmp_path, '200s') < peak_megabytes(tmp_path, '20s') + 10
 
 
 def test_more_samples_than_any_disk_holds_are_not_begun(tmp_path, fails_with):

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from imu_allan.cli.tasks import folder_names
 from imu_allan.cli.workers import executor
@@ -24,16 +23,6 @@ def test_no_name_of_a_topic_leads_out_of_the_folder_above_or_is_too_long_for_it(
     for name in folder_names([('recording', topic) for topic in topics]):
         (tmp_path / name).mkdir()
     assert len(list(tmp_path.iterdir())) == len(topics)
-
-
-def test_names_that_clash_are_numbered_in_seconds_whatever_other_topics_are_called():
-    topics = ['/x', '/x-2', '/x', 'X', '/x', '/x-2']
-    assert folder_names([('a', topic) for topic in topics]) == [
-        'a_x', 'a_x-2', 'a_x-3', 'a_X-4', 'a_x-5', 'a_x-2-2']
-    start = time.process_time()
-    names = folder_names([('a', f'/x-{number % 1000}') for number in range(100_000)])
-    assert len(set(names)) == 100_000
-    assert time.process_time() - start < 10
 
 
 def test_a_worker_that_is_killed_costs_its_own_recording_only_and_a_defect_shows_where_it_is():

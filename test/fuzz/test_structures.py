@@ -155,34 +155,6 @@ def judge_journal(choice: Random) -> None:
         assert {file.name: file.read_bytes() for file in Path(folder).iterdir()} == before
 
 
-YAML = f"""rosbag2_bagfile_information:
-  version: 9
-  storage_identifier: sqlite3
-  duration: {{nanoseconds: 12345}}
-  relative_file_paths:
-    - a_0.db3
-  topics_with_message_count:
-    - topic_metadata:
-        name: /imu
-        type: {IMU}
-        serialization_format: cdr
-        offered_qos_profiles: ""
-      message_count: 60
-"""
-YAML_WORDS = ['&a', '*a', '<<: *a', '!!int', '!!binary', '!!python/object:os.system', '1:30:30',
-              '0xff', '0o7', '1_000', '9' * 5000, '~', '[', '{', '? ', '- - - -', '|', '>',
-              '%YAML 9.9', '---', '...', 'a_0.db3', '/etc/passwd', '../a_0.db3', '1e999', '-1',
-              '!!set', '"\\x00"', '2024-01-01', '[*a, *a]', '&a [*a]', '!<tag:x>']
-
-
-def judge_yaml(choice: Random) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        write_db3(Path(folder) / 'a_0.db3', block(3))
-        text = mutated_text(YAML, choice, YAML_WORDS)
-        (Path(folder) / 'metadata.yaml').write_bytes(text.encode('utf-8', 'surrogatepass'))
-        read_in_part(Path(folder))
-
-
 NAMES = [IMU, 'std_msgs/Header', 'geometry_msgs/Vector3', 'a/A', 'a/B', 'a/C', 'uint8', 'int64',
          'float32', 'float64', 'string', 'builtin_interfaces/Time']
 ODD_NAMES = ['A', 'no_such/Type', 'wstring', 'string<=5', 'time', '', 'a/msg/F', '1']
@@ -252,7 +224,7 @@ def judge_fields(choice: Random) -> None:
         gyro=parts[2].decode('utf-8', 'replace'), accel='imus[1].linear_acceleration'))
 
 
-JUDGES = {'schemas': judge_schema, 'journals': judge_journal, 'yaml': judge_yaml,
+JUDGES = {'schemas': judge_schema, 'journals': judge_journal,
           'definitions': judge_definition, 'fields': judge_fields}
 
 

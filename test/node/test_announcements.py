@@ -56,22 +56,6 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
         'info no message is rejected any more; 1 was in all']
 
 
-def test_a_kind_of_trouble_that_goes_on_is_reported_ever_more_rarely(
-        heard: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    log, clock, said = Log(heard), [0.0], []
-    monkeypatch.setattr('time.monotonic', lambda: clock[0])
-    for second in range(24 * 3600):
-        clock[0] = float(second)
-        if log.warning(f'{second} of a kind', 'kind'):
-            said.append(second)
-    assert said[:7] == [0, 10, 30, 70, 150, 310, 630]
-    assert len(said) == 7 + (24 * 3600 - 631) // 600
-    # What has kept quiet for long is news.
-    for pause_s in 3600.0, 10.0:
-        clock[0] += pause_s
-        assert log.warning('again', 'kind')
-
-
 def test_progress_is_reported_every_minute_and_later_every_hour(
         announcements: Announcements, heard: Heard) -> None:
     result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',

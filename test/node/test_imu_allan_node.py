@@ -9,7 +9,6 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.interface import SETTINGS
 from imu_allan.node.result_messages import Filter, result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
@@ -20,14 +19,12 @@ import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
 from rcl_interfaces.srv import (
-    DescribeParameters,
     GetParameters,
-    ListParameters,
     SetParameters,
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from ros_harness import Health, Ros, said_in
+from ros_harness import Health, Ros
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -243,37 +240,6 @@ def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(l
         names=['publish_period', 'aiding_interval', 'coast']))
     assert [value.double_value for value in response.values] == [0.75, 0.2, 30.0]
     change(live, 'publish_period', 0.5)
-
-
-def test_parameters_that_fit_each_other_can_be_set_one_after_the_other(live: Ros) -> None:
-    # As `ros2 param load` does it, in whatever order they stand in the file.
-    [log] = live.folder.glob('imu_allan_node_*.log')
-    change(live, 'aiding_interval', 100.0)
-    live.until(lambda: ('aiding_interval: 100 s is longer than coast, 30 s: filter_random_walk '
-                        'is NaN until they fit') in said_in(log.read_text()))
-    change(live, 'coast', 600.0)
-    change(live, 'aiding_interval', 0.2)
-    assert log.read_text().count('until they fit') == 1
-    change(live, 'coast', 30.0)
-
-
-def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None:
-    depth = f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth'
-    names = live.call(ListParameters, 'imu_allan/list_parameters').result.names
-    own = {setting.name: setting for setting in SETTINGS}
-    assert {*own, depth} <= set(names)
-    response = live.call(DescribeParameters, 'imu_allan/describe_parameters',
-                         DescribeParameters.Request(names=sorted(own)))
-    for descriptor in response.descriptors:
-        assert len(descriptor.description) > 20, descriptor.name
-        if descriptor.type == Parameter.Type.DOUBLE.value:
-            assert descriptor.floating_point_range, descriptor.name
-        if descriptor.type == Parameter.Type.INTEGER.value:
-            assert descriptor.integer_range, descriptor.name
-        assert descriptor.read_only == own[descriptor.name].read_only, descriptor.name
-    response = live.call(GetParameters, 'imu_allan/get_parameters',
-                         GetParameters.Request(names=[depth]))
-    assert response.values[0].integer_value == 10_000
 
 
 def test_reset_begins_anew_and_says_so_on_every_topic(live: Ros) -> None:

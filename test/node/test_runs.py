@@ -227,21 +227,6 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
     assert lane.error == 'header stamps are zero: choose the other clock (parameter clock)'
 
 
-def test_a_run_whose_place_two_others_have_taken_goes_on_where_its_imu_returns(
-        world: World) -> None:
-    first, now_s = world.runs.run, PROVEN_S
-    for publisher, frame_id in enumerate(('second', 'third', 'imu'), 2):
-        world.comes(replace(at_rest(6000, start_s=now_s + 5, seed=publisher), frame_id=frame_id),
-                    publisher=publisher)
-        now_s += 65
-    assert len(world.replaced) == 3
-    assert world.runs.run is first
-    assert world.samples == RATE_HZ * (PROVEN_S + 60)
-    # What it had before is apart from what comes after it.
-    kept = first.lanes[0].characterization.to_state()['memory/power_ons']
-    assert len(json.loads(str(kept))) == 1
-
-
 @pytest.mark.parametrize(('joined', 'together'), [(1000, 50), (3700, 2500)])
 def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
         joined: int, together: int) -> None:
