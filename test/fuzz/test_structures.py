@@ -19,7 +19,6 @@ from mutations import (
     EXTREMES,
     LONGEST_S,
     mutated_bytes,
-    mutated_text,
     read_in_part,
     rounds,
     TEXTS,
@@ -155,33 +154,6 @@ def judge_journal(choice: Random) -> None:
         assert {file.name: file.read_bytes() for file in Path(folder).iterdir()} == before
 
 
-NAMES = [IMU, 'std_msgs/Header', 'geometry_msgs/Vector3', 'a/A', 'a/B', 'a/C', 'uint8', 'int64',
-         'float32', 'float64', 'string', 'builtin_interfaces/Time']
-ODD_NAMES = ['A', 'no_such/Type', 'wstring', 'string<=5', 'time', '', 'a/msg/F', '1']
-ENDINGS = ['', '', '', '', '[]', '[2]', '[<=3]']
-ODD_ENDINGS = ['[0]', '[-1]', '[1000000000]', '[' + '9' * 30 + ']', '[<=]', '[2][2]', '=3', "='x'",
-               ' 5', ' # seen']
-FIELDS = ['header', 'imu', 'linear_acceleration', 'angular_velocity', 'stamp', 'time_usec']
-
-
-def line(choice: Random, number: int) -> str:
-    """Write a field, an odd one now and then."""
-    name = choice.choice(NAMES if choice.random() < .97 else ODD_NAMES)
-    ending = choice.choice(ENDINGS if choice.random() < .95 else ODD_ENDINGS)
-    field = choice.choice(FIELDS) if choice.random() < .3 else f'f{number}'
-    return f'{name}{ending} {field}'
-
-
-def definition(choice: Random) -> str:
-    """Write types out of fields of any kind, some of them in a circle or in themselves."""
-    types = []
-    for kind in ['', *choice.sample(NAMES[:6], 3 + choice.randrange(4))]:
-        lines = [f'MSG: {kind}'] if kind else ['sensor_msgs/Imu imu'] * choice.randrange(2)
-        types.append('\n'.join(
-            [*lines, *(line(choice, number) for number in range(choice.randrange(6)))]))
-    return ('\n' + '=' * 80 + '\n').join(types)
-
-
 def judge_decoding(text: str, message: bytes, options: RecordingOptions) -> None:
     """Require blocks, or one line."""
     began = time.process_time()
@@ -195,15 +167,6 @@ def judge_decoding(text: str, message: bytes, options: RecordingOptions) -> None
         assert str(error).isprintable()
         assert len(str(error)) < 1000
     assert time.process_time() - began < LONGEST_S
-
-
-def judge_definition(choice: Random) -> None:
-    text = definition(choice)
-    if choice.random() < .2:
-        text = mutated_text(text, choice, ODD_NAMES)
-    judge_decoding(text, b'\0\1\0\0' + choice.choice(
-        [ROWS[0][4:], ROWS[0][4:] * 2, choice.randbytes(400), bytes(400), b'\xff' * 400]),
-        RecordingOptions())
 
 
 STORE = store_with({'a/msg/F': 'std_msgs/Header header\nstring[] names\nsensor_msgs/Imu[2] imus\n'
@@ -225,7 +188,7 @@ def judge_fields(choice: Random) -> None:
 
 
 JUDGES = {'schemas': judge_schema, 'journals': judge_journal,
-          'definitions': judge_definition, 'fields': judge_fields}
+          'fields': judge_fields}
 
 
 @pytest.mark.parametrize('kind', JUDGES)

@@ -57,7 +57,8 @@ class Robot:
         """Pass some seconds; an engine shakes gyroscope and accelerometer at 8.3 Hz."""
         numbers = self._next + np.arange(round(seconds * RATE_HZ))
         samples = self._imu.draw(len(numbers))
-        samples += self._random.normal(0, np.repeat(shaken, 3), samples.shape)
+        if any(shaken):
+            samples += self._random.normal(0, np.repeat(shaken, 3), samples.shape)
         samples[:, 2] += turn + bends * np.sin(2 * np.pi * numbers / RATE_HZ / 20)
         samples += np.outer(np.sin(2 * np.pi * 8.3 * numbers / RATE_HZ),
                             np.repeat([0.01, 0.3], 3)) * engine
