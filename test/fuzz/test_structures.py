@@ -195,3 +195,10 @@ JUDGES = {'schemas': judge_schema, 'journals': judge_journal,
 @rounds(40)
 def test_what_is_made_wrong_is_refused_or_read_in_part(kind, count, seed):
     each(count, seed, JUDGES[kind])
+
+
+@pytest.mark.parametrize('parts', [
+    ['a/msg/F f'], ['a/A a[2]', 'MSG: a/A\na/B[] b', 'MSG: a/B\na/A a']])
+def test_types_in_a_circle_are_refused_or_read(parts):
+    text = ('\n' + '=' * 80 + '\n').join([f'sensor_msgs/Imu imu\n{parts[0]}', *parts[1:]])
+    judge_decoding(text, b'\0\1\0\0' + ROWS[0][4:] * 2, RecordingOptions())
