@@ -81,6 +81,15 @@ def test_a_link_planted_in_a_shared_folder_is_not_followed(
     assert precious.read_text() == 'mine'
 
 
+def test_the_way_through_ones_own_links_and_dots_is_that_of_the_system(tmp_path):
+    (tmp_path / 'deep' / 'er').mkdir(parents=True)
+    (tmp_path / 'absolute').symlink_to(tmp_path / 'deep' / 'er')
+    (tmp_path / 'relative').symlink_to('deep')
+    for path, written in (('absolute/../one', 'deep/one'), ('relative/two', 'deep/two')):
+        write_atomically(tmp_path / path, b'content')
+        assert (tmp_path / written).read_bytes() == b'content'
+
+
 def test_a_private_file_is_read_by_nobody_else_and_the_umask_stays(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'umask', lambda _: pytest.fail('the umask belongs to all threads'))
     (tmp_path / 'file').write_bytes(b'')
