@@ -129,3 +129,11 @@ def test_megabytes_of_frame_id_are_shortened_where_they_come_in():
     [block] = decode_imu_rows(encode_imu_rows(one), one.receive_ns)
     assert block.frame_id == 'a' * 99 + '…' + 'b' * 99
     assert block.samples.tolist() == one.samples.tolist()
+
+
+def test_a_stamp_that_no_message_can_hold_is_not_written():
+    late = block(1)
+    late.header_ns[0] = 2**31 * 10**9
+    with refused('header stamps before 1901 or after 2038 cannot be written: '
+                 'builtin_interfaces/Time has 32 bits for the seconds'):
+        encode_imu_rows(late)

@@ -151,6 +151,8 @@ def test_start_and_duration_choose_a_part(recording, analyzed, fails_with, capsy
     assert result['source']['start_time'].startswith('2023-11-14T22:14:20')
     fails_with(f'{recording}: lasts 5 min: --start 2 h leaves nothing of it',
                'analyze', recording, '--start', '2h')
+    fails_with(f'{recording}, topic /imu/data_raw: no usable sample in the chosen part; --start '
+               'and --duration choose another', 'analyze', recording, '--duration', '1ms')
     analyzed(recording, '--start', '3min', '--duration', '5min', '--verbose')
     assert ('only 2 min of the 5 min asked for are recorded'
             in ' '.join(capsys.readouterr().out.split()))

@@ -75,3 +75,16 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, ou
     assert shown.index('run_9') < shown.index('run_10')
     assert shown.count('  read as     my_driver/msg/Stamped, its field imu '
                        '(sensor_msgs/msg/Imu)\n') == 2
+
+
+def test_a_table_without_times_is_counted_and_no_line_is_longer_than_the_terminal(
+        tmp_path, output_of, monkeypatch):
+    path = tmp_path / 'untimed.csv'
+    path.write_text('gyro_x,gyro_y\n' + ''.join(f'{number % 7},1\n' for number in range(500)))
+    monkeypatch.setattr('sys.stdout.isatty', lambda: True)
+    monkeypatch.setenv('COLUMNS', '50')
+    shown = output_of('info', path, '--rate', '100Hz').splitlines()
+    assert '  constant    gyro y: every sample is the same' in shown
+    clock = shown.index('  clock       none: samples are counted at the')
+    assert shown[clock + 1] == '              stated rate'
+    assert max(map(len, shown[1:])) <= 50

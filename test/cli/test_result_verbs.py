@@ -202,6 +202,17 @@ def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
     assert any(line == expected for line in said.splitlines()), said
 
 
+def test_check_takes_the_part_and_the_clock_that_analyze_takes(
+        recording, result_file, tmp_path, against, fails_with, capsys):
+    for options, status in ((['--start', '250s', '--motion', 'keep', '--clock', 'receive'], 0),
+                            (['--duration', '12s', '--live'], 4)):
+        assert against(recording, 'gyro: {noise_density: 0.01 deg/s/sqrt(Hz)}', '--min-duration',
+                       '40s', *options) == status
+    assert 'not certain after 12 s' in capsys.readouterr().out.splitlines()
+    fails_with(f'{result_file}: --live needs a recording, not a result', 'check', result_file,
+               '--spec', tmp_path / 'spec.yaml', '--live')
+
+
 def test_report_writes_page_and_plots_and_names_them_and_compares_several(
         result_file, tmp_path, output_of):
     names = {Path(line).name for line in output_of(

@@ -90,7 +90,9 @@ def test_the_numbers_hold_on_the_recording_they_come_from(
         result_file, imu_recording, tmp_path, output_of):
     path = tmp_path / 'verified.json'
     out = output_of('tune', result_file, '--aiding', '1s', '--verify', imu_recording,
-                    '--no-progress', '--json', path)
+                    '--no-progress', '--json', path, '--plot', tmp_path / 'drift.svg')
+    drawn = (tmp_path / 'drift.svg').read_text()
+    assert all(word in drawn for word in ('Drift observed in', 'Accelerometer', 'x axis', '60 s'))
     assert f'The tuned numbers held against {imu_recording}:' in out.splitlines()
     assert (f'Filters with these numbers, run over 5 min of rest in {imu_recording}, in one part:'
             in out.splitlines())

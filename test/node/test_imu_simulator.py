@@ -120,3 +120,11 @@ def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros: Ros) -> N
     assert simulator.stop(within_s=5.0) == 0
     assert subscription.take().messages
     assert 'Traceback' not in simulator.log
+
+
+def test_a_model_that_is_not_there_is_one_line(ros: Ros) -> None:
+    simulator = ros.start('imu_simulator', {'model': 'no_such_imu'})
+    assert simulator.wait() == 1
+    assert simulator.log == (
+        'imu_simulator: parameter model: no_such_imu: no such file, and no model of that name is '
+        'shipped; give the path of a noise model YAML file\n')

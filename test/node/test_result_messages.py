@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from imu_allan.finding import finding
 from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
 from imu_allan.node.result_messages import result_messages
-from imu_allan.result import GoodnessOfFit, Result, Timeline, TurnOnBias
+from imu_allan.result import GoodnessOfFit, Result, Timeline, Tone, TurnOnBias
 from imu_allan.timeline import TimelineSummary
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
@@ -91,12 +91,14 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     found = [finding('gaps_not_listed', listed=1000, gaps=2000, gaps_s=200.0),
              *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
                for letter in 'xy'), finding('frozen', messages=20, since_s=3.0)]
-    result = with_words(replace(result, warnings=tuple(found),
-                                turn_on_bias={'gyro_y': TurnOnBias(0.2, (0.1, 4.5))}))
+    result = with_words(replace(
+        with_axes(result, tones=(Tone(50.0, 1e-3),)), warnings=tuple(found),
+        turn_on_bias={'gyro_y': TurnOnBias(0.2, (0.1, 4.5))}))
     x, y = result_messages(result, 'imu_allan', STAMP)['coefficients'].status
     words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
              'driver gives small values as 0. -> no coefficient is given; switch the deadband '
              'off, then call ~/reset')
+    assert entries(x)['tones/0/frequency_hz'] == '50.0'
     assert entries(x)['remarks/deadband'] == entries(y)['remarks/deadband'] == words
     assert [{key: value for key, value in entries(status).items() if 'turn_on' in key}
             for status in (x, y)] == [{}, {

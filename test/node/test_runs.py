@@ -13,6 +13,7 @@ from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
+from imu_allan.node.publishers import MIXED
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.result import Result, Source, Timeline
@@ -181,6 +182,19 @@ def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and
     [(_, why)] = world.replaced
     assert str(why) == "it is of frame_id 'imu', the messages now have 'other'"
     assert world.samples == count
+
+
+def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_feeds_none() -> None:
+    runs = World().runs
+    runs.take(0, MIXED, [at_rest(1000)])
+    assert runs.run.fed == 0
+    for start_s, rate_hz in (0.0, 200.0), (60.0, 208.0):
+        block = at_rest(round(60 * rate_hz), rate_hz, start_s=start_s, seed=round(rate_hz))
+        for first in range(0, len(block), 100):
+            runs.take(0, 1, [block.part(slice(first, first + 100))])
+    [lane] = runs.run.lanes
+    assert lane.known.rate_hz == pytest.approx(208.0, rel=1e-3)
+    assert lane.fed > 5000
 
 
 def half(number: int, seconds: float, start_s: float = 0.0, rate_hz: float = 0.0) -> ImuBlock:
