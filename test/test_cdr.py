@@ -13,6 +13,7 @@ from imu_allan.cdr import (
     encode_imu,
     encode_imu_rows,
     MalformedImu,
+    rows_like_first,
 )
 import numpy as np
 import pytest
@@ -108,6 +109,19 @@ def test_padding_to_four_bytes_behind_a_message_is_tolerated():
 def test_what_is_no_imu_message_is_refused_with_its_reason(message, reason):
     with refused(reason, MalformedImu):
         decoded(message)
+
+
+@given(st.integers(1, 50), st.integers(0, 40), st.data())
+@settings(max_examples=200, deadline=None)
+def test_rows_that_differ_anywhere_in_a_span_are_distinguished(size, start, data):
+    rows = np.tile(np.arange(100, dtype=np.uint8), (9, 1))
+    spans = [(start, min(start + size, 100)), (90, 92)]
+    for row, at in data.draw(st.sets(st.tuples(st.integers(0, 8), st.integers(0, 99)))):
+        rows[row, at] += 1
+    expected = np.all([(rows[:, a:b] == rows[0, a:b]).all(axis=1) for a, b in spans], axis=0)
+    like = rows_like_first(rows, spans)
+    assert (like is None) == expected.all()
+    assert like is None or like.tolist() == expected.tolist()
 
 
 @settings(max_examples=300)
