@@ -28,7 +28,12 @@ def console_of(to: TextIO | None = None) -> 'Console':
     """
     from rich.console import Console
 
-    console = Console(file=to, highlight=False)
+    class Quiet(Console):
+        def on_broken_pipe(self) -> None:
+            # That of rich ends the program with status 1, which is that of an error.
+            raise BrokenPipeError
+
+    console = Quiet(file=to, highlight=False)
     if not console.is_terminal and _stated() is None:
         console.width = _UNBROKEN
     return console

@@ -172,8 +172,9 @@ def test_names_that_would_steer_the_terminal_are_escaped_in_errors(fails_with):
         fails_with(f'{shown}: no such file or directory', 'analyze', name)
 
 
-def test_a_reader_that_goes_away_ends_the_command_quietly(recording):
-    with subprocess.Popen([*COMMAND, 'info', str(recording)], stdout=subprocess.PIPE,
+@pytest.mark.parametrize('verb', ['info', 'analyze'])
+def test_a_reader_that_goes_away_ends_the_command_quietly(recording, verb):
+    with subprocess.Popen([*COMMAND, verb, str(recording)], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b''
