@@ -4,7 +4,7 @@
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.recording import Recording
-from imu_allan.wording import counted
+from imu_allan.wording import counted, NO_TOPIC
 
 
 def choose_topic(recording: Recording, topic: str | None = None) -> str:
@@ -55,6 +55,8 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
 
 
 def _what_there_is(recording: Recording) -> str:
+    if NO_TOPIC in recording.by_name:
+        return 'a CSV file has no topics: leave out --topic'
     if recording.topics:
         return f'its Imu topics are {_list_topics(recording)}'
     if not recording.other_topics:

@@ -85,7 +85,9 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
     """Return the precision of N, and the values of B and K, as text."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
               if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
-    parts = [f'N is good (+-{100 * max(widths):.2g} %)' if widths else 'N does not show']
+    # Of a minute at rest, N is known to a few percent.
+    parts = [f'N is {"good" if max(widths) < 0.2 else "known roughly"} '
+             f'(+-{100 * max(widths):.2g} %)' if widths else 'N does not show']
     for key in ('bias_instability', 'rate_random_walk'):
         cells = [axis.coefficients[key] for axis in axes.values()]
         shown = [(c.value, c.ci95) for c in cells if c.value is not None and c.ci95 is not None]

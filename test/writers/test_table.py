@@ -109,6 +109,15 @@ def test_the_first_lines_are_the_verdict_on_each_sensor(
             assert line.startswith(good)
 
 
+def test_what_is_known_roughly_is_not_called_good(filtered):
+    axis = filtered.axes['gyro_z']
+    wide = replace(axis.coefficients['noise_density'], value=1e-3, ci95=(5e-4, 1.4e-3))
+    axes = {**filtered.axes, 'gyro_z': replace(axis, coefficients={
+        **axis.coefficients, 'noise_density': wide})}
+    text = printed(replace(filtered, axes=axes, warnings=(), sensors={}))
+    assert text.startswith('Gyroscope: N is known roughly (+-45 %). ')
+
+
 def test_a_stored_verdict_is_that_of_a_sensor_that_is_there(filtered):
     judged = with_words(filtered)
     text = printed(replace(judged, axes={'gyro_x': judged.axes['gyro_x']}))

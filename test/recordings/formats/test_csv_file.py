@@ -13,7 +13,12 @@ from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings import (
+    choose_topic,
+    open_recording,
+    read_blocks,
+    RecordingOptions,
+)
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -78,6 +83,13 @@ def test_without_time_column_the_rate_makes_the_stamps(path):
     assert refusal(path, 'gyro_z\n1\n') == (
         'no time_s column; give the sample rate with --rate, or say which column is the time: '
         "--columns 'time=NAME ms'")
+
+
+def test_a_table_has_no_topic_to_choose(path):
+    path.write_text('time_s,gyro_x\n0,1\n')
+    with open_recording(path) as recording, refused(
+            f'{path}: no topic /imu; a CSV file has no topics: leave out --topic'):
+        choose_topic(recording, '/imu')
 
 
 def test_a_file_of_many_blocks_is_read_whole(path):
