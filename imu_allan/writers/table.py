@@ -87,8 +87,8 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     said = [line for severity, text in in_full(full, together=not verbose)
             for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
     names = _good_to_know(known, width)
-    count = list(wrapped([f'Good to know: {len(known)} findings (--verbose).'] if known else [],
-                         width, 'dim'))
+    count = list(wrapped([f'Good to know: {wording.counted(len(known), "finding")} (--verbose).']
+                         if known else [], width, 'dim'))
     middles = [tables]
     screen = 23   # lines for a result, as the last of 24 says how to save it
     # If head and tables fit on a screen but not with the findings, omit the coefficients.
