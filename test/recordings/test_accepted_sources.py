@@ -26,7 +26,6 @@ from test_known_types import (
     UNITREE_IMU,
     vectors,
 )
-from whole_lines import refused
 
 COUNT, RATE_HZ = 1000, 250.0
 STEP_US = 4000
@@ -288,51 +287,3 @@ def assert_analyzed(source, rates, words, tmp_path):
     assert {each['axis']: each['value'] for each in found} == {
         axis: each['coefficients']['noise_density']['value']
         for axis, each in result['axes'].items()}
-
-
-two_sensors = typed('my_driver/msg/Two', 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n',
-                    lambda store, n: (imu(store, n), imu(store, n)))
-
-
-def no_such_field(folder: Path) -> Source:
-    source = named_fields(folder)
-    return Source(source.path, {**source.options, 'gyro': 'rate'}, kinds=source.kinds)
-
-
-NO_IMU = 'no topic of type sensor_msgs/msg/Imu; it holds /sensor0 '
-
-
-@pytest.mark.parametrize(('make', 'reason', 'said'), [
-    (typed('px4_msgs/msg/SensorCombined', 'uint64 timestamp\nfloat32[3] gyro_rad\n',
-           lambda _, n: (TIMES_US[n], GYRO[n].astype(F32))),
-     'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that '
-     'comes with it; name the fields with --gyro and --accel',
-     NO_IMU + '(px4_msgs/msg/SensorCombined); {reason}'),
-    (typed('my_driver/msg/Other', 'std_msgs/Header header\nfloat64 speed\n',
-           lambda store, n: (header(store, n), 1.0)),
-     'type my_driver/msg/Other holds no samples of an IMU that are known; name '
-     'the fields that hold them with --gyro and --accel', NO_IMU + '(my_driver/msg/Other)'),
-    (two_sensors, 'type my_driver/msg/Two holds 2 IMUs (left, right); name the fields of one with '
-     '--gyro and --accel', '2 Imu topics; choose one with --topic: /sensor0.left (1,000 '
-     'messages), /sensor0.right (1,000 messages)'),
-    (no_such_field, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw',
-     NO_IMU + '(my_driver/msg/Frame); {reason}')],
-    ids=['no accelerometer', 'nothing', 'two sensors', 'no such field'])
-def test_what_one_refuses_all_refuse_with_the_same_reason(make, reason, said, tmp_path, capsys):
-    source = make(tmp_path)
-    words = [word for key, value in source.options.items() for word in (f'--{key}', value)]
-    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n')
-    for verb, *more in (['analyze'], ['check', '--spec', str(tmp_path / 'spec.yaml')], ['info']):
-        status = main([verb, str(source.path), *words, *more])
-        out, err = capsys.readouterr()
-        if make is two_sensors and verb == 'info':
-            # It reads every one, and says that a choice is needed.
-            assert status == 0
-            assert ('not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
-                    '--accel-topic') in out.splitlines()
-        else:
-            assert status == 1
-            assert err == f'imu_allan: {source.path}: {said.format(reason=reason)}\n'
-    [(kind, definition)] = source.kinds.items()
-    with refused(reason):
-        imu_messages(kind, definition, options=RecordingOptions(**source.options))

@@ -3,14 +3,11 @@
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
 from dataclasses import replace
-import json
 from pathlib import Path
-import re
 
 from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.cli.main import main
 from imu_allan.finding import Finding, finding
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
@@ -18,7 +15,6 @@ from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from repeated import slow
 from whole_lines import refused
 
 NOISE = np.random.default_rng(5)
@@ -79,18 +75,6 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
                              'rates_hz': pytest.approx([400, 250], rel=1e-3)}
 
 
-def test_several_recordings_of_two_topics_keep_the_means_of_both(tmp_path):
-    paths = [recorded(tmp_path / name, 200, 100) for name in ('a.mcap', 'b.mcap')]
-    seen = []
-    result = analyze(paths, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'),
-                     progress=seen.append)
-    assert seen == sorted(seen)
-    assert seen[-1] == sum(path.stat().st_size for path in paths)
-    assert [part.path for part in result.recordings] == [str(path) for path in paths]
-    for part in result.recordings:
-        assert part.means.keys() == result.axes.keys()
-
-
 def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     gyro, accel = block(200, 6_000, True, False), block(250, 7_500, False, True)
     stamps = np.concatenate([gyro.header_ns, accel.header_ns + 1_100_000])
@@ -109,24 +93,6 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
         repeated_half(path, '/camera/imu', None))
 
 
-@pytest.mark.parametrize(('limit', 'status'), [slow(0.15, 0), (0.07, 3)])
-def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, status):
-    path = recorded(tmp_path / 'a.mcap', 200, 100, 60)
-    (tmp_path / 'spec.yaml').write_text(
-        f'gyro: {{noise_density: {limit / 200**.5} rad/s/sqrt(Hz)}}\n'
-        f'accel: {{noise_density: {limit / 100**.5} m/s^2/sqrt(Hz)}}\n')
-    assert main(['check', str(path), '--spec', str(tmp_path / 'spec.yaml'), '--live',
-                 '--json', str(tmp_path / 'c.json')]) == status
-    shown = capsys.readouterr().out
-    seconds = float(re.match(r'certain after ([\d.]+) s', shown)[1])
-    # Of the 60 s of either topic.
-    assert seconds < 40
-    found = {each['axis']: each['verdict']
-             for each in json.loads((tmp_path / 'c.json').read_text())['checks']}
-    assert found == {f'{sensor}_{axis}': 'fail' if sensor == 'accel' and status else 'pass'
-                     for sensor in ('gyro', 'accel') for axis in 'xyz'}
-
-
 def test_info_says_what_is_joined(tmp_path, output_of):
     path = recorded(tmp_path / 'a.mcap', seconds=2)
     assert ('one IMU in two halves: the gyroscope from /gyro, the accelerometer from /accel'
@@ -137,41 +103,15 @@ def test_info_says_what_is_joined(tmp_path, output_of):
         '250', '401']
 
 
-@pytest.mark.parametrize('bias', [0.0, 1e-3])
-def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path, bias):
+def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path):
     sensor = block(400, 800, True, True)
-    behind = replace(sensor, samples=sensor.samples - np.repeat([bias, 0], 3))
+    behind = replace(sensor, samples=sensor.samples - np.repeat([1e-3, 0], 3))
     path = write(tmp_path / 'a.mcap', {'/imu/data_raw': sensor, '/imu/data': behind})
     for topic in ('/imu/data', '/imu/data_raw'):
         with open_recording(path) as recording:
             assert choose_streams(recording, topic) == [Stream(topic)]
             heard = [(remark.code, remark.values['raw']) for remark in recording.remarks]
-        assert heard == ([('filtered', '/imu/data_raw')] if bias and topic == '/imu/data' else [])
-
-
-def test_an_orientation_filter_alone_in_a_recording_is_reported_by_what_it_leaves(tmp_path):
-    sensor = block(100, 30_000, True, True)
-    bias, behind = np.zeros(3), sensor.samples.copy()
-    for number, rate in enumerate(sensor.samples[:, :3]):
-        # imu_complementary_filter, of a sensor at rest
-        behind[number, :3] = rate - bias
-        bias += 0.04 * (rate - bias)
-    result = analyze(write(tmp_path / 'a.mcap', {'/imu/data': replace(sensor, samples=behind)}))
-    [heard] = [remark for remark in result.warnings if remark.code == 'high_passed']
-    assert heard.axes == ('gyro_x', 'gyro_y', 'gyro_z')
-    assert heard.values['corner_hz'] == pytest.approx([0.04 * 100 / (2 * np.pi)] * 3, rel=0.3)
-    for name, axis in result.axes.items():
-        assert axis.coefficients['noise_density'].observable
-        assert (axis.high_passed_hz is not None) == (name[0] == 'g')
-
-
-def test_a_stated_rate_is_that_of_its_own_half(tmp_path):
-    path = recorded(tmp_path / 'a.mcap')
-    for accel_rate_hz in (None, 249.0):
-        axes = analyze(path, options=TimelineOptions(rate_hz=401.0), reading=RecordingOptions(
-            accel_rate_hz=accel_rate_hz)).axes
-        assert axes['gyro_x'].sample_rate_hz == 401.0
-        assert axes['accel_x'].sample_rate_hz == pytest.approx(accel_rate_hz or 250, rel=1e-4)
+        assert heard == ([('filtered', '/imu/data_raw')] if topic == '/imu/data' else [])
 
 
 def test_what_cannot_be_known_is_asked_for(tmp_path):
@@ -191,10 +131,9 @@ def test_what_cannot_be_known_is_asked_for(tmp_path):
         streams(path, '/c', gyro_topic='/b', accel_topic='/c')
 
 
-@pytest.mark.parametrize('rate_hz', [200, slow(250), slow(63)])
-def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
+def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path):
     both = block(400, 8_000, True, False)
-    slow = block(rate_hz, 8_000, False, True)
+    slow = block(200, 8_000, False, True)
     held = np.searchsorted(slow.header_ns, both.header_ns, 'right') - 1
     both.samples[:, 3:] = slow.samples[held, 3:]
     path = write(tmp_path / 'a.mcap', {'/imu': both})
@@ -202,17 +141,14 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
     result = analyze(path)
     assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == (
         repeated_half(path, '/imu', 'accel'))
-    assert result.axes['gyro_x'].sample_rate_hz == pytest.approx(400, rel=1e-4)
-    if rate_hz == 200:
-        assert_characterized(result, 400, 200)
-        stated = analyze(path, options=TimelineOptions(rate_hz=401.0)).axes
-        assert stated['gyro_x'].sample_rate_hz == 401.0
-        assert stated['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
+    assert_characterized(result, 400, 200)
+    stated = analyze(path, options=TimelineOptions(rate_hz=401.0)).axes
+    assert stated['gyro_x'].sample_rate_hz == 401.0
+    assert stated['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
 
 
 @pytest.mark.parametrize(('rate_hz', 'phase'), [
-    (63, 0), (100, 0), (250, 0), (390, 0), (520, 0),
-    *((200, phase) for phase in (0, .05, .1, .15, .2, .25, .3, .35, .4, .45)), (200.02, .1)])
+    (63, 0), (390, 0), (520, 0), (200, 0), (200, .05), (200, .25), (200.02, .1)])
 def test_a_half_that_is_interpolated_is_reported(tmp_path, rate_hz, phase):
     both = block(400, 8_000, True, False)
     slow = block(rate_hz, 11_000, False, True)
@@ -243,9 +179,9 @@ def vibrating(frequency: float, amplitude: float, wander: float) -> ImuBlock:
 
 
 @pytest.mark.parametrize(('make', 'values'), [
-    *((coarse, (step,)) for step in (0.05, 0.02, 0.005)),
+    *((coarse, (step,)) for step in (0.05, 0.005)),
     *((vibrating, (frequency, amplitude, wander)) for frequency in (0.17, 0.25)
-      for amplitude in (0.5, 1, 2, 5, 20) for wander in (0, 0.003, 0.03)), (vibrating, (0, 0, 0))])
+      for amplitude in (0.5, 20) for wander in (0, 0.03)), (vibrating, (0, 0, 0))])
 def test_coarse_and_vibrating_samples_are_neither_copied_nor_interpolated(tmp_path, make, values):
     with open_recording(write(tmp_path / 'a.mcap', {'/imu': make(*values)})) as recording:
         assert choose_streams(recording) == [Stream('/imu')]

@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 import tempfile
 
-from bags import assert_same, block, database, IMU, insert, joined, mcap_written, START_NS
+from bags import assert_same, block, database, IMU, insert, joined, START_NS
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.cli.main import main
@@ -40,30 +40,6 @@ def messages(topics: int, each: int) -> list[Message]:
     return found
 
 
-def write_mcap(path: Path, recorded: Sequence[Message]) -> Path:
-    with mcap_written(path, chunk_size=20_000) as message:
-        for each in recorded:
-            message(*each)
-    return path
-
-
-def write_damaged_mcap(path: Path, recorded: Sequence[Message]) -> Path:
-    data = bytearray(write_mcap(path, recorded).read_bytes())
-    for place in (len(data) // 3, len(data) // 2):
-        data[place] ^= 255
-    path.write_bytes(data)
-    return path
-
-
-def write_split(path: Path, recorded: Sequence[Message]) -> Path:
-    path.mkdir()
-    for number in range(3):
-        write_mcap(path / f'a_{number}.mcap', recorded[number::3])
-    data = (path / 'a_1.mcap').read_bytes()
-    (path / 'a_1.mcap').write_bytes(data[:len(data) // 2])
-    return path
-
-
 def write_packed_db3(path: Path, recorded: Sequence[Message]) -> Path:
     plain = path.with_suffix('.plain')
     topics = list(dict.fromkeys(topic for topic, *_ in recorded))
@@ -92,13 +68,11 @@ def read(opening: Callable[[], AbstractContextManager[Recording]], topic: str
         return joined(blocks), frames, recording.remarks
 
 
-@pytest.mark.parametrize('write', [write_damaged_mcap, write_split, write_packed_db3])
-def test_each_of_many_topics_is_read_as_if_by_itself(
-        tmp_path: Path, write: Callable[[Path, Sequence[Message]], Path]) -> None:
-    path = write(tmp_path / 'a', messages(25, 40))
+def test_each_of_many_topics_is_read_as_if_by_itself(tmp_path: Path) -> None:
+    path = write_packed_db3(tmp_path / 'a', messages(8, 40))
     readable = 0
     with open_recording(path) as recording:
-        for topic in [f'/imu_{number}' for number in range(25)]:
+        for topic in [f'/imu_{number}' for number in range(8)]:
             one, frames, remarks = read(recording.for_another_topic, topic)
             other, other_frames, other_remarks = read(partial(open_recording, path), topic)
             assert frames == other_frames
@@ -108,7 +82,7 @@ def test_each_of_many_topics_is_read_as_if_by_itself(
             else:
                 assert_same(one, other)
                 readable += len(one) > 5
-    assert readable == 25
+    assert readable == 8
 
 
 def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(

@@ -34,24 +34,18 @@ def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason)
     assert refusal(tmp_path / 'a.mcap', content) == reason
 
 
-def test_what_is_no_file_is_refused_without_waiting_for_it(tmp_path):
+def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp_path):
+    assert_same(block(10), read(write_mcap(tmp_path / 'a.db3', block(10)))[0])
+    write_db3(tmp_path / 'a.mcap', block(10))
+    (tmp_path / 'link').symlink_to(tmp_path / 'a.mcap')
+    assert_same(block(10), read(tmp_path / 'link')[0])
     os.mkfifo(tmp_path / 'pipe')
     assert refusal(tmp_path / 'pipe') == 'not a file'
-    (tmp_path / 'link').symlink_to(tmp_path / 'link')
-    assert refusal(tmp_path / 'link') in (
-        'no such file or directory', 'Too many levels of symbolic links')
     for name in ('none.mcap', 'a\0b'):
         assert refusal(tmp_path / name) == 'no such file or directory'
 
 
-def test_content_counts_not_the_name_nor_a_link(tmp_path):
-    assert_same(block(10), read(write_mcap(tmp_path / 'a.db3', block(10)))[0])
-    assert_same(block(10), read(write_db3(tmp_path / 'a.mcap', block(10)))[0])
-    (tmp_path / 'link').symlink_to(tmp_path / 'a.mcap')
-    assert_same(block(10), read(tmp_path / 'link')[0])
-
-
-@pytest.mark.parametrize('name', ['a b.mcap', 'ä日.mcap', 'line\nbreak.mcap', '\x1b[31m.mcap'])
+@pytest.mark.parametrize('name', ['ä日.mcap', 'line\nbreak \x1b[31m.mcap'])
 def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
     path = write_mcap(tmp_path / name, block(10))
     assert_same(block(10), read(path)[0])
@@ -77,25 +71,19 @@ class Listed(Recording):
         return iter([])
 
 
-@pytest.mark.parametrize('name', [None, '/imu', 'imu'])
-def test_the_only_topic_need_not_be_named(name):
-    assert choose_topic(Listed({'/imu': 5}, {'/b': 'std_msgs/msg/String'}), name) == '/imu'
+def test_the_only_topic_need_not_be_named():
+    for name in (None, '/imu', 'imu'):
+        assert choose_topic(Listed({'/imu': 5}, {'/b': 'std_msgs/msg/String'}), name) == '/imu'
 
 
 @pytest.mark.parametrize(('topics', 'others', 'topic', 'reason'), [
     ({}, {}, None, 'it holds no topics at all: the recording is empty'),
-    ({}, {'/b': 'std_msgs/msg/String', '/a': 'x/msg/Y'}, None,
-     'no topic of type sensor_msgs/msg/Imu; it holds /a (x/msg/Y), /b (std_msgs/msg/String)'),
-    ({}, {f'/{n:02}': 'x/msg/Y' for n in range(12)}, None,
-     'no topic of type sensor_msgs/msg/Imu; it holds '
-     + ', '.join(f'/{n:02} (x/msg/Y)' for n in range(10)) + ' and 2 more'),
     ({'/b': 3, '/a': None}, {}, None,
      '2 Imu topics; choose one with --topic: /a, /b (3 messages)'),
     ({'/a': 3}, {}, '/c', 'no topic /c; its Imu topics are /a (3 messages)'),
     ({'/a': 3}, {'/c': 'x/msg/Y'}, 'c',
      'topic /c is of type x/msg/Y, not sensor_msgs/msg/Imu'),
     ({'/a': 0}, {}, None, 'topic /a has no messages; record it while the IMU driver runs'),
-    ({'/a': 5}, {}, '/a\x1b[2J', 'no topic /a\\x1b[2J; its Imu topics are /a (5 messages)'),
 ])
 def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
     with refused(f'bag: {reason}'):
@@ -136,10 +124,3 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
                   tmp_path / 'run_100.bag', Path('a\0b')):
         assert recordings_in(alone) == [alone]
-
-
-@pytest.mark.parametrize('separator', [',', ';', '\t'])
-def test_a_table_is_known_by_its_separator_whatever_it_is_called(tmp_path, separator):
-    path = tmp_path / 'samples.dat'
-    path.write_text('time_s,gyro_x\n0,1\n0.01,2'.replace(',', separator))
-    assert read(path)[0].samples[:, 0].tolist() == [1, 2]

@@ -5,7 +5,7 @@
 from pathlib import Path
 from typing import Any
 
-from bags import IMU, mcap_written, START_NS
+from bags import mcap_written, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
@@ -17,7 +17,6 @@ from imu_allan.result import Result
 import numpy as np
 from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer as BagWriter
 from whole_lines import refused
 
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
@@ -106,23 +105,6 @@ def test_the_frame_id_decides_where_the_namespace_does_not(tmp_path, samples):
             f'{path}: --temperature /imu/c: no topic of type sensor_msgs/Temperature, field or '
             'column of this name; there are /imu/a, /imu/b'):
         chosen(path, temperature='/imu/c')
-
-
-def test_a_bag_of_several_files_without_definitions_has_it_too(tmp_path, samples):
-    with BagWriter(tmp_path / 'bag', version=8,
-                   storage_plugin=StoragePlugin.SQLITE3) as writer:
-        imu = writer.add_connection('/imu/data_raw', IMU, typestore=STORE)
-        other = writer.add_connection('/imu/temperature', TEMPERATURE, typestore=STORE)
-        for number, (row, stamp) in enumerate(zip(*imu_rows(samples[:100]), strict=True)):
-            writer.write(imu, stamp, row)
-            writer.write(other, stamp, heat(float(number), stamp))
-    assert chosen(tmp_path / 'bag') == '/imu/temperature'
-    with open_recording(tmp_path / 'bag') as recording:
-        parts = list(temperatures(recording, '/imu/data_raw', 'header'))
-        assert recording.remarks == []
-    stamps, celsius = (np.concatenate(part) for part in zip(*parts, strict=True))
-    assert celsius.tolist() == list(range(100))
-    assert stamps.tolist() == imu_rows(samples[:100])[1]
 
 
 def test_a_column_is_taken(tmp_path, samples):

@@ -8,7 +8,7 @@ import sqlite3
 
 from bags import assert_same, block, joined, read
 from imu_allan.block import ImuBlock
-from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.recordings import open_recording
 from imu_allan.recordings.write import write_recording
 from mcap.reader import make_reader
 from mcap.records import Message
@@ -32,7 +32,7 @@ def parts(messages: ImuBlock, size: int) -> Iterator[ImuBlock]:
 
 
 @every_kind
-@pytest.mark.parametrize('size', [1, 1000, 17_000])
+@pytest.mark.parametrize('size', [1, 17_000])
 def test_every_bit_comes_back_from_every_container(tmp_path, storage, compression, size):
     messages = joined(list(parts(MESSAGES, size))[:1000])
     bag = write_recording(tmp_path / 'bag', parts(messages, size), topic='/a', storage=storage,
@@ -94,25 +94,14 @@ def test_metadata_and_database_are_of_jazzys_version(tmp_path):
     database.close()
 
 
-@every_kind
-def test_a_recording_without_messages_is_valid(tmp_path, storage, compression):
-    bag = write_recording(tmp_path / 'bag', [], storage=storage, compression=compression)
-    with open_recording(bag) as recording:
-        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu/data_raw', 0)]
-    with refused(f'{bag}: topic /imu/data_raw has no messages; record it while the IMU driver '
-                 'runs'):
-        read(bag)
-
-
-@every_kind
-@pytest.mark.parametrize('failure', [RuntimeError, KeyboardInterrupt])
-def test_what_is_interrupted_leaves_nothing(tmp_path, storage, compression, failure):
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_what_is_interrupted_leaves_nothing(tmp_path, storage):
     def interrupted() -> Iterator[ImuBlock]:
         yield block(5000)
-        raise failure
+        raise KeyboardInterrupt
 
-    with pytest.raises(failure):
-        write_recording(tmp_path / 'bag', interrupted(), storage=storage, compression=compression)
+    with pytest.raises(KeyboardInterrupt):
+        write_recording(tmp_path / 'bag', interrupted(), storage=storage)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -126,12 +115,3 @@ def test_what_exists_is_not_overwritten_and_a_place_must_be_writable(tmp_path):
             f'{tmp_path}/file/bag: cannot be created (File exists: {tmp_path}/file); choose a '
             'folder that may be written to'):
         write_recording(tmp_path / 'file' / 'bag', [block(10)])
-
-
-@every_kind
-def test_frame_ids_that_change_are_kept(tmp_path, storage, compression):
-    frames = [block(100), block(50, 'another', 100), block(100, first=150)]
-    bag = write_recording(tmp_path / 'bag', frames, storage=storage, compression=compression)
-    with open_recording(bag) as recording:
-        for before, after in zip(frames, read_blocks(recording, '/imu/data_raw'), strict=True):
-            assert_same(before, after)

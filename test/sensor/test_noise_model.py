@@ -26,14 +26,11 @@ def test_what_stands_under_a_sensor_holds_for_its_three_axes():
         assert axis == {'noise_density': pytest.approx(2.908882087e-4)}
 
 
-@pytest.mark.parametrize(('name', 'key'), [
-    ('angle_random_walk', 'noise_density'), ('quantization_noise', 'quantization_noise'),
-    ('rate-random-walk', 'rate_random_walk'), ('drift rate ramp', 'rate_ramp'),
-    ('bias_instability', 'bias_instability')])
-def test_a_term_may_be_called_by_the_name_that_the_table_prints(name, key):
-    value = {'noise_density': '0.3 deg/sqrt(h)', 'quantization_noise': '1 deg',
-             'rate_random_walk': '1 deg/h/sqrt(h)', 'rate_ramp': '1 deg/h^2',
-             'bias_instability': '1 deg/h'}[key]
+@pytest.mark.parametrize(('name', 'key', 'value'), [
+    ('angle_random_walk', 'noise_density', '0.3 deg/sqrt(h)'),
+    ('rate-random-walk', 'rate_random_walk', '1 deg/h/sqrt(h)'),
+    ('drift rate ramp', 'rate_ramp', '1 deg/h^2')])
+def test_a_term_may_be_called_by_the_name_that_the_table_prints(name, key, value):
     model = parse_model(f'gyro: {{{name}: {value}}}')
     assert list(model.axes['gyro_y']) == [key]
     assert model.as_written['gyro_y'] == {key: value}
@@ -73,23 +70,19 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
 
 
 @pytest.mark.parametrize(('text', 'message'), [
-    ('accel: 3', 'accel: expected keys with values, such as {noise_density: 100 ug/sqrt(Hz)}'),
     ('gyro: {z: 3}', 'gyro.z: expected keys with values, such as '
      '{noise_density: 0.03 deg/s/sqrt(Hz)}'),
     ('accel: {gauss_markov: {sigma: 1 ug}}', 'accel.gauss_markov: expected sigma and '
      'correlation_time, such as {sigma: 50 ug, correlation_time: 100 s}'),
-    ('gyro: {gauss_markov: {correlation_time: 1 s}}', 'gyro.gauss_markov: expected sigma and '
-     'correlation_time, such as {sigma: 10 deg/h, correlation_time: 100 s}'),
     ('gyro: {gauss_markov: {sigma: 1 deg/h, correlation_time: 3 m}}',
      "gyro.gauss_markov.correlation_time: '3 m' is not in a unit that can be turned into s; "
      "write a number with its unit, such as '1 s'"),
     ('gyro: {gauss_markov: {sigma: 1 deg/h, correlation_time: 0 s}}',
      'gyro.gauss_markov.correlation_time: must be greater than zero'),
     ('gyro: {}\nbaro: {}', "unknown key 'baro'; known are name, gyro, accel"),
-    ('', NEITHER), ('gyr: {noise_density: 1 deg/sqrt(h)}', NEITHER),
+    ('gyr: {noise_density: 1 deg/sqrt(h)}', NEITHER),
     ('gyro: [', 'line 1 is not YAML (<words>)'),
     ('{' * 5000, 'cannot be read as YAML; give a noise model or datasheet YAML file'),
-    ('gyro: {? [a] : b}', 'line 1 is not YAML (<words>)'),
     ('gyro: {noise_density: 0.03}', f"gyro.noise_density: '0.03' has no unit; {RIGHT}"),
     ('gyro: {noise_density: }',
      f"gyro.noise_density: '' does not begin with a number; {RIGHT}"),
@@ -101,8 +94,6 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
      "'1 rad/s/sqrt(Hz)'"),
     ('gyro: {noise_density: -1 deg/sqrt(h)}', "gyro.noise_density: '-1 deg/sqrt(h)' is negative; "
      'a noise coefficient is zero or greater'),
-    ('accel: {y: {noise_density: [1]}}', 'accel.y.noise_density: expected a value with its unit, '
-     "such as '1 m/s^2/sqrt(Hz)'"),
     ('name: [1]\ngyro: {}', 'name: expected a text, such as My IMU'),
     ('gyro: {' + 100 * 'k' + ': 1}', "gyro: unknown key '" + 59 * 'k' + f'...; known are {KEYS}'),
     ('accel: {z: {gravity_error: 20 mg}}', 'accel.z.gravity_error: is of the three axes together; '
@@ -118,9 +109,8 @@ def test_a_message_says_where_what_and_what_to_write_instead(text, message):
 @pytest.mark.parametrize(('content', 'complaint'), [
     (b'\xff\xfe\x00', 'not a text file; give a noise model or datasheet YAML file'),
     (b'#' * 1_000_001, 'too large; give a noise model or datasheet YAML file'),
-    (b'gyro: {drift: 3 deg/h}', f"gyro: unknown key 'drift'; known are {KEYS}"),
     (None, 'cannot be read (No such file or directory); give a noise model or datasheet YAML '
-     'file')], ids=('no text', 'large', 'unknown key', 'missing'))
+     'file')], ids=('no text', 'large', 'missing'))
 def test_a_file_that_is_no_model_is_named_with_what_it_may_hold(tmp_path, content, complaint):
     path = tmp_path / 'model.yaml'
     if content is not None:

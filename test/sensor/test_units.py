@@ -4,9 +4,7 @@ import contextlib
 
 from hypothesis import given, strategies as st
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.terms import Quantity, TERMS
 from imu_allan.sensor.units import (
-    convert,
     engineering,
     ENGINEERING_UNITS,
     parse,
@@ -30,21 +28,18 @@ RIGHT = "write a number with its unit, such as '1 deg/h' or '1 rad/s'"
     ('1 deg/h^2', 'rad/s^2', 1.346704670e-9), ('1 ug', 'm/s^2', 9.80665e-6),
     ('60 m/s/sqrt(h)', ACCEL_N, 1.0), ('100 ug/sqrt(Hz)', ACCEL_N, 9.80665e-4),
     ('2 min', 's', 120.0), *((text, GYRO_N, 5.235987756e-4) for text in (
-        '0.03 deg/s/sqrt(Hz)', '0.03deg/s/sqrt(Hz)', '0.03 °/s/√Hz', '0.03 deg/s/rtHz',
-        '0.03 dps/√Hz', '30 mdps/sqrt(Hz)', '3e-2 deg/s/Hz^0.5', '0.03 deg / s / sqrt( Hz )',
-        '0.03 deg/(s*sqrt(Hz))', '0.03 deg s^-1 / sqrt(Hz)', '.03 degrees/sec/sqrt(Hz)'))])
+        '0.03deg/s/sqrt(Hz)', '0.03 °/s/√Hz', '0.03 deg/s/rtHz', '30 mdps/sqrt(Hz)',
+        '3e-2 deg/s/Hz^0.5', '0.03 deg/(s*sqrt( Hz ))', '.03 degrees sec^-1/sqrt(Hz)'))])
 def test_units_of_datasheets_in_any_spelling_have_their_textbook_value(text, unit, expected):
     assert parse(text, unit) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(('text', 'complaint'), [
-    ('0,005 deg/h', COMMA), ('1,5 deg/h', COMMA), ('0.03', 'has no unit'),
-    ('deg/h', NO_NUMBER), ('', NO_NUMBER), ('nan deg/h', NO_NUMBER), ('inf deg/h', NO_NUMBER),
-    ('1e999 deg/h', 'is too large'), *((text, NO_RATE) for text in (
-        '3 deg', '3 1/s', '3 kg', '3 deg/h^99', '3 deg/h^9^9^9', '3 ((((', '3 deg//h',
-        '3 (((h^9)^9)^9)^9', '3 __import__("os")', '3 deg/h; x', '3 deg/h 5', '1 rad/s)',
-        '1 (rad/s', '1 rad/', '1 (', '1 rad/s ?', '1 rad/s^', '100 ug/sqrt(Hz)')),
-    ('1e308 rad/us', 'is too large')])
+    ('0,005 deg/h', COMMA), ('0.03', 'has no unit'), ('deg/h', NO_NUMBER),
+    ('nan deg/h', NO_NUMBER), ('1e999 deg/h', 'is too large'), ('1e308 rad/us', 'is too large'),
+    *((text, NO_RATE) for text in (
+        '3 deg', '3 1/s', '3 kg', '3 deg/h^99', '3 deg//h', '3 (((h^9)^9)^9)^9',
+        '3 __import__("os")', '3 deg/h 5', '1 rad/s)', '1 (rad/s', '1 rad/', '1 rad/s^'))])
 def test_what_is_not_an_angular_rate_is_refused_with_an_example(text, complaint):
     with refused(f'{text!r} {complaint}; {RIGHT}'):
         parse(text, 'rad/s')
@@ -54,8 +49,6 @@ def test_an_angular_rate_is_no_noise_density_and_a_long_text_is_shown_in_part():
     with refused(f"'18 deg/h' is not in a unit that can be turned into {GYRO_N}; write a number "
                  f"with its unit, such as '1 deg/sqrt(h)' or '1 {GYRO_N}'"):
         parse('18 deg/h', GYRO_N)
-    with refused('rad cannot be turned into m/s'):
-        convert(1.0, 'rad', 'm/s')
     text = '1 ' + 'rad/' * 200 + 's'
     with refused(f"'{text[:80]}...' {NO_RATE}; {RIGHT}"):
         parse(text, 'rad/s')
@@ -76,16 +69,9 @@ def test_engineering_units_convert_back_to_the_same_value(unit, value):
     assert parse(f'{shown!r} {name}', unit) == pytest.approx(value, rel=1e-12)
 
 
-def test_every_coefficient_has_an_engineering_unit():
-    assert {term.unit(quantity) for term in TERMS.values() for quantity in Quantity} <= set(
-        ENGINEERING_UNITS)
-
-
-@pytest.mark.parametrize(('unit', 'printed'), [
-    ('deg/sqrt(h)', '°/√h'), ('ug/sqrt(Hz)', 'µg/√Hz'),
-    ('rad/s^2/sqrt(Hz)', 'rad/s²/√Hz')])
-def test_the_unit_of_a_value_is_what_follows_the_number_and_is_typeset(unit, printed):
-    assert typeset(unit) == printed
+def test_the_unit_of_a_value_is_what_follows_the_number_and_is_typeset():
+    unit = 'rad/s^2/sqrt(Hz)'
+    assert typeset(unit) == 'rad/s²/√Hz'
     assert unit_of(f'0.03 {unit}') == unit
     with refused(f'{unit!r} does not begin with a number'):
         unit_of(unit)

@@ -100,7 +100,6 @@ def _lose(messages: Messages, truth: Truth, keep: NDArray[np.bool_]) -> Messages
 
 
 def random_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose single messages at random."""
     share = rng.choice([0.001, 0.005, 0.02, 0.05, 0.1])
     return _lose(m, truth, rng.random(len(m.place)) >= share)
 
@@ -134,13 +133,11 @@ def long_gaps(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def every_kth_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Drop one of k messages, as topic_tools does."""
     k = int(rng.integers(4, 20))
     return _lose(m, truth, np.arange(len(m.place)) % k != 0)
 
 
 def lone_samples(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Leave a few samples alone beyond a gap."""
     keep = np.ones(len(m.place), bool)
     alone, gap = int(rng.integers(1, 6)), int(rng.integers(8, 60))
     part = slice(alone, alone + gap) if rng.random() < 0.5 else slice(-alone - gap, -alone)
@@ -149,13 +146,11 @@ def lone_samples(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def repeated_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Deliver some messages twice."""
     twice = rng.random(len(m.place)) < 0.003
     return m.pick(np.repeat(np.arange(len(m.place)), 1 + twice))
 
 
 def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Let a few messages overtake the one before."""
     rows = np.arange(len(m.place))
     for at in rng.integers(1, len(rows), max(len(rows) // 3000, 1)):
         rows[[at - 1, at]] = rows[[at, at - 1]]
@@ -165,13 +160,11 @@ def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def header_zero(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Leave header stamps at zero, as some drivers do."""
     m.header = np.full(len(m.header), -START_NS / 1e9)
     return m
 
 
 def header_tick(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Quantize header stamps to a tick of about the interval."""
     tick = min((0.0001, 0.001, 0.004, 0.005, 0.01, 0.02),
                key=lambda tick: abs(np.log(tick * truth.rate_hz) + rng.uniform(0, 0.4)))
     # Ticks coarser than twice the interval lose too much to be a clock, and are seen as coarse.
@@ -212,7 +205,6 @@ def header_drift(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def clock_step(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Set both clocks once."""
     at = int(rng.integers(len(m.header) // 10, len(m.header) * 9 // 10))
     step = rng.choice([-3600.0, -5.0, 5.0, 3600.0])
     m.header[at:] += step
@@ -220,7 +212,6 @@ def clock_step(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Receive messages late by up to some intervals, in order."""
     late = rng.exponential(rng.choice([0.5, 3.0]) / truth.rate_hz, len(m.receive))
     m.receive = np.maximum.accumulate(m.receive + late)
     return m
@@ -235,14 +226,12 @@ def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def header_speed(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Let the header clock run at another speed."""
     truth.said.add('clock_speed')
     m.header = m.header * float(rng.choice([0.1, 0.5, 2.0, 10.0]))
     return m
 
 
 def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Repeat the last value for part of the recording."""
     truth.said |= {'frozen', 'late_start'}
     n = len(m.place)
     lasts = int(n * rng.choice([0.1, 0.3, 0.6]))
@@ -252,14 +241,12 @@ def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def not_a_number(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Spoil single values."""
     hit = rng.integers(0, len(m.place), max(len(m.place) // 500, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = np.nan
     return m
 
 
 def knock(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Knock at the table."""
     if len(m.place) < _SHORT_S * truth.rate_hz:
         # A knock with its margins is the larger part of it.
         truth.said.add('refused')
@@ -270,7 +257,6 @@ def knock(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def coarse_output(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Round the output to a step below its noise."""
     step = SIGMA * float(rng.choice([0.1, 0.5]))
     m.samples = np.rint(m.samples / step) * step
     truth.density *= sqrt(1 + (step / SIGMA) ** 2 / 12)
@@ -278,13 +264,11 @@ def coarse_output(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def constant_axis(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Let one axis be without noise."""
     m.samples[:, int(rng.integers(0, 6))] = 0.123
     return m
 
 
 def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Declare the accelerometer as not provided from some time on."""
     truth.said.add('field_vanished')
     m.absent[int(len(m.place) * rng.uniform(0.2, 0.8)):, 1] = True
     return m
@@ -308,7 +292,6 @@ def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Go on at half the rate from some time on."""
     truth.said.add('rate_changed')
     at = int(len(m.place) * rng.uniform(0.05, 0.95))
     rows = np.concatenate([np.arange(at), np.arange(at, len(m.place), 2)])
@@ -326,7 +309,6 @@ def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Spoil one sample in a hundred by a large value."""
     truth.said |= {'spikes'}
     hit = rng.random(len(m.place)) < 0.01
     m.samples[hit] += rng.choice([-1, 1], (np.count_nonzero(hit), 6)) * 30 * SIGMA
@@ -346,7 +328,6 @@ def header_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def header_stray(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Stamp single messages an hour ahead."""
     m.header[rng.integers(0, len(m.header), 3)] += 3600
     return m
 
@@ -365,19 +346,16 @@ def receive_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def heavy_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose a fifth to six tenths of the messages at random."""
     return _lose(m, truth, rng.random(len(m.place)) >= rng.uniform(0.2, 0.6))
 
 
 def dropped_in_turn(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Drop several of a few messages in turn."""
     patterns = ((1, 1, 0), (1, 1, 0, 0), (1, 1, 1, 0, 0), (1, 1, 1, 1, 0, 0))
     return _lose(m, truth, np.resize(
         np.array(patterns[int(rng.integers(len(patterns)))], bool), len(m.place)))
 
 
 def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose a fifth of the recording in one gap."""
     at = int(len(m.place) * rng.uniform(0.1, 0.7))
     keep = np.ones(len(m.place), bool)
     keep[at:at + len(keep) // 5] = False
@@ -385,7 +363,6 @@ def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def noise_changes(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Let the noise of all axes double or halve for good."""
     truth.said |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
     at = int(len(m.place) * rng.uniform(0.15, 0.85))
     level = m.samples.mean(axis=0)
@@ -405,27 +382,23 @@ def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def infinite(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Let single values be infinite or absurd."""
     hit = rng.integers(0, len(m.place), max(len(m.place) // 1000, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = rng.choice([np.inf, -np.inf, 1e30], len(hit))
     return m
 
 
 def axes_nan_for_a_while(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Leave some axes without values for a third of the recording."""
     first = int(len(m.place) * rng.choice([0.0, 0.3, 0.67]))
     m.samples[first:first + len(m.place) // 3, int(rng.integers(0, 6)):] = np.nan
     return m
 
 
 def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Declare the gyroscope as not provided until some time."""
     m.absent[:int(len(m.place) * rng.uniform(0.1, 0.6)), 0] = True
     return m
 
 
 def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Tilt the sensor once, within two seconds."""
     truth.said |= {'motion', 'rest_within_motion'}
     at = m.place[0] + len(m.place) * rng.uniform(0.2, 0.8)
     turned = np.clip((m.place - at) / (2 * truth.rate_hz), 0, 1)
@@ -446,7 +419,6 @@ def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def one_of_few_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Drop every third or fourth message."""
     k = int(rng.integers(3, 5))
     return _lose(m, truth, np.arange(len(m.place)) % k != 0)
 

@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 from hypothesis import given, settings, strategies as st
-from imu_allan.timeline.grid import count_steps, rate_changes
-from imu_allan.timeline.pace import measure_pace, Pace
-from imu_messages import codes, pick, run, START_NS, still
+from imu_messages import codes, cut, pick, run, START_NS, still
 import numpy as np
 import pytest
 
@@ -38,31 +36,33 @@ STALLS = np.maximum(40 - (np.arange(30_000) - 1000) % 1777, 0) * (np.arange(30_0
 @pytest.mark.parametrize(('rate_hz', 'off', 'header', 'receive'), [
     (40.0, 1e-4, paired(20_000, 40.0), None),
     (40.0, 1e-4, None, paired(20_000, 40.0)),
-    *((9.862, 1e-4, mostly_100_ms(resolution_s), None) for resolution_s in (0.01, 0.05, 0.1)),
+    *((9.862, 1e-4, mostly_100_ms(resolution_s), None) for resolution_s in (0.01, 0.1)),
     (1 / LATE_NOW_AND_THEN.mean(), 1e-4,
      START_NS + np.rint(np.cumsum(LATE_NOW_AND_THEN) * 1e9).astype(np.int64), None),
-    *((400.0, 2e-3, None, bursts(30_000, 400.0, length)) for length in (2, 4, 10, 25)),
+    *((400.0, 2e-3, None, bursts(30_000, 400.0, length)) for length in (2, 25)),
     (100.0, 2e-3, None, np.repeat(still(20_000).receive_ns[3::4], 4)),
     (200.0, 1e-4, still(30_000, 200.0, late=STALLS).header_ns, None),
-], ids=['pairs', 'pairs received', *3 * ['ticks'], 'late now and then', *4 * ['bursts'],
+], ids=['pairs', 'pairs received', *2 * ['ticks'], 'late now and then', *2 * ['bursts'],
         'received together', 'stalls of the host'])
 def test_uneven_stamps_neither_invent_nor_lose_samples(rate_hz, off, header, receive):
     block = still(len(receive if header is None else header))
     block.header_ns[:] = 0 if header is None else header
-    summary, _ = run(replace(block, receive_ns=block.receive_ns if receive is None else receive))
+    if receive is not None:
+        block = replace(block, receive_ns=receive)
+    summary, _ = run(block)
     assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=off)
     assert (summary.timeline.samples, summary.timeline.missing) == (len(block), 0)
     assert summary.timeline.duplicates == 0
     assert summary.clock == ('receive' if header is None else 'header')
+    assert run(cut(block, range(0, len(block), 997)))[0] == summary
 
 
-@pytest.mark.parametrize('ppm', [500, -500])
-def test_a_drifting_clock_neither_invents_nor_loses_samples(ppm):
+def test_a_drifting_clock_neither_invents_nor_loses_samples():
     rng = np.random.default_rng(3)
     places = np.arange(200_000)
-    drift = ppm * 1e-6 * 40_000 * np.sin(places / 40_000)
-    block = still(200_000, 1000.0, late=drift + 2 * abs(ppm) * 1e-6 * 40_000
-                  + rng.exponential(0.1, 200_000))
+    # By up to 500 ppm
+    drift = 20 * np.sin(places / 40_000)
+    block = still(200_000, 1000.0, late=drift + 40 + rng.exponential(0.1, 200_000))
     keep = rng.random(200_000) > 0.01
     keep[[0, -1]] = True
     summary, _ = run(pick(block, np.flatnonzero(keep)))
@@ -96,38 +96,3 @@ def assert_counted(block, lost, rate_hz):
     [30, 32, 34, 36, 38, 40, 56, 128], [39, 40, 65, 85, 109, 110, 113, 175, 205, 252]])
 def test_few_losses_that_are_nearly_even_by_chance_are_no_ticks(lost):
     assert_counted(still(300, 5.0), lost, 5.0)
-
-
-def test_the_interval_is_measured_whatever_share_of_samples_is_lost():
-    rng = np.random.default_rng(4)
-    for share in (0.0, 0.05, 0.2, 0.4):
-        stamps = START_NS + np.flatnonzero(rng.random(8000) >= share) * 2_500_000
-        pace = measure_pace(stamps)
-        assert pace is not None
-        assert pace.interval_ns == pytest.approx(2_500_000, rel=1e-5)
-        assert not pace.counting
-
-
-def test_too_few_stamps_have_no_pace():
-    assert measure_pace(np.array([5])) is None
-    pace = measure_pace(np.array([0, 10]))
-    assert pace is not None
-    assert pace.interval_ns == 10
-
-
-def test_steps_are_whole_and_at_least_one():
-    pace = Pace(1.0, 0.1)
-    places = np.array([1.0, 2.02, 2.97, 6.0, 7.01, 1007.4, 1008.4])
-    assert count_steps(places, pace).tolist() == [1, 1, 1, 3, 1, 1000, 1]
-
-
-def test_rate_changes_are_found_to_the_message():
-    places = np.cumsum(np.concatenate([np.ones(1000), np.full(1500, 0.5), np.ones(1500)]))
-    assert rate_changes(places, Pace(1.0), False) == [
-        (0, False), (pytest.approx(1000, abs=1), True), (pytest.approx(2500, abs=1), False)]
-
-
-def test_random_loss_is_no_change_of_rate():
-    rng = np.random.default_rng(5)
-    places = np.flatnonzero(rng.random(8000) > 0.3).astype(float)
-    assert rate_changes(places, Pace(1.0), False) == [(0, False)]

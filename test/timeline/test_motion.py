@@ -9,9 +9,9 @@ from imu_allan.timeline.motion import MotionDetector, MotionSummary
 from imu_messages import codes, pick, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.signal import butter, sosfilt
 
-RATES = [100.0, 1000.0, 4000.0]
 N = 0.0045 * np.pi / 180
 B = 0.0014 * np.pi / 180
 K = 6.5e-5 * np.pi / 180
@@ -29,8 +29,7 @@ def times(block: ImuBlock) -> np.ndarray:
     return (block.header_ns - block.header_ns[0]) / 1e9
 
 
-@pytest.mark.parametrize('rate_hz', RATES)
-@pytest.mark.parametrize('axes', [slice(0, 6), slice(1, 2)])
+@pytest.mark.parametrize(('rate_hz', 'axes'), [(100.0, slice(1, 2)), (4000.0, slice(0, 6))])
 def test_knocks_of_twenty_sigma_over_50_ms_are_cut_out_and_listed(rate_hz, axes):
     rng = np.random.default_rng(3)
     block = still(int(240 * rate_hz), rate_hz)
@@ -53,7 +52,7 @@ def test_knocks_of_twenty_sigma_over_50_ms_are_cut_out_and_listed(rate_hz, axes)
     assert 'motion' in codes(summary)
 
 
-@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
+@pytest.mark.parametrize('rate_hz', [20.0, 1000.0])
 def test_an_imu_that_is_picked_up_turned_and_put_back_is_cut_out(rate_hz):
     block = still(int(240 * rate_hz), rate_hz)
     time = times(block)
@@ -69,19 +68,7 @@ def test_an_imu_that_is_picked_up_turned_and_put_back_is_cut_out(rate_hz):
     assert np.abs(rows[:, 0]).max() < 7 * SIGMA
 
 
-@pytest.mark.parametrize('rate_hz', RATES)
-def test_steps_of_somebody_walking_by_are_cut_out(rate_hz):
-    block = still(int(120 * rate_hz), rate_hz)
-    time = times(block)
-    for at in (70.0, 71.5, 73.0):
-        step = (time >= at) & (time < at + 0.7)
-        block.samples[step, 3:] += 4 * SIGMA * np.sin(2 * np.pi * 22 * time[step])[:, None]
-    summary, _ = run(block)
-    assert covered(summary.timeline.motion, 70.0, 3.7)
-
-
-@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
-@pytest.mark.parametrize('moving_s', [5.0, 25.0, 45.0])
+@pytest.mark.parametrize(('rate_hz', 'moving_s'), [(20.0, 25.0), (100.0, 5.0), (1000.0, 45.0)])
 def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving_s):
     block = still(int(300 * rate_hz), rate_hz)
     time = times(block)
@@ -109,16 +96,6 @@ def test_kept_motion_stays_and_is_reported():
     assert remark.values['first_s'] < 60 < remark.values['first_s'] + remark.values['seen_s']
 
 
-def test_a_recording_in_motion_throughout_is_mostly_motion():
-    block = still(30_000)
-    rng = np.random.default_rng(0)
-    road = sosfilt(butter(2, 1 / 50, output='sos'), rng.normal(size=(30_000, 6)), axis=0)
-    block.samples[:] += road * [2, 2, 4, 20, 20, 20]
-    summary, _ = run(block)
-    assert summary.mostly_motion
-    assert 'mostly_motion' in codes(summary)
-
-
 def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_interpolated():
     block = still(20_000)
     block.absent[:, 0] = True
@@ -133,15 +110,6 @@ def test_motion_is_one_gap_between_the_blocks_given_whatever_is_absent_or_interp
     jumps = np.diff(rows_by_place(even)[0]) - 1
     assert (jumps.min(), np.count_nonzero(jumps)) == (0, 1)
     assert sum(one.new_run for one in even) == 1
-
-
-def test_a_knock_on_an_axis_that_is_constant_otherwise_is_cut_out():
-    block = still(20_000)
-    block.samples[:, 2] = 0.125
-    block.samples[15_000:15_005, 2] += [0.3, -0.21, 0.17, -0.09, 0.04]
-    summary, _ = run(block)
-    assert covered(summary.timeline.motion, 149.9, 0.2)
-    assert summary.motions == 1
 
 
 def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
@@ -237,26 +205,16 @@ def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
             quantized(total(usual(), tone(0.001, 5 * sigma)), 2 * sigma)]
 
 
-KINDS = ['terms', 'drift', 'outputs', 'tones']
-
-
-@pytest.mark.parametrize('kind', KINDS)
-def test_noise_drift_and_steady_vibration_are_no_motion(kind):
-    summary, given = detect(noise_at_rest(kind, 100.0, 1), 100.0, 0.5)
+@pytest.mark.parametrize('kind', ['terms', 'drift', 'outputs', 'tones'])
+@pytest.mark.parametrize(('rate_hz', 'hours'), [
+    (100.0, 0.5), slow(20.0, 24.0), slow(100.0, 24.0), slow(1000.0, 4.0)])
+def test_noise_drift_and_steady_vibration_are_no_motion(kind, rate_hz, hours):
+    summary, given = detect(noise_at_rest(kind, rate_hz, 1 + (hours > 1)), rate_hz, hours)
     assert summary.cut.count == 0
-    assert given == 180_000
-    assert summary.changes == ()
+    assert given == rate_hz * hours * 3600
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('kind', KINDS)
-@pytest.mark.parametrize(('rate_hz', 'hours'), [(20.0, 24.0), (100.0, 24.0), (1000.0, 4.0)])
-def test_a_day_of_noise_has_no_motion(kind, rate_hz, hours):
-    summary, _ = detect(noise_at_rest(kind, rate_hz, 2), rate_hz, hours)
-    assert summary.cut.count == 0
-
-
-@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
+@pytest.mark.parametrize('rate_hz', [20.0, 1000.0])
 def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
     block = still(int(200 * rate_hz), rate_hz)
     time = times(block)
@@ -270,19 +228,7 @@ def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
     assert summary.motions == 0
 
 
-@pytest.mark.parametrize('seconds', [4.0, 4.5, 5.0, 6.0])
-def test_noise_of_a_few_seconds_is_no_motion(seconds):
-    for seed in range(300):
-        detector = MotionDetector(0.01)
-        rows = np.random.default_rng(seed).normal(size=(int(100 * seconds), 6))
-        detector.push(EvenBlock(rows, 0, new_run=True))
-        detector.flush()
-        assert detector.summary.cut.count == 0, seed
-
-
-@pytest.mark.parametrize(('rate_hz', 'rows'), [
-    (100.0, 150), (100.0, 250), (100.0, 400), (100.0, 600), (25.0, 30), (200.0, 140),
-    (4000.0, 2800)])
+@pytest.mark.parametrize(('rate_hz', 'rows'), [(100.0, 150), (100.0, 600), (4000.0, 2800)])
 def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(rate_hz, rows):
     rng = np.random.default_rng(rows)
     for seed in range(15):

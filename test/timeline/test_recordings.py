@@ -8,7 +8,6 @@ from pathlib import Path
 from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.timeline import TimelineSummary
 from imu_messages import codes, run
-import numpy as np
 import pytest
 
 DATA = os.environ.get('IMU_ALLAN_DATA')
@@ -53,14 +52,3 @@ def test_a_real_sensor_at_rest_loses_nothing_but_one_knock_that_is_there():
     assert knock.start_s + knock.duration_s > 100.2
     assert knock.duration_s <= 3.0
     assert not summary.mostly_motion
-
-
-def test_constant_messages_are_neither_motion_nor_lost():
-    folder = Path(str(DATA)) / 'plotjuggler_v2_constant_imu'
-    (path,) = (entry for entry in folder.iterdir() if entry.is_dir())
-    with open_recording(path) as recording:
-        (topic,) = (topic.name for topic in recording.topics)
-        summary, even = run(read_blocks(recording, topic))
-    assert summary.messages == 1565
-    assert summary.timeline.motion == ()
-    assert np.unique(np.concatenate([one.samples for one in even]), axis=0).shape[0] == 1

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 from functools import lru_cache
-from time import process_time
 
 from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import EvenBlock, ImuBlock
@@ -11,7 +10,7 @@ from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
 from imu_messages import codes, cut, pick, rows_by_place, run, said, START_NS, still
 import numpy as np
 import pytest
-from whole_lines import refused, Varying
+from whole_lines import refused
 
 
 def faulty(seed: int, count: int = 12_000) -> ImuBlock:
@@ -121,34 +120,7 @@ def test_messages_are_all_accounted_for_and_places_rise(data):
     assert np.isfinite(given_rows).all()
 
 
-@pytest.mark.parametrize('rate_hz', [20.0, 100.0, 1000.0])
-@pytest.mark.parametrize('jitter', [0.0, 0.02, 0.15])
-def test_one_percent_random_drops_are_counted_exactly(rate_hz, jitter):
-    rng = np.random.default_rng(7)
-    count = 60_000
-    block = still(count, rate_hz, late=rng.exponential(jitter, count) if jitter else None)
-    keep = rng.random(count) >= 0.01
-    keep[[0, -1]] = True
-    summary, even = run(pick(block, np.flatnonzero(keep)))
-    assert summary.timeline.missing == summary.interpolated == np.count_nonzero(~keep)
-    assert summary.timeline.samples == np.count_nonzero(keep)
-    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-5)
-    assert summary.timeline.gaps == summary.timeline.motion == ()
-    assert len(rows_by_place(even)[0]) == count
-
-
-def test_an_interpolated_gap_holds_the_mean_of_its_neighbours():
-    block = still(1000)
-    summary, even = run(pick(block, np.delete(np.arange(1000), [500, 501, 502])), motion='keep')
-    assert summary.interpolated == 3
-    _, rows = rows_by_place(even)
-    around = np.concatenate([block.samples[492:500], block.samples[503:511]])
-    assert rows[500:503] == pytest.approx(np.tile(around.mean(axis=0), (3, 1)), rel=1e-12)
-    assert np.array_equal(np.delete(rows, [500, 501, 502], axis=0),
-                          np.delete(block.samples, [500, 501, 502], axis=0))
-
-
-@pytest.mark.parametrize('tolerance', [0, 1, 5, 20])
+@pytest.mark.parametrize('tolerance', [0, 5])
 def test_gaps_up_to_the_tolerance_are_interpolated_and_longer_ones_listed(tolerance):
     block = still(5000)
     gaps = {1000: 1, 2000: 5, 3000: 6, 4000: 21}
@@ -181,7 +153,7 @@ def test_repeated_and_backward_messages_are_counted_and_left_out():
     assert summary.timeline.missing == summary.interpolated == len(late)
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300, 'absent'])
+@pytest.mark.parametrize('value', [np.nan, 1e300, 'absent'])
 def test_unusable_values_are_rejected_and_interpolated(value):
     block = still(10_000)
     rows, axes = np.array([100, 5000, 5001, 9000]), np.array([0, 3, 5, 2])
@@ -194,25 +166,6 @@ def test_unusable_values_are_rejected_and_interpolated(value):
     assert summary.interpolated == 4
     assert np.isfinite(rows_by_place(even)[1]).all()
     assert summary.present == (True,) * 6
-
-
-@pytest.mark.parametrize(('axes', 'said_codes'), [
-    (slice(3, 6), set()), (slice(2, 3), {'axis_not_finite'})])
-def test_what_is_absent_throughout_is_not_present_and_costs_the_others_nothing(axes, said_codes):
-    block = still(10_000)
-    if said_codes:
-        block.samples[:, axes] = np.nan
-    else:
-        block.absent[:, 1] = True
-    summary, even = run(block)
-    there = np.ones(6, bool)
-    there[axes] = False
-    assert summary.present == tuple(there)
-    _, rows = rows_by_place(even)
-    assert np.isnan(rows[:, ~there]).all()
-    assert np.array_equal(rows[:, there], block.samples[:, there])
-    assert summary.timeline.rejected == 0
-    assert codes(summary) == said_codes
 
 
 def test_messages_without_any_field_are_refused():
@@ -235,27 +188,10 @@ def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted()
         'frame_id': 'imu_link', 'others': ['base_link'], 'rejected': [2000]}
 
 
-def test_where_samples_are_counted_those_of_another_frame_leave_no_gap():
-    stamps = np.zeros(20_000, np.int64)
-    one, other = (replace(still(20_000, frame_id=frame_id), header_ns=stamps, receive_ns=stamps)
-                  for frame_id in ('imu_link', 'base_link'))
-    parts = [slice(first, first + 100) for first in range(0, 20_000, 100)]
-    summary, _ = run([block.part(part) for part in parts for block in (one, other)], rate_hz=100.0)
-    assert (summary.timeline.samples, summary.timeline.missing) == (20_000, 0)
-    assert summary.timeline.duration_s == pytest.approx(200.0)
-
-
-def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
-    summary, _ = run([still(200), *(replace(still(1), frame_id=f'frame_{i}')
-                                    for i in range(1000))])
-    assert len(said(summary, 'several_frames').values['others']) < 20
-    assert summary.timeline.rejected == 1000
-
-
-@pytest.mark.parametrize('step_s', [3600.0, -3600.0])
+@pytest.mark.parametrize('step_s', [3600, -3600])
 def test_a_clock_step_begins_a_new_run_and_no_gap(step_s):
     block = still(12_000)
-    block.header_ns[7000:] += int(step_s * 1e9)
+    block.header_ns[7000:] += step_s * 10**9
     summary, even = run(block)
     assert 'clock_jumps' in codes(summary)
     assert summary.clock_jumps == 1
@@ -264,17 +200,6 @@ def test_a_clock_step_begins_a_new_run_and_no_gap(step_s):
     assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
     assert [one.first_index for one in even if one.new_run] == [0, 7000]
-
-
-def test_a_bag_played_in_a_loop_begins_a_new_run_each_time():
-    block = still(3000)
-    looped = pick(block, np.tile(np.arange(3000), 4))
-    received = looped.receive_ns[0] + np.arange(12_000) * 10_000_000
-    summary, even = run(replace(looped, receive_ns=received))
-    assert summary.clock_jumps == 3
-    assert sum(one.new_run for one in even) == 4
-    assert summary.timeline.samples == 12_000
-    assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
 
 
 def test_a_break_of_reception_that_both_clocks_see_is_a_gap():
@@ -288,10 +213,9 @@ def test_a_break_of_reception_that_both_clocks_see_is_a_gap():
     assert sum(one.new_run for one in even) == 1
 
 
-@pytest.mark.parametrize('stray', [START_NS + 10**17, 0])
-def test_single_stamps_far_from_the_others_are_left_out(stray):
+def test_single_stamps_far_from_the_others_are_left_out():
     block = still(12_000)
-    block.header_ns[[3000, 9000]] = stray
+    block.header_ns[[3000, 9000]] = START_NS + 10**17, 0
     summary, even = run(block)
     assert summary.timeline.out_of_order == summary.timeline.missing == 2
     assert sum(one.new_run for one in even) == 1
@@ -302,6 +226,7 @@ def test_single_stamps_far_from_the_others_are_left_out(stray):
     (lambda stamps: stamps * 0 + 5, 'constant'),
     (lambda stamps: stamps // 10**9 * 10**9, 'in whole seconds'),
     (lambda stamps: stamps // 10**8 * 10**8, 'coarse'),
+    (lambda stamps: np.tile([stamps[5], stamps[1]], len(stamps) // 2), 'out of order'),
 ])
 def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
     block = still(10_000)
@@ -314,8 +239,7 @@ def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
     assert summary.start_time.startswith('2023-11-14T22:13:20')
 
 
-@pytest.mark.parametrize('rate_hz', [10, 400, 1000])
-@pytest.mark.parametrize('late', [0.01, 0.2, 1.5])
+@pytest.mark.parametrize(('rate_hz', 'late'), [(10, 0.2), (1000, 1.5)])
 def test_microseconds_in_place_of_nanoseconds_make_receive_stamps_the_clock(rate_hz, late):
     block = still(max(20 * rate_hz, 2000), rate_hz)
     receive = block.header_ns + np.random.default_rng(0).exponential(
@@ -395,7 +319,7 @@ def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
     assert summary.timeline.sample_rate_hz == 101.0
 
 
-@pytest.mark.parametrize('other_hz', [200.0, 110.0, 50.0])
+@pytest.mark.parametrize('other_hz', [110.0, 50.0])
 def test_a_rate_change_half_way_is_reported_and_the_other_rate_left_out(other_hz):
     first, then = still(30_000), still(20_000, other_hz, seed=1)
     shift = int(first.header_ns[-1] - START_NS + 1e9 / other_hz)
@@ -407,17 +331,6 @@ def test_a_rate_change_half_way_is_reported_and_the_other_rate_left_out(other_hz
     assert change['at_s'] == pytest.approx(300, abs=3)
     assert change['left_out'] == summary.timeline.rejected == pytest.approx(20_000, abs=300)
     assert len(rows_by_place(even)[0]) == pytest.approx(30_000, abs=300)
-
-
-def test_samples_at_the_first_rate_are_used_again_when_it_returns():
-    interval_ns = np.repeat([10_000_000, 50_000_000, 10_000_000], [10_000, 6000, 10_000])
-    stamps = START_NS + np.cumsum(interval_ns)
-    summary, even = run(replace(still(26_000), header_ns=stamps, receive_ns=stamps + 300_000))
-    assert summary.timeline.samples == pytest.approx(20_000, abs=500)
-    assert max(np.diff(rows_by_place(even)[0])) == pytest.approx(30_000, abs=500)
-    (gap,) = summary.timeline.gaps
-    assert gap.start_s == pytest.approx(100.0, abs=5.0)
-    assert summary.timeline.duration_s == pytest.approx(500.0, abs=1.0)
 
 
 def test_a_break_begins_a_new_run_at_the_next_sample():
@@ -441,13 +354,12 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
     assert (gap.start_s, gap.duration_s) == pytest.approx((60.0, 120.0), abs=0.02)
 
 
-@pytest.mark.parametrize('gravity', [0.0, 1.0, 5.0])
-def test_gravity_far_from_its_value_is_reported(gravity):
+def test_gravity_far_from_its_value_is_reported():
     block = still(2000)
     block.samples[:, 3:] += [1.0, 0, 0.1]
     assert run(block)[0].remarks == ()
-    block.samples[:, 3:] += [-1.0, 0, gravity - 9.91]
-    assert said(run(block)[0], 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
+    block.samples[:, 3:] += [-1.0, 0, 5 - 9.91]
+    assert said(run(block)[0], 'gravity').values == {'mean': pytest.approx(5, abs=1e-2)}
 
 
 def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
@@ -460,7 +372,7 @@ def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
     assert summary.timeline.missing == 19_990
 
 
-@pytest.mark.parametrize('count', [0, 1, 2, 3, 7, 50, 300])
+@pytest.mark.parametrize('count', [0, 1, 2, 50])
 def test_short_streams_give_all_their_samples(count):
     block = still(count)
     summary, even = run(block)
@@ -469,31 +381,6 @@ def test_short_streams_give_all_their_samples(count):
         assert summary.timeline.sample_rate_hz == pytest.approx(100.0)
     if count == 1:
         assert summary.timeline.sample_rate_hz is None
-
-
-@pytest.mark.parametrize('damage', [
-    lambda state: state.pop('options'),
-    lambda state: state.pop('counts'),
-    lambda state: state.pop('decision'),
-    lambda state: state.update(cursor=np.array('[1]')),
-    lambda state: state.update(decision=np.array('no json')),
-    lambda state: state.update(counts=np.array(
-        str(state['counts']).replace('"messages": 4032', '"messages": "many"'))),
-    lambda state: state.update({'pending/blocks/0/header_ns': np.zeros(5, np.int64)}),
-    lambda state: state.update({'pending/blocks/0/samples': np.zeros(5)}),
-    lambda state: state.update(tail=state['tail'][:, :5]),
-    lambda state: state.pop('presence'),
-    lambda state: state.update(motion=np.array('[]')),
-    lambda state: state.pop('motion/held/0/means'),
-    lambda state: state.update({'motion/held/0/rows/0': state['motion/held/0/rows/0'][:-1]}),
-])
-def test_a_damaged_state_is_refused(damage):
-    stage = TimelineStage()
-    stage.push(still(5000))
-    state = stage.to_state()
-    damage(state)
-    with refused(Varying('saved timeline is damaged: <words>')):
-        TimelineStage.from_state(state)
 
 
 def test_state_stays_small_once_the_baseline_is_settled():
@@ -545,16 +432,3 @@ def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
              *(gap.start_s for gap in timeline.gaps), *(gap.duration_s for gap in timeline.gaps)]
     assert np.isfinite(plain).all()
     assert min(plain) >= 0
-
-
-def test_an_axis_that_never_changes_costs_no_time():
-    """Its windows were looked through for faults again and again: the time was 1.6 times that."""
-    block = still(200_000, 1000.0)
-    constant = replace(block, samples=np.where(np.arange(6) == 2, 0.0, block.samples))
-    times: dict[bool, list[float]] = {False: [], True: []}
-    for _ in range(3):
-        for dead, whole in ((False, block), (True, constant)):
-            begin = process_time()
-            run(cut(whole, range(8000, 200_000, 8000)))
-            times[dead].append(process_time() - begin)
-    assert min(times[True]) < 1.4 * min(times[False])

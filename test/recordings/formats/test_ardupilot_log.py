@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """ArduPilot logs, written as its LogStructure.h says, and by pymavlink, which reads along."""
 
-from array import array
 from pathlib import Path
 from struct import calcsize, pack
 import subprocess
@@ -106,18 +105,6 @@ def test_every_bit_is_what_pymavlink_reads(tmp_path, write):
         assert messages.samples[:, :len(fields) - 1].tolist() == [row[1:] for row in expected]
 
 
-def test_batches_that_pymavlink_wrote_are_unrolled_to_the_last_bit(tmp_path):
-    counts = NOISE.integers(-2**15, 2**15, (32, 3, 32)).astype(np.int16)
-    messages = [('ISBH', (7, 1, 1, 0, 1024, 1024, 5_000_000, 4000.0))] + [
-        ('ISBD', (7, 1, part, *(array('h', axis.tobytes()) for axis in counts[part])))
-        for part in range(32)]
-    found, _ = read(write_with_pymavlink(tmp_path / 'a.bin', messages))
-    expected = counts.transpose(0, 2, 1).reshape(-1, 3) / 1024
-    assert found.samples[:, :3].tolist() == expected.tolist()
-    assert found.header_ns.tolist() == (5 * 10**9 + 250_000 * np.arange(1024)).tolist()
-    assert found.absent.all(axis=0).tolist() == [False, True]
-
-
 def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):
     second = [('IMU2', (values[0], *values[2:])) for _, values in imu(number=1)]
     path = write(tmp_path / 'a.bin', imu() + second)
@@ -193,32 +180,13 @@ def test_damage_is_quiet(tmp_path):
     assert '  read as     ArduPilot IMU, as logged' in shown.stdout.splitlines()
 
 
-def no_field(name: str, field: str) -> tuple[str, str, str]:
-    """Return a format whose field has another name, and what is reported of it."""
-    columns = FORMATS[name][2].replace(field, 'x' * len(field))
-    return name, columns, f'its format (FMT) has no usable field {field}'
-
-
-@pytest.mark.parametrize(('name', 'given', 'reason'), [
-    no_field('IMU', 'GyrZ'), no_field('IMU', 'TimeUS'), no_field('GYR', 'GyrX'),
-    no_field('ISBH', 'smp_rate'), no_field('ISBD', 'seqno'),
-    ('IMU', 'TimeUS,I,GyrX,GyrY,GyrZ', 'its format (FMT) has no usable field AccX'),
-    ('IMU', 'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
+@pytest.mark.parametrize(('given', 'reason'), [
+    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX', 'its format (FMT) has no usable field AccY'),
+    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
      'the fields of its format (FMT) do not add up to its length')])
-def test_a_message_of_another_format_is_reported_with_the_reason(tmp_path, name, given, reason):
-    messages = {'IMU': imu(), 'GYR': raw('GYR', 1000, 300, 0.01)}.get(name, batches(1, 2, 0.01))
-    path = write(tmp_path / 'a.bin', messages)
-    columns = FORMATS[name][2].encode().ljust(64, b'\0')
-    assert path.read_bytes().count(columns) == 1
-    path.write_bytes(path.read_bytes().replace(columns, given.encode().ljust(64, b'\0')))
+def test_a_message_of_another_format_is_reported_with_the_reason(tmp_path, given, reason):
+    path = write(tmp_path / 'a.bin', imu())
+    path.write_bytes(path.read_bytes().replace(
+        FORMATS['IMU'][2].encode().ljust(64, b'\0'), given.encode().ljust(64, b'\0')))
     with open_recording(path) as recording:
-        assert not recording.topics
-        assert recording.reasons[name] == reason
-
-
-def test_damage_is_quiet_where_standard_error_is_no_file(tmp_path, capsys):
-    path = write(tmp_path / 'a.bin', [*imu(), *raw('GYR', 1000, 300, 0.01)])
-    path.write_bytes(path.read_bytes().replace(b'QBQfff', b'fff'.ljust(6, b'\0')))
-    with open_recording(path) as recording:
-        assert [topic.name for topic in recording.topics] == ['IMU']
-    assert capsys.readouterr() == ('', '')
+        assert (recording.topics, recording.reasons['IMU']) == ([], reason)

@@ -109,30 +109,11 @@ def test_a_file_of_many_blocks_is_read_whole(path):
     assert positions[-1] == path.stat().st_size
 
 
-@pytest.mark.parametrize('text', [
-    'time_s,gyro_x\r\n1,5\r\n2,6\r\n', '\ufefftime_s,gyro_x\n1,5\n2,6',
-    'time_s;gyro_x\n1;5\n2;6\n',
-    'time_s\tgyro_x\n1\t5\n2\t6\n', ' time_s , "gyro_x"\n 1 , 5 \n 2 , 6 \n',
-    'time_s,gyro_x\n1,5\n\n2,6\n\n'],
-    ids=['windows', 'byte-order mark', 'semicolons', 'tabs', 'spaces', 'blank lines'])
-def test_what_spreadsheets_do_to_a_csv_is_understood(path, text):
-    path.write_text(text, newline='')
-    messages, remarks = read(path)
-    assert messages.header_ns.tolist() == [10**9, 2 * 10**9]
-    assert messages.samples[:, 0].tolist() == [5, 6]
-    assert remarks == []
-
-
 @pytest.mark.parametrize(('text', 'stamps', 'values', 'count', 'first'), [
     ('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
      [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
-    (f'time,gyro_x\n,0.5\n{STAMP},1\n{STAMP + 5_000_001},2\n',
-     [STAMP, STAMP + 5_000_001], [1, 2], 1, 'line 2: ,0.5'),
     ('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
-     [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1'),
-    ('time_s,gyro_x\n0.0,1\n\n\n0.1,2\n1e300,3\nx\n', [0, 10**8], [1, 2], 2,
-     'line 6: 1e300,3')],
-    ids=['empty cell', 'no first time', 'no time', 'absurd time'])
+     [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1')], ids=['empty cell', 'no time'])
 def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
         path, text, stamps, values, count, first):
     messages, [remark] = read_text(path, text)
@@ -149,16 +130,12 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
     ('time_s,gyro_x\n', 'no line of samples: see what it holds with imu_allan info'),
-    ('time_s,gyro_x\n0,5;1\n',
-     'line 2: 0,5;1 lacks a number in a column that is read. A column that holds none can be left '
-     'out: --columns names the others, and --rate takes the place of the time'),
     ('FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n',
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
-    ('time_s,time [s],gyro_x\n0,5,6\n', 'two time columns'),
     ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
      'column accel_z: LSB cannot be turned into m/s^2'),
     (b'time_s,gyro_x\n' + b'1' * 3_000_000,
@@ -167,14 +144,13 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
     # What may be something else is not taken.
     *((f'{header}\n' + '1,' * header.count(',') + '1\n', no_axes(header)) for header in (
         't,magX (G),magY (G),magZ (G)', 't,FreeAcc_X (m/s^2),FreeAcc_Y (m/s^2),FreeAcc_Z (m/s^2)',
-        't,a.x (rad/s),a.y (rad/s),a.z (rad/s),b.x (rad/s),b.y (rad/s),b.z (rad/s)', 't,x,y,z',
-        't,gyro0,gyro1,gyro2,gyro3', 't,gyro_x_raw,gyro_y_raw,gyro_z_raw', 't,xgyro,ygyro,zgyro')),
+        't,x,y,z', 't,gyro0,gyro1,gyro2,gyro3')),
 ])
 def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
     assert refusal(path, text) == reason
 
 
-@pytest.mark.parametrize('rate', [0.0, -1.0, float('nan'), float('inf')])
+@pytest.mark.parametrize('rate', [0.0, float('nan')])
 def test_an_impossible_rate_is_refused(path, rate):
     path.write_text('gyro_x\n1\n')
     with refused(f'rate {rate}: not a positive number of Hz'):
@@ -207,38 +183,24 @@ def fields(form: str) -> str:
      '7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n8,,2.5,1,2,3,4,5,6,0\n', [1_500_000_000, 2_500_000_000]),
     (f'__time,/imu/header/stamp,{fields("/imu/{}/{}")}\n'
      '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
-    ('__time,/imu/header/stamp,gx,gy,gz,ax,ay,az\ns,s,rad/s,rad/s,rad/s,m/s2,m/s2,m/s2\n'
-     '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
-    ('/imu/data/header/stamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n1.5,1,2,3,4,5,6\n',
-     [1_500_000_000]),
     (f'/imu/raw/header/stamp,{fields("/imu/data/{}/{}")}\n1.5,1,2,3,4,5,6\n', [1_500_000_000]),
-    ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
-    ('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n0.00,1,2,3,4,5,6\n'
-     '0.01,1.0,2e0,+3.0,4,5.,6\n', [0, 10_000_000]),
     ('timestamp [nsec],gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
      f'"{STAMP}","1","2","3","4","5","6"\n"{STAMP + 5_000_001}","1","2","3","4","5","6"\n',
      [STAMP, STAMP + 5_000_001]),
     ('time;gx;gy;gz;ax;ay;az\n0;1;2;3;4;5;6\n0,01;1,0;2;3;4;5;6\n', [0, 10_000_000]),
     ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
-    (f't_us,{fields("{}.{}")}\n5,1,2,3,4,5,6\n', [5000]),
-    ('t;GyrX;GyrY;GyrZ;AccX;AccY;AccZ\n1;1;2;3;4;5;6\n', [10**9]),
     ('# timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z\n'
      '1.5 1 2 3 4 5 6\n', [1_500_000_000]),
     ('t, a_x, a_y, a_z, w_x, w_y, w_z\n1, 4, 5, 6, 1, 2, 3\n', [10**9]),
     ('"Time (s)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)",'
-     '"Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"\n'
-     '1.5E0,1,2,3,4,5,6\n', [1_500_000_000]),
-    ('time;gx;gy;gz;ax;ay;az\n1,5;1,0;2,0;3;4;5;6,0\n', [1_500_000_000]),
+     '"Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"'
+     '\r\n 1.5E0, 1 ,2,3,4,5,6\r\n\r\n', [1_500_000_000]),
     ('# A Logger, device 4\n# gyro_range = 250.0 dps\nt,a_x,a_y,a_z,g_x,g_y,g_z\n1,4,5,6,1,2,3\n',
      [10**9]),
     ('Timestamp,X_acc,Y_acc,Z_acc,pitch,X_gyro,Y_gyro,Z_gyro\n1,4,5,6,0,1,2,3\n', [10**9]),
     ('timestamp,acc1,acc2,acc3,gyro1,gyro2,gyro3\n1,4,5,6,1,2,3\n', [10**9]),
-    ('t,gyro_0,gyro_1,gyro_2,accel_0,accel_1,accel_2\n1,1,2,3,4,5,6\n', [10**9]),
     ('Time,header.seq,header.stamp.secs,header.stamp.nsecs,header.frame_id,'
      f'{fields("{}.{}")}\n7.5,1,{STAMP // 10**9},{STAMP % 10**9},imu,1,2,3,4,5,6\n', [STAMP]),
-    ('secs,nsecs,imu.wx,imu.wy,imu.wz,imu.ax,imu.ay,imu.az\n1,5,1,2,3,4,5,6\n', [10**9 + 5]),
-    ('timestamp_ms,seconds_elapsed,ax_mps2,ay_mps2,az_mps2,gx_rad_s,gy_rad_s,gz_rad_s\n'
-     '1,9,4,5,6,1,2,3\n', [1_000_000]),
     ('loggingTime(txt)|accelerometerTimestamp_sinceReboot(s)|accelerometerAccelerationX(m/s^2)|'
      'accelerometerAccelerationY(m/s^2)|accelerometerAccelerationZ(m/s^2)|'
      'gyroTimestamp_sinceReboot(s)|gyroRotationX(rad/s)|gyroRotationY(rad/s)|gyroRotationZ(rad/s)|'
@@ -251,11 +213,9 @@ def fields(form: str) -> str:
     ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
-        'with stamps of zero', 'and units', 'stamp of any name', 'stamp of another topic', 'short',
-        'own', 'quotes', 'commas behind whole numbers', 'omega', 'dotted', 'logger', 'uzh',
-        'insane', 'phyphox', 'decimal commas', 'comments', 'axis first', 'counted from one',
-        'counted from zero', 'bagpy', 'seconds in two', 'units in names', 'sensorlog',
-        'androsensor', 'units alone'])
+        'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
+        'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
+        'sensorlog', 'androsensor', 'units alone'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -269,8 +229,6 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [g],accel_y [g],accel_z [g]',
      (pi / 180, 9.80665)),
     ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
-    ('Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s),Acc X (G),Acc Y (G),Acc Z (G)',
-     (pi / 180, 9.80665)),
     ('x-axis (deg/s),y-axis (deg/s),z-axis (deg/s),Acc X (m/s2),Acc Y (m/s2),Acc Z (m/s2)',
      (pi / 180, 1.0)),
 ])
@@ -302,17 +260,7 @@ def test_times_that_are_written_as_dates_are_no_numbers_and_reported(path, optio
     assert block.header_ns.tolist() == [0, 10_000_000]
 
 
-def test_another_time_is_read_where_dates_stand_beside_it(path):
-    messages, _ = read_text(path, 'epoc (ms),timestamp (+0900),elapsed (s),x-axis (deg/s)\n'
-                                  '1562737867234,2019-07-10T14:51:07.234,0.5,180\n'
-                                  '1562737867244,2019-07-10T14:51:07.244,0.51,90\n')
-    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
-    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
-
-
 LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
-COMMENTED = {'gyro_x': 'w0', 'time': 'time'}
-FIRST_TWO = {'time': '1', 'gyro_x': '2'}
 
 
 @pytest.mark.parametrize(('text', 'columns', 'seconds', 'samples'), [
@@ -320,51 +268,20 @@ FIRST_TWO = {'time': '1', 'gyro_x': '2'}
      {'time': 'when', 'gyro_x': 'w0 deg/s', 'gyro_y': 'w1 deg/s', 'accel_z': 'up'},
      [2], {0: [pi], 1: [pi / 2], 5: [9.80665]}),
     *((text, LOGGED, [2.5, 3.5], {2: [pi / 2, pi], 3: [9.80665, 19.6133]}) for text in (
-        '2500,imu,90,1\n3500,imu,180,2\n', '2500 imu 90 1\n3500 imu 180 2\n',
-        '2500\timu\t90\t1\n3500\timu\t180\t2\n',
-        'a,b,c,d\n2500,imu,90,1\n3500,imu,180,2\n')),
-    *((text, COMMENTED, [1, 2], {0: [2, 3]}) for text in (
-        '#time,w0,w1\n1,2,3\n2,3,4\n', '# time w0 w1\n1 2 3\n2 3 4\n',
-        '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n',
-        '# a logger\n\ntime;w0;w1\n1;2;3\n2;3;4\n')),
+        '2500 imu 90 1\n3500 imu 180 2\n', 'a,b,c,d\n2500,imu,90,1\n3500,imu,180,2\n')),
+    *((text, {'gyro_x': 'w0', 'time': 'time'}, [1, 2], {0: [2, 3]}) for text in (
+        '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
-    *((text, FIRST_TWO, [0, 0.1], {0: [1.5, 1.6]}) for text in (
-        '0,0;1,5;2,5\n0,1;1,6;2,6\n', '\ufeff0;1,5\n0,1;1,6\n', '\ufeff0,1.5\n0.1,1.6\n')),
-], ids=['names', 'commas', 'blanks', 'tabs', 'numbers of named columns', 'comment',
-        'comment and blanks', 'two comments', 'comment and header', 'decimal commas',
-        'mark and commas', 'mark'])
+    ('\ufeff0;1,5\n0,1;1,6\n', {'time': '1', 'gyro_x': '2'}, [0, 0.1], {0: [1.5, 1.6]}),
+], ids=['names', 'blanks', 'numbers of named columns', 'comment and blanks', 'two comments',
+        'mark and decimal commas'])
 def test_columns_of_any_name_can_be_named_or_numbered_from_one(
         path, text, columns, seconds, samples):
-    messages, remarks = read_text(path, text, options=named(**columns))
-    if columns in (LOGGED, FIRST_TWO):
-        assert [remark.code for remark in remarks] == ['ignored_columns'] * text.startswith('a')
+    messages, _ = read_text(path, text, options=named(**columns))
     assert messages.header_ns.tolist() == [round(second * 1e9) for second in seconds]
     for axis, values in enumerate(messages.samples.T):
         assert values == pytest.approx(
             samples.get(axis, [np.nan] * len(seconds)), rel=1e-15, nan_ok=True)
-
-
-def test_the_unit_of_a_sensor_is_that_of_its_columns(path):
-    messages, _ = read_text(path, 'time_s,gyro_x\n2,180\n', options=RecordingOptions(
-        gyro_unit='deg/s'))
-    assert messages.samples[:, 0] == pytest.approx([pi], rel=1e-15)
-
-
-@pytest.mark.parametrize(('text', 'options', 'seconds', 'celsius'), [
-    # Its number is its place, whatever stands in other columns.
-    ('0.0,21.5,0.1,3,2\n0.1,21.6,0.2,4,2\n',
-     replace(named(time='1', gyro_x='3'), temperature='2'), [0, 0.1], [21.5, 21.6]),
-    # Once a second it needs no unit of time.
-    ('\n'.join(['time,gx,temperature', *(
-        f'{row / 100},{row},{20 + row / 100 if row % 100 == 0 else ""}' for row in range(500))]),
-     RecordingOptions(), [0, 1, 2, 3, 4], [20, 21, 22, 23, 24])], ids=['number', 'seldom'])
-def test_the_column_of_a_temperature_is_read(path, text, options, seconds, celsius):
-    path.write_text(text)
-    with open_recording(path, options=options) as recording:
-        [thermometer] = recording.thermometers
-        [(block, _)] = recording.decoded(thermometer.name)
-    assert block.header_ns.tolist() == [round(second * 1e9) for second in seconds]
-    assert block.samples[:, 0].tolist() == celsius
 
 
 def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
@@ -376,10 +293,9 @@ def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
 
 
 @pytest.mark.parametrize(('first', 'step', 'hz', 'unit'), [
-    (50, 10, '0.1', 's'), (5, 1, '1', 's'), (25_000_000, 5_000_000, '2e-07', 's'),
+    (50, 10, '0.1', 's'), (25_000_000, 5_000_000, '2e-07', 's'),
     # Counters since boot are no time of this century.
-    (108_000_000_000, 10_000, '0.1', 'ms'), (1_000_000_000_000, 10**7, '0.0001', 'ms'),
-    (1_700_000_000, 1, '1', 's')])
+    (108_000_000_000, 10_000, '0.1', 'ms')])
 def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step, hz, unit):
     rows = [f'{first + row * step},{row}' for row in range(200)]
     text = '\n'.join(['timestamp,gx', *rows, ''])
@@ -391,15 +307,11 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step,
         assert block.samples[:, 0].tolist() == list(range(200))
 
 
-@pytest.mark.parametrize('units', ['ms,deg/s,g,', '[ms],[deg/s],[g],', '"ms","deg/s","g",',
-                                   '-,deg/s,g,', 'ms,(deg/s),g,'])
+@pytest.mark.parametrize('units', ['"ms","deg/s","g",', 'ms,(deg/s),g,'])
 def test_units_may_stand_in_a_line_of_their_own(path, units):
     messages, remarks = read_text(
         path, f',time,gyro_x,accel_z,note\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n')
-    if units.startswith('-'):
-        assert messages.header_ns.tolist() == [500 * 10**9, 510 * 10**9]
-    else:
-        assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
+    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
     assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
     assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
     assert remarks == [ignored(path, ['note'])]
@@ -409,29 +321,13 @@ def _rows(times):
     return '\n'.join(['time,gx', *(f'{time:.9f},{row}' for row, time in enumerate(times)), ''])
 
 
-@pytest.mark.parametrize(('unit', 'interval', 'hz'), [
-    ('ms', '2.5', '0.4'), ('us', '2500', '0.0004'), ('min', '4.17e-05', '2.4e+04'),
-    ('h', '6.94e-07', '1.44e+06')])
-@pytest.mark.parametrize('jitter', [0.0, 2e-4], ids=['even', 'jitter'])
-def test_times_without_a_unit_that_would_be_the_rate_of_no_imu_are_asked_for(
-        path, unit, interval, hz, jitter):
-    seconds = np.arange(200) / 400 + jitter * np.random.default_rng(1).uniform(-1, 1, 200)
-    times = seconds / {'ms': 1e-3, 'us': 1e-6, 'min': 60, 'h': 3600}[unit]
-    reason = refusal(path, _rows(times))
-    if not jitter:
-        assert reason == of_no_imu(interval, hz)
-    block, _ = read(path, options=named(time=f'time {unit}'))
-    np.testing.assert_allclose(block.header_ns, seconds * 1e9, atol=4000)
-
-
 @pytest.mark.parametrize('seconds', [
     np.arange(200) / 5.01, np.arange(200) / 19_900,
     np.arange(200) // 2 / 40 + np.arange(200) % 2 * 1e-6,
-    np.arange(200) // 32 * 0.16 + np.arange(200) % 32 * 1e-6,
     np.arange(200) / 100 + 3600 * (np.arange(200) >= 30),
     np.arange(200) / 100 - 1e9 * (np.arange(200) >= 30),
     np.arange(200) // 100, 1.7e9 + np.arange(200) / 100],
-    ids=['slow', 'fast', 'pairs', 'batches', 'outage', 'set back', 'whole seconds', 'epoch'])
+    ids=['slow', 'fast', 'pairs', 'outage', 'set back', 'whole seconds', 'epoch'])
 def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
     block, _ = read_text(path, _rows(seconds))
     np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
@@ -446,52 +342,33 @@ def test_columns_that_may_be_the_axes_of_the_missing_sensor_are_named(path):
                        ignored(path, ['beta_x', 'gyro_q'])]
 
 
-NAMES = 'time_s,time_ms,gx_dps,w0'
 THERE = 'there are time_s, time_ms, gx_dps, w0'
 
 
 @pytest.mark.parametrize(('columns', 'reason'), [
     ({'gyro_x': '5'}, f'--columns: no column 5; {THERE}'),
-    ({'time': '0'}, f'--columns: no column 0; {THERE}'),
     ({'gyro_x': 'w9'}, f'--columns: no column w9; {THERE}'),
     ({'roll': 'w0'}, '--columns roll: not time or one of gyro_x, gyro_y, gyro_z, accel_x, '
                      'accel_y, accel_z'),
     ({'gyro_x': 'w0', 'gyro_y': 'w0'}, '--columns: column w0 is named twice'),
-    ({'gyro_x': 'time_s', 'time': 'time_ms'}, 'column time_s: s cannot be turned into rad/s'),
     ({'gyro_x': 'w0', 'time': 'gx_dps'}, 'column gx_dps: deg/s cannot be turned into s')])
 def test_a_column_that_is_not_there_or_something_else_is_refused(path, columns, reason):
-    assert refusal(path, NAMES + '\n0.01,10,1,2' * 9, options=named(**columns)) == reason
+    assert refusal(path, 'time_s,time_ms,gx_dps,w0' + '\n0.01,10,1,2' * 9,
+                   options=named(**columns)) == reason
 
 
-def test_a_number_beyond_the_unnamed_columns_is_refused(path):
-    assert refusal(path, '1,2\n3,4\n', options=named(gyro_x='4')) == (
-        '--columns: no column 4; there are those from 1 to 2')
-
-
-@pytest.mark.parametrize(('names', 'perhaps_axes'), [
-    ([f'/robot/topic/field_{number}' for number in range(12_000)], False),
+def test_a_table_of_all_topics_of_a_robot_takes_no_time(path):
     # Each name was compared with all others: 100 s.
-    ([f'/robot/joint_{number}/pos/{axis}' for number in range(10_000) for axis in 'xyz'], True)],
-    ids=['fields', 'joints'])
-def test_a_table_of_all_topics_of_a_robot_takes_no_time(path, names, perhaps_axes):
+    names = [f'/robot/joint_{number}/pos/{axis}' for number in range(10_000) for axis in 'xyz']
     begin = time.process_time()
     messages, [remark] = read_text(path, f'{",".join(["t", *names, "gy"])}\n'
                                          f'{",".join(["1", *["0"] * len(names), "3"])}\n')
     assert time.process_time() - begin < 5
     assert messages.samples[0, 1] == 3
-    assert remark == ignored(path, names[:10], perhaps_axes=perhaps_axes, count=len(names))
+    assert remark == ignored(path, names[:10], perhaps_axes=True, count=len(names))
 
 
-def test_long_comments_take_no_time(path):
-    path.write_text(('#' + ',' * 1_000_000 + '\n') * 20 + 't,gx\n0,1\n')
-    begin = time.process_time()
-    messages, _ = read(path)
-    assert time.process_time() - begin < 5
-    assert messages.samples[0, 0] == 1
-
-
-@pytest.mark.parametrize('cell', [' ' * 60_000, '"' + ' ' * 60_000, 'x' + ' ' * 60_000 + 'y',
-                                  '/' * 60_000, 'gyro[' * 12_000, ('y' + ' ' * 190 + 'z,') * 300])
+@pytest.mark.parametrize('cell', ['x' + ' ' * 60_000 + 'y', '/' * 60_000, 'gyro[' * 12_000])
 def test_a_header_of_any_text_takes_no_time(tmp_path, cell):
     # Found by a coverage-guided fuzzer: blanks in a column name took seconds each kilobyte.
     path = tmp_path / 'a.csv'

@@ -36,16 +36,11 @@ def plain(place, values):
 
 @pytest.mark.parametrize(('header', 'row', 'mark', 'reason'), [
     (HEADER, lambda place, values: [str(place + 1), *plain(place, values)], ',', FIVE_FIELDS),
-    (HEADER, lambda place, values: [f'"{place + 1}"', *plain(place, values)], ',', FIVE_FIELDS),
-    (HEADER, lambda place, values: [*plain(place, values), '1'], ',', FIVE_FIELDS),
     (HEADER.replace(',', ' '), lambda place, values: [*plain(place, values), '1'], ' ',
-     FIVE_FIELDS),
-    (HEADER + ',', lambda place, values: [str(place), *plain(place, values), ''], ',',
      FIVE_FIELDS),
     (HEADER, lambda place, values: [cell.replace('.', ',') for cell in plain(place, values)], ',',
      EIGHT_FIELDS)],
-    ids=['number', 'number in quotes', 'one more', 'blanks', 'unnamed at the end',
-         'decimal commas'])
+    ids=['number', 'blanks', 'decimal commas'])
 def test_rows_of_more_fields_than_names_are_refused(path, header, row, mark, reason):
     assert refusal(path, table(header, row, mark)) == reason
 
@@ -54,18 +49,16 @@ def test_rows_of_more_fields_than_names_are_refused(path, header, row, mark, rea
     (HEADER, lambda place, values: [
         f'"{value}"'.replace('.', ',') for value in (f'{place / 100:.2f}', *values)]),
     ('note,' + HEADER, lambda place, values: ['"a, b"', *plain(place, values)]),
-    (HEADER, lambda place, values: [*plain(place, values), '']),
     (HEADER, lambda place, values: [*plain(place, values), *['7'][:place == 3]]),
-    (HEADER + ',', lambda place, values: [*plain(place, values), 'OK']),
     ('note,' + HEADER, lambda place, values: [['"open', ''][place > 0], *plain(place, values)])],
-    ids=['decimal commas in quotes', 'commas in quotes', 'empty at the end', 'one long row',
-         'unnamed at the end', 'quote that is not closed'])
+    ids=['decimal commas in quotes', 'commas in quotes', 'one long row',
+         'quote that is not closed'])
 def test_rows_that_are_only_written_unusually_are_read(path, header, row):
     path.write_text(table(header, row))
     assert read(path)[0].samples[:, :3].tolist() == ROWS.tolist()
 
 
-@pytest.mark.parametrize('damage', ['\r', '\0', '"\r\0"'])
+@pytest.mark.parametrize('damage', ['\r', '"\r\0"'])
 def test_marks_of_damage_cost_a_line_at_most(path, damage):
     text = table(HEADER + ',note', lambda place, values: [
         str(place / 100) + (damage if place == 3 else ''), *values, '"a, b"'])
@@ -79,10 +72,8 @@ SPLIT = f'seconds,nanoseconds,{AXES}'
 
 
 @pytest.mark.parametrize('times', [
-    lambda place: (f'{7 + place / 8}', f'{125_000_000 * (place % 8)}'),
-    lambda place: (f'{place / 8}', f'{125_000_000 * place}'),
-    lambda place: (f'{place // 8}', f'{125_000_000 * place}'),
-    lambda place: (f'{place // 8}', f'{125_000_000 * (place % 8) - 500_000_000}')])
+    lambda place: (f'{place / 8}', f'{125_000_000 * (place % 8)}'),
+    lambda place: (f'{place // 8}', f'{125_000_000 * place}')])
 def test_seconds_and_nanoseconds_that_are_no_two_parts_are_refused(path, times):
     text = table(SPLIT, lambda place, values: [*times(place), *values])
     assert refusal(path, text) == NO_TIME
@@ -100,7 +91,7 @@ def test_a_damaged_line_does_not_part_seconds_from_their_nanoseconds(path):
                           first='line 11: 1,100000000000,' + ','.join(map(str, ROWS[9].tolist())))
 
 
-@pytest.mark.parametrize(('grouped', 'comma'), [('.', False), (',', False), ('.', True)])
+@pytest.mark.parametrize(('grouped', 'comma'), [(',', False), ('.', True)])
 def test_times_with_a_mark_between_thousands_are_refused(path, grouped, comma):
     def row(place, values):
         time = f'{900 + 10 * place:,}'.replace(',', grouped)

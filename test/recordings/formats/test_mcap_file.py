@@ -4,7 +4,6 @@
 
 from functools import partial
 from pathlib import Path
-import resource
 import struct
 import time
 
@@ -14,7 +13,6 @@ from bags import (
     COMPRESSIONS,
     figures,
     joined,
-    mcap_chunk,
     mcap_written,
     read,
     said,
@@ -32,7 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 import pytest
 from whole_lines import refused
-import zstandard
 
 MESSAGES = block(1000)
 
@@ -45,8 +42,8 @@ def chunk_places(path: Path) -> list[tuple[int, int]]:
 
 
 @pytest.mark.parametrize('options', [
-    *({'compression': name, 'index_types': types} for name in COMPRESSIONS
-      for types in (IndexType.ALL, IndexType.NONE)), {'use_chunking': False}], ids=str)
+    *({'compression': name} for name in COMPRESSIONS), {'index_types': IndexType.NONE},
+    {'use_chunking': False}], ids=str)
 @pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 3 * (n % 50 == 0)],
                          ids=['alone', 'alternating', 'bursts'])
 def test_every_bit_of_what_the_mcap_library_wrote_is_read(tmp_path, options, others):
@@ -110,22 +107,6 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
                 if record.channel_id in wanted]
 
 
-@pytest.mark.parametrize('places', [
-    lambda places: places[:-1], lambda places: places[1:] + 1, lambda places: places * 0,
-    lambda places: places + 10**12, lambda places: places[:0],
-    lambda places: np.delete(places, 500)], ids=['short', 'shifted', 'same', 'far', 'none', 'gap'])
-def test_a_wrong_message_index_loses_nothing(tmp_path, places):
-    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression='none', chunk_size=10**7,
-                      others=lambda n: n % 2)
-    with path.open('rb') as file:
-        [chunk] = [record for record in StreamReader(file, emit_chunks=True).records
-                   if isinstance(record, Chunk)]
-    batches, consumed = gather(chunk.data, {1}, None, lambda: places(message_places(chunk.data)))
-    assert consumed == len(chunk.data)
-    assert np.concatenate([batch.receive_ns for batch in batches]).tolist() == (
-        MESSAGES.receive_ns.tolist())
-
-
 def test_several_channels_of_one_topic_are_read_together(tmp_path):
     path = tmp_path / 'a.mcap'
     with mcap_written(path) as message:
@@ -138,13 +119,10 @@ def test_several_channels_of_one_topic_are_read_together(tmp_path):
 
 @pytest.mark.parametrize(('others', 'kept', 'number', 'lost'), [
     (0, lambda n: n % 4, lambda n: n, 249),
-    (0, lambda n: n % 3, lambda n: n, 332),
     (0, lambda n: n % 4, lambda _: 0, 0),
     (1, lambda n: n % 100, lambda n: n, 9),
     (1, lambda _: True, lambda n: n + n // 10, 0),
-    (0, lambda _: True, lambda n: n % 500, 0),
-], ids=['every fourth', 'every third', 'no numbers', 'beside others', 'one counter for all topics',
-        'a driver that restarts'])
+], ids=['every fourth', 'no numbers', 'beside others', 'one counter for all topics'])
 def test_what_the_numbers_of_messages_say_was_lost_is_reported(
         tmp_path, others, kept, number, lost):
     path, messages = tmp_path / 'a.mcap', 0
@@ -168,9 +146,6 @@ def test_ros1_messages_inside_mcap_are_read(tmp_path):
     assert_same(MESSAGES, read(path)[0])
 
 
-# ---------------------------------------------------------------------------------------- damaged
-
-
 @pytest.mark.parametrize('compression', COMPRESSIONS)
 def test_a_truncated_file_gives_every_message_of_every_whole_chunk(tmp_path, compression):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
@@ -191,25 +166,6 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(tmp_path, com
         assert remark.values['whole_chunks'] == number
         assert figures(remark.values['end']) == [start, end - 1 - start]
     assert counts == sorted(set(counts))
-    # Without indexes behind the chunks
-    whole = write_mcap(path, MESSAGES, compression=compression,
-                       index_types=IndexType.NONE).read_bytes()
-    path.write_bytes(whole[:len(whole) // 2])
-    after, [remark] = read(path)
-    assert 400 < len(after) < 500
-    assert_same(after, joined([block(len(after))]))
-    assert remark.code == 'truncated_recording'
-
-
-def test_a_tail_of_zeros_is_reported(tmp_path):
-    path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
-    whole = path.read_bytes()
-    _, end = chunk_places(path)[3]
-    path.write_bytes(whole[:end] + bytes(4096))
-    after, [remark] = read(path)
-    assert_same(after, joined([block(len(after))]))
-    assert (remark.code, remark.values['whole_chunks']) == ('truncated_recording', 4)
-    assert figures(remark.values['end']) == [4096, end]
 
 
 def damaged_chunk(path, remark, chunks, at, lost, broken=1):
@@ -233,18 +189,6 @@ def test_a_flipped_bit_that_decompresses_all_the_same_is_found_by_the_checksum(t
     assert 'checksum' in remark.values['first']
 
 
-def test_malformed_messages_are_counted(tmp_path):
-    path = tmp_path / 'a.mcap'
-    with mcap_written(path) as message:
-        for number, (stamp, row) in enumerate(serialized(MESSAGES)):
-            message('/imu', stamp, row if number % 10 else b'\0\1\0\0junk')
-    after, [remark] = read(path)
-    assert len(after) == 900
-    assert remark == said(path, 'malformed_messages', what='message', count=100, topic='/imu',
-                          type='sensor_msgs/Imu', first=remark.values['first'])
-    assert figures(remark.values['first']) == [8, 312]
-
-
 def test_a_file_cut_within_its_first_chunk_is_distinguished_from_an_empty_one(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
     start, _ = chunk_places(path)[0]
@@ -255,8 +199,8 @@ def test_a_file_cut_within_its_first_chunk_is_distinguished_from_an_empty_one(tm
         open_recording(path)
 
 
-@pytest.mark.parametrize('compression', COMPRESSIONS)
-@pytest.mark.parametrize(('size', 'figures_said'), [(2**62, [2**62]), (2**28, [])])
+@pytest.mark.parametrize(('compression', 'size', 'figures_said'), [
+    ('lz4', 2**62, [2**62]), ('zstd', 2**28, []), ('none', 2**28, [])])
 def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, size, figures_said):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
     start, _ = chunk_places(path)[1]
@@ -289,36 +233,3 @@ def test_a_million_channels_take_neither_time_nor_memory(tmp_path):
     with open_recording(path) as recording:
         assert len(recording.topics) == 1
     assert time.process_time() - start < 20
-
-
-def tiny_records() -> tuple[bytes, int]:
-    """Return records packed, and their size; no run of equal ones can be stepped over as one."""
-    tiny = b''.join(b'\5' + struct.pack('<QHIQQ', 22, channel, 0, 0, 0) for channel in (7, 8, 9))
-    plain = tiny * ((1 << 26) // len(tiny))
-    return zstandard.compress(plain), len(plain)
-
-
-def zeros() -> tuple[bytes, int]:
-    """Return a gigabyte packed, and its size."""
-    compressor = zstandard.ZstdCompressor().compressobj(size=1 << 30)
-    packed = b''.join(compressor.compress(bytes(1 << 20)) for _ in range(1 << 10))
-    return packed + compressor.flush(), 1 << 30
-
-
-@pytest.mark.parametrize(('bomb', 'times', 'word'), [
-    (tiny_records, 5, 'records'), (zeros, 1, f'{1 << 30} bytes')])
-def test_a_bomb_is_left_out_in_little_time_and_memory(tmp_path, bomb, times, word):
-    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, chunk_size=50_000)
-    places, content = chunk_places(path), path.read_bytes()
-    start, end = places[2]
-    packed, size = bomb()
-    assert len(packed) < size // 3000
-    path.write_bytes(content[:start] + mcap_chunk(packed, size) * times + content[end:])
-    before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
-    after, [remark] = read(path)
-    assert time.process_time() - began < 10
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
-    assert len(after) > 700
-    assert remark == damaged_chunk(path, remark, len(places) + times - 1, start + 9,
-                                   1000 - len(after), broken=times)
-    assert word in remark.values['first']

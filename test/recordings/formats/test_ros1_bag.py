@@ -10,22 +10,18 @@ from bags import (
     block,
     chunk_starts,
     figures,
-    joined,
     read,
     refusal,
     ROS1_COMPRESSIONS,
     ros1_record,
-    ROS1_STORE,
     said,
-    serialized,
     write_bag,
 )
-from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.recordings import open_recording
 import lz4.frame
 from measured_command import run
 import pytest
 from repeated import combined
-from rosbags.rosbag1 import Writer
 
 MESSAGES = block(3000)
 
@@ -67,28 +63,6 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
      'encrypted; decrypt it with: rosbag decrypt')])
 def test_other_versions_and_encrypted_bags_are_refused(tmp_path, content, reason):
     assert refusal(tmp_path / 'a.bag', content) == reason
-
-
-def test_an_empty_bag_is_named(tmp_path):
-    path = tmp_path / 'a.bag'
-    with Writer(path):
-        pass
-    assert refusal(path) == 'it holds no topics at all: the recording is empty'
-
-
-def test_frame_ids_that_change_are_kept(tmp_path):
-    path = tmp_path / 'a.bag'
-    parts = [block(40), block(3, 'another', 40), block(1, 'x', 43), block(60, first=44)]
-    with Writer(path) as writer:
-        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=ROS1_STORE)
-        for part in parts:
-            for stamp, row in serialized(part, 'ros1'):
-                writer.write(imu, stamp, row)
-    with open_recording(path) as recording:
-        blocks = list(read_blocks(recording, '/imu'))
-    assert [(item.frame_id, len(item)) for item in blocks] == [
-        ('imu_link', 40), ('another', 3), ('x', 1), ('imu_link', 60)]
-    assert_same(joined(parts), joined(blocks))
 
 
 TINY = {

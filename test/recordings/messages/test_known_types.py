@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Types of drivers that are read by name, at the meaning of their own fields."""
 
-from bags import joined, read
+from bags import joined
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.messages.imus_in import imu_messages
 import numpy as np
 from other_types import (
     full_definition,
@@ -21,7 +22,6 @@ COUNT = 40
 GYRO = samples(COUNT)[:, :3].astype(np.float32)
 ACCEL = samples(COUNT)[:, 3:].astype(np.float32)
 BOTH = np.hstack([GYRO, ACCEL]).astype(np.float64)
-TIMES_US = 5_000_000_000 + 4_000 * np.arange(COUNT)
 
 PX4_COMBINED = (
     'uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\n'
@@ -37,21 +37,6 @@ PX4_FIFO = ('uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat3
             'float32 scale\nuint8 samples\nint16[32] x\nint16[32] y\nint16[32] z\n')
 UNITREE_IMU = ('float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\n'
                'float32[3] rpy\nint8 temperature\n')
-
-
-def test_px4_fifos_are_unrolled_to_true_sample_times(tmp_path):
-    kind = 'px4_msgs/msg/SensorGyroFifo'
-    raw = np.arange(COUNT * 3 * 32).reshape(COUNT, 3, 32).astype(np.int16)
-    filled = 1 + np.arange(COUNT) % 32
-    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_FIFO}, lambda store, n: (
-        store.types[kind](TIMES_US[n], TIMES_US[n], 1, 125.0, 0.25, int(filled[n]), *raw[n])),
-        COUNT))
-    expected = np.concatenate([raw[n, :, :filled[n]].T * 0.25 for n in range(COUNT)])
-    assert messages.samples[:, :3].tolist() == expected.tolist()
-    times = np.concatenate([TIMES_US[n] * 1000 - 125_000 * np.arange(filled[n])[::-1]
-                            for n in range(COUNT)])
-    assert messages.header_ns.tolist() == times.tolist()
-    assert messages.absent.all(axis=0).tolist() == [False, True]
 
 
 def vectors(names, more=''):
@@ -71,6 +56,18 @@ def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
             'sensor_msgs/msg/Imu; no raw data (xsens_mti_driver: filtered, gravity removed)')
     with open_recording(path) as recording, refused(line):
         choose_topic(recording, '/filter/free_acceleration')
+
+
+@pytest.mark.parametrize(('kind', 'definition', 'reason'), [
+    ('px4_msgs/msg/SensorCombined', 'uint64 timestamp\nfloat32[3] gyro_rad\n',
+     'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that comes '
+     'with it; name the fields with --gyro and --accel'),
+    ('my_driver/msg/Two', 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n',
+     'type my_driver/msg/Two holds 2 IMUs (left, right); name the fields of one with --gyro and '
+     '--accel')])
+def test_a_type_that_is_no_single_imu_is_refused_with_the_reason(kind, definition, reason):
+    with refused(reason):
+        imu_messages(kind, full_definition(store_with({kind: definition}), kind))
 
 
 OWN = 'my_driver/msg/Frame'
@@ -114,13 +111,8 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
     ({'gyro': 'inner.points[2]'}, '--gyro inner.points[2]: points has no such element'),
     ({'gyro': 'raw'}, '--gyro raw: not three numbers in my_driver/msg/Frame; name a field with x, '
                       'y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz'),
-    ({'gyro': 'name'}, '--gyro name: not three numbers in my_driver/msg/Frame; name a field with '
-                       'x, y, z, three elements such as gyro[0:3], or three fields such as '
-                       'gx,gy,gz'),
     ({'gyro': 'raw[3:6] b c'}, '--gyro b c: b c cannot be turned into rad/s; write rad/s or '
                                'deg/s'),
-    ({'accel': 'raw[0:3] furlong'}, '--accel furlong: furlong cannot be turned into m/s^2; write '
-                                    'm/s^2 or g'),
     ({'gyro': 'raw[0:3]', 'stamp': 't'}, '--stamp t: name a number and its unit (s, ms, us or '
                                          'ns), or a field with seconds and nanoseconds'),
     ({'gyro': '..'}, '--gyro ..: not a field path such as imu.gyro[0:3]'),
