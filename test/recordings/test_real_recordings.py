@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 import shutil
 
-from bags import read, refusal
+from bags import refusal
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 import pytest
 from rosbags.highlevel import AnyReader
@@ -39,19 +39,6 @@ def test_a_recording_agrees_with_rosbags(name, topic, count):
             assert ours.header_ns[number] == (
                 their.header.stamp.sec * 10**9 + their.header.stamp.nanosec)
             assert ours.frame_id == their.header.frame_id
-
-
-def test_a_bag_of_version_2_with_the_folder_in_its_file_names_is_read():
-    messages, remarks = read(DATA / 'plotjuggler_v2_constant_imu' / 'rosbag2_test')
-    assert len(messages) == 1565
-    assert (messages.samples == [131., 132., 133., 151., 152., 153.]).all()
-    assert remarks == []
-
-
-def test_two_imu_topics_are_both_named():
-    assert refusal(DATA / 'robot_localization_test1_2imu_xsens') == (
-        '2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13,333 messages), '
-        '/xsens/imu_data (13,334 messages)')
 
 
 @pytest.mark.parametrize('path', sorted(DATA.glob('metadata_versions/*.yaml')),

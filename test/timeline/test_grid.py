@@ -57,19 +57,6 @@ def test_uneven_stamps_neither_invent_nor_lose_samples(rate_hz, off, header, rec
     assert run(cut(block, range(0, len(block), 997)))[0] == summary
 
 
-def test_a_drifting_clock_neither_invents_nor_loses_samples():
-    rng = np.random.default_rng(3)
-    places = np.arange(200_000)
-    # By up to 500 ppm
-    drift = 20 * np.sin(places / 40_000)
-    block = still(200_000, 1000.0, late=drift + 40 + rng.exponential(0.1, 200_000))
-    keep = rng.random(200_000) > 0.01
-    keep[[0, -1]] = True
-    summary, _ = run(pick(block, np.flatnonzero(keep)))
-    assert summary.timeline.missing == np.count_nonzero(~keep)
-    assert summary.timeline.samples == np.count_nonzero(keep)
-
-
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), rate_hz=st.floats(5.0, 5000.0), jitter=st.sampled_from([0.0, 0.02, 0.1]))
 def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):

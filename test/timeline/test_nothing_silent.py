@@ -271,15 +271,6 @@ def test_stamps_that_hide_losses_say_how_far_the_noise_density_may_be_off(lost):
         assert low < truth.density < high
 
 
-@pytest.mark.parametrize(('size', 'lost'), [(4, 0.1), (10, 0.0), (16, 0.1)])
-def test_random_losses_within_batches_bound_the_error_and_batches_alone_are_no_loss(size, lost):
-    messages, truth, rng = rest()
-    batches = in_batches(messages, size, truth.rate_hz)
-    summary, _ = run(lose(batches, lost, rng).block())
-    hidden = bounds(summary.remarks)[0]
-    assert lost < hidden < 2 * lost if lost else hidden == 0
-
-
 APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
 """Between the means of two sensors."""
 
@@ -373,15 +364,6 @@ def test_clocks_of_different_speed_are_reported(speed, back_s):
     assert ('clock_jumps' in codes(summary)) == (back_s > 0)
     assert [one.values for one in summary.remarks if one.code == 'clock_speed'] == (
         [{'ratio': pytest.approx(ratio, rel=5e-3)}] if speed != 1 else [])
-
-
-def test_a_recording_whose_driver_comes_to_life_late_is_used_from_there():
-    messages, truth, _ = gyro()
-    dead = int(0.7 * len(messages.place))
-    messages.samples[:dead] = np.nan
-    result = characterized(messages)
-    assert_right(result, truth)
-    assert result.timeline.rejected == pytest.approx(dead, abs=32)
 
 
 @cache
@@ -599,20 +581,6 @@ def test_a_sensor_polled_faster_than_it_samples_has_its_own_rate(ratio):
     assert result.timeline.missing == 0
     assert said(result, 'held_values').values == {
         'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
-
-
-@pytest.mark.parametrize(('rate_hz', 'timer_s'), [
-    (400.0, 0.001), (831.7, 0.001), (25.0, 0.016), (118.7, 0.008)])
-def test_samples_read_by_a_timer_at_another_rate_are_not_lost(rate_hz, timer_s):
-    messages, truth, rng = gyro(rate_hz, 30.0)
-    read = np.ceil(messages.header / timer_s) * timer_s
-    read = np.maximum.accumulate(read + rng.exponential(3e-5, len(read)))
-    summary, even = run(replace(messages, header=read, receive=np.maximum.accumulate(
-        read + 1e-4 + rng.exponential(2e-4, len(read))) + 1e-6 * messages.place).block())
-    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
-    assert summary.timeline.missing == 0
-    assert sum(map(len, even)) == len(read)
-    assert codes(summary) <= {'uneven_stamps', 'receive_clock'}
 
 
 @pytest.mark.parametrize(('late', 'lost'), [(0.6, 0.0), (0.4, 0.1)])

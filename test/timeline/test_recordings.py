@@ -19,17 +19,6 @@ def summary_of(name: str, topic: str, **options: object) -> TimelineSummary:
         return run(read_blocks(recording, topic), **options)[0]
 
 
-def test_a_car_that_drives_is_mostly_motion_and_its_stamps_are_counted():
-    summary = summary_of('robot_localization_test1_2imu_xsens', '/xsens/imu_data')
-    assert summary.messages == 13_334
-    assert summary.receive_repeats == 590
-    assert (summary.header_repeats, summary.header_backward) == (0, 0)
-    assert summary.clock == 'header'
-    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-4)
-    assert summary.timeline.missing == summary.interpolated == 45
-    assert summary.mostly_motion
-
-
 def test_repeated_and_backward_header_stamps_of_a_real_driver_are_counted():
     summary = summary_of('robot_localization_test1_2imu_xsens', '/my_odometry2imu/imu_data')
     assert summary.messages == 13_333

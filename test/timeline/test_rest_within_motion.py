@@ -4,7 +4,6 @@
 
 from io import StringIO
 
-from imu_allan.verdict import verdicts
 from imu_allan.writers.table import print_result
 from imu_messages import said
 import numpy as np
@@ -40,16 +39,13 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         density = axis.coefficients['noise_density']
         low, high = density.ci95
         assert low - (density.value - low) < truth.density < high + (high - density.value)
-    assert said(result, 'rest_within_motion').values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
+    found = said(result, 'rest_within_motion').values
+    assert found['rest_s'] == pytest.approx(rest_s, rel=1e-3)
+    if moving == 'drives first':
+        assert found['starts_s'] == pytest.approx([183, 263, 343], abs=0.5)
+        assert found['durations_s'] == pytest.approx([15.5] * 3, abs=0.05)
     assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
         400 - rest_s, abs=0.6)
-
-
-def test_the_segments_at_rest_are_named():
-    assert said(characterized(driven('drives first', 20)[0]), 'rest_within_motion').values == {
-        'share': pytest.approx(0.88, abs=5e-3), 'rest_s': pytest.approx(46.5, abs=0.05),
-        'rests': 3, 'starts_s': pytest.approx([183, 263, 343], abs=0.5),
-        'durations_s': pytest.approx([15.5] * 3, abs=0.05)}
 
 
 def test_rest_is_the_same_whatever_the_blocks_and_saves():
@@ -72,7 +68,3 @@ def test_less_than_a_minute_of_rest_is_never_called_good():
             '1 segment of motion (6 min 32 s)') in lines
     assert lines[:2] == [
         'Gyroscope: not usable: 8.5 s at rest.', 'Accelerometer: not usable: 8.5 s at rest.']
-
-
-def test_a_minute_of_rest_may_be_good():
-    assert verdicts(characterized(driven('stops at the end', 20)[0]))['gyro'].verdict == 'good'

@@ -132,7 +132,10 @@ def test_gaps_up_to_the_tolerance_are_interpolated_and_longer_ones_listed(tolera
     assert summary.interpolated == 33 - sum(longer.values())
     assert [(gap.start_s, gap.duration_s) for gap in summary.timeline.gaps] == [
         pytest.approx((at / 100, n / 100), abs=1e-6) for at, n in longer.items()]
-    places, _ = rows_by_place(even)
+    places, rows = rows_by_place(even)
+    if tolerance:
+        around = np.concatenate([block.samples[1992:2000], block.samples[2005:2013]])
+        assert rows[2000:2005] == pytest.approx(np.tile(around.mean(axis=0), (5, 1)), rel=1e-12)
     assert np.array_equal(places, np.setdiff1d(
         np.arange(5000), np.concatenate([[-1], *(np.arange(at, at + n)
                                                  for at, n in longer.items())])))

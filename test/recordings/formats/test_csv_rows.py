@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of a CSV file that are not what its header says."""
 
-from bags import read, refusal, said
+from bags import read, refusal
 import numpy as np
 import pytest
 
@@ -58,16 +58,6 @@ def test_rows_that_are_only_written_unusually_are_read(path, header, row):
     assert read(path)[0].samples[:, :3].tolist() == ROWS.tolist()
 
 
-@pytest.mark.parametrize('damage', ['\r', '"\r\0"'])
-def test_marks_of_damage_cost_a_line_at_most(path, damage):
-    text = table(HEADER + ',note', lambda place, values: [
-        str(place / 100) + (damage if place == 3 else ''), *values, '"a, b"'])
-    path.write_text(text, newline='')
-    samples = read(path)[0].samples[:, :3]
-    assert samples[:3].tolist() == ROWS[:3].tolist()
-    assert samples[-26:].tolist() == ROWS[4:].tolist()
-
-
 SPLIT = f'seconds,nanoseconds,{AXES}'
 
 
@@ -81,16 +71,6 @@ def test_seconds_and_nanoseconds_that_are_no_two_parts_are_refused(path, times):
     assert set(read(path)[0].header_ns.tolist()) == {1_500_000_000}
 
 
-def test_a_damaged_line_does_not_part_seconds_from_their_nanoseconds(path):
-    path.write_text(table(SPLIT, lambda place, values: [
-        f'{place // 8}', f'{125_000_000 * (place % 8) if place != 9 else 10**11}', *values]))
-    messages, [remark] = read(path)
-    assert messages.header_ns.tolist() == [
-        125_000_000 * place for place in range(len(ROWS)) if place != 9]
-    assert remark == said(path, 'malformed_messages', what='line', count=1,
-                          first='line 11: 1,100000000000,' + ','.join(map(str, ROWS[9].tolist())))
-
-
 @pytest.mark.parametrize(('grouped', 'comma'), [(',', False), ('.', True)])
 def test_times_with_a_mark_between_thousands_are_refused(path, grouped, comma):
     def row(place, values):
@@ -100,14 +80,6 @@ def test_times_with_a_mark_between_thousands_are_refused(path, grouped, comma):
     assert refusal(path, table(f'time_ms;{AXES.replace(",", ";")}', row, ';')) == (
         'the time 1.000 comes after 990: it is written with a mark between thousands; write the '
         'times without')
-
-
-@pytest.mark.parametrize('step_s', [0.005, 0.125, 0.1])
-def test_fractions_of_three_digits_are_no_thousands(path, step_s):
-    for first in (0, 9, 99, 990):
-        path.write_text(table(HEADER, lambda place, values, first=first: [
-            f'{first + step_s * place:.3f}'.removesuffix('.000'), *values]))
-        assert len(read(path)[0]) == len(ROWS)
 
 
 @pytest.mark.parametrize(('before', 'cut', 'end'), [

@@ -8,7 +8,6 @@ from struct import pack
 from bags import assert_same, read, said
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.recordings.thermometers import temperatures
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -84,16 +83,6 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
                               chosen=['sensor_gyro', 'sensor_accel'],
                               reason=remark.values['reason'])
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
-
-
-def test_the_temperature_of_a_sensor_is_taken(tmp_path):
-    form, messages = one(slice(0, 3))
-    path = write(tmp_path / 'a.ulg', {'sensor_gyro': (f'{form}float temperature;', [
-        message + pack('<f', 40 + n / 8) for n, message in enumerate(messages)])})
-    with open_recording(path) as recording:
-        [(stamps, celsius)] = temperatures(recording, 'sensor_gyro', 'header')
-    assert celsius.tolist() == [40 + n / 8 for n in range(COUNT)]
-    assert stamps.tolist() == [(n * 4_000 + 1) * 1000 for n in range(COUNT)]
 
 
 def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):

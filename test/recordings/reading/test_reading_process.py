@@ -1,7 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reading in a process of its own: the same messages, and no process left behind."""
+"""Reading in a process or thread of its own: the same messages, and nothing left behind."""
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
 import os
@@ -12,11 +14,12 @@ import sys
 import threading
 
 from bags import assert_same, block, FailingRecording, joined
+from hypothesis import given, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.finding import Finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
+from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.write import write_recording
 import pytest
 from whole_lines import refused
@@ -29,15 +32,6 @@ def every_recording_is_worth_a_process(monkeypatch):
     monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0)
 
 
-def state_and_parent(process: int | str) -> tuple[str, int]:
-    """Return what the system says of a process; of one that is gone what it says of a zombie."""
-    try:
-        state, parent, *_ = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()
-    except OSError:
-        return 'Z', 0
-    return state, int(parent)
-
-
 @pytest.fixture(scope='module')
 def long_bag(tmp_path_factory) -> Path:
     """Return a recording that is still being read for a while, which nobody changes."""
@@ -45,34 +39,28 @@ def long_bag(tmp_path_factory) -> Path:
                            compression='')
 
 
-def children(of: int | None = None) -> list[int]:
-    return [int(folder.name) for folder in Path('/proc').glob('[0-9]*')
-            if state_and_parent(folder.name)[1] == (of or os.getpid())]
-
-
-def read_here(path: Path) -> tuple[ImuBlock, list[Finding]]:
-    with open_recording(path) as recording:
-        blocks = [block for block, _ in recording.decoded(choose_topic(recording))]
-        return joined(blocks), recording.remarks
-
-
-def read_beside(path: Path) -> tuple[ImuBlock, list[Finding]]:
-    before = children()
-    with open_recording(path) as recording:
-        blocks = read_blocks(recording, choose_topic(recording))
-        [_] = set(children()) - set(before)
-        taken = joined(list(blocks))
-        assert children() == before
-        return taken, recording.remarks
+def children() -> list[int]:
+    found = []
+    for process in Path('/proc').glob('[0-9]*'):
+        # One may end meanwhile.
+        with suppress(OSError):
+            _, parent, *_ = (process / 'stat').read_text().rpartition(')')[2].split()
+            if int(parent) == os.getpid():
+                found.append(int(process.name))
+    return found
 
 
 @pytest.mark.parametrize(('storage', 'compression'), [
     ('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')])
 def test_the_messages_are_those_that_this_process_reads(tmp_path, storage, compression):
     bag = write_recording(tmp_path / 'bag', [MESSAGES], storage=storage, compression=compression)
-    after, remarks = read_beside(bag)
-    assert_same(MESSAGES, after)
-    assert remarks == []
+    before = children()
+    with open_recording(bag) as recording:
+        blocks = read_blocks(recording, choose_topic(recording))
+        assert len(children()) == len(before) + 1
+        assert_same(MESSAGES, joined(list(blocks)))
+        assert children() == before
+        assert recording.remarks == []
 
 
 def test_every_change_of_frame_id_begins_a_block(tmp_path):
@@ -144,3 +132,60 @@ def test_a_thread_reads_where_a_process_cannot_or_need_not(tmp_path, monkeypatch
         assert any(thread.name.startswith('imu_allan') for thread in threading.enumerate())
         assert children() == before
         assert_same(MESSAGES, joined([first, *blocks]))
+
+
+def threads() -> int:
+    return sum(thread.name.startswith('imu_allan') for thread in threading.enumerate())
+
+
+def test_an_exception_comes_after_the_items_before_it():
+    def failing() -> Iterator[tuple[ImuBlock, int]]:
+        yield block(3), 1
+        yield block(2, first=3), 2
+        raise OSError('disk on fire')
+
+    ahead, larger = read_ahead(failing()), larger_blocks(failing())
+    assert [next(ahead)[1], next(ahead)[1]] == [1, 2]
+    # Blocks are joined.
+    assert_same(block(5), next(larger)[0])
+    for stream in (ahead, larger):
+        with refused('disk on fire', OSError):
+            next(stream)
+    assert threads() == 0
+
+
+def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
+    closed = []
+
+    def endless() -> Iterator[int]:
+        try:
+            while True:
+                yield 1
+        finally:
+            closed.append(True)
+
+    stream = read_ahead(endless())
+    next(stream)
+    stream.close()
+    assert closed == [True]
+    assert threads() == 0
+
+
+@given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from(['a', 'b'])), max_size=30),
+       st.integers(1, 20))
+def test_joined_blocks_hold_the_same_messages(sizes, messages):
+    blocks, first = [], 0
+    for size, frame_id in sizes:
+        blocks.append((block(size, frame_id, first), first))
+        first += size
+    after = list(larger_blocks(iter(blocks), messages))
+    if not blocks:
+        assert after == []
+        return
+    whole = joined([item for item, _ in after])
+    assert_same(joined([item for item, _ in blocks]), whole)
+    assert [item.frame_id for item, _ in after for _ in range(len(item))] == [
+        frame_id for size, frame_id in sizes for _ in range(size)]
+    assert all(len(item) < messages + 9 for item, _ in after)
+    positions = [position for _, position in after]
+    assert positions == sorted(positions)
