@@ -158,11 +158,6 @@ class Browser:
         return [event['params']['request']['url'] for event in events
                 if event['method'] == 'Network.requestWillBeSent']
 
-    def picture(self, path: Path, *, whole: bool = True) -> None:
-        """Save the page as a PNG."""
-        data = self.cdp('Page.captureScreenshot', format='png', captureBeyondViewport=whole)
-        path.write_bytes(b64decode(data['data']))
-
 
 def faults_of(page: Path, browser: Browser, width: int, dark: bool) -> list[Any]:
     """Return what cannot be read on a page, with everything opened that can be."""

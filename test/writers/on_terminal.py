@@ -1,8 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands on a terminal; the curve of a constant axis, which leaves nothing to show."""
+"""What is shown, and whether it is as before; the curve of a constant axis."""
 
 import io
+import os
+from pathlib import Path
 from typing import Any
 
 from imu_allan.result import Curve, Result
@@ -26,3 +28,11 @@ def shown(table: RenderableType, width: int) -> str:
     out = io.StringIO()
     Console(file=out, width=width).print(table)
     return out.getvalue()
+
+
+def assert_as_before(text: str, name: str) -> None:
+    """Compare a text with the one that is kept, which IMU_ALLAN_SNAPSHOTS=write replaces."""
+    snapshot = Path(__file__).with_name('snapshots') / name
+    if os.environ.get('IMU_ALLAN_SNAPSHOTS') == 'write':
+        snapshot.write_text(text)
+    assert text == snapshot.read_text()

@@ -4,18 +4,10 @@ from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
-from changed import only, without
+from changed import only
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result
-from imu_allan.writers.comparison import (
-    compare,
-    comparison_figure,
-    difference_table,
-    names_of,
-    verdicts,
-)
-from imu_allan.writers.plot import render
-from on_terminal import shown
+from imu_allan.writers.comparison import compare, names_of, verdicts
 import pytest
 from whole_lines import refused, Varying
 
@@ -36,22 +28,6 @@ def test_a_difference_is_in_units_of_the_interval_halves_that_face_each_other(
     assert up.ratio == pytest.approx(2.0)
     (down,) = compare({'high': high, 'low': low})
     assert down.in_intervals == pytest.approx(-up.in_intervals)
-
-
-def test_every_result_is_compared_with_the_first(result, make_result):
-    differences = compare({'a': result, 'b': make_result(1.1), 'c': make_result(1.2)})
-    assert {d.reference for d in differences} == {'a'}
-    assert [d.other for d in differences[:4]] == ['b', 'c', 'b', 'c']
-    assert differences[0].ratio == pytest.approx(1.1)
-    assert all(d.in_intervals in (0.0, None) for d in compare({'a': result, 'b': result}))
-
-
-def test_what_one_does_not_show_has_no_difference_but_both_bounds(result, make_axis):
-    axes = {'gyro_z': make_axis('gyro_z', {'noise_density': 1e-3, 'rate_random_walk': 1e-7})}
-    differences = {d.key: d for d in compare({'a': result, 'b': replace(result, axes=axes)})}
-    assert differences['rate_random_walk'].in_intervals is None
-    assert not differences['rate_random_walk'].coefficients[0].observable
-    assert 'quantization_noise' not in differences
 
 
 @pytest.mark.parametrize(('value', 'interval', 'bound', 'least'), [
@@ -90,19 +66,6 @@ def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
     assert names_of([Path(path) for path in paths]) == names
 
 
-def test_the_table_has_a_row_for_each_difference(result, make_result):
-    differences = compare({'a': result, '[bold]\x1b[2J': make_result(2.0)})
-    text = shown(difference_table(differences), 140)
-    assert text.count('[bold]\\x1b[2J') == 1
-    assert '\x1b' not in text
-
-
-def test_the_figure_is_drawn_for_many_results_and_missing_axes(result, make_result):
-    results = {f'run {i}': make_result(1 + i / 5) for i in range(9)}
-    results['partly $x^{$'] = without(result, 'accel_y')
-    assert render(comparison_figure(results), 'png', 40).startswith(b'\x89PNG')
-
-
 def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_axis):
     def unit(n: float, k: float) -> Result:
         axes = {name: make_axis(name, {'noise_density': n, 'rate_random_walk': (
@@ -118,14 +81,3 @@ def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_a
                     'recordings of one sensor, one coefficient in twenty does so by chance')
     assert verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)})) == [
         '0 of 12 coefficients differ by more than the 95 % intervals']
-
-
-@pytest.mark.parametrize('others', [1, 2])
-def test_no_row_is_wrapped_at_eighty_columns(make_result, others):
-    names = [f'a_unit_with_a_name_of_many_letters_{number}' for number in range(1 + others)]
-    differences = compare({name: make_result(scale=1 + 0.1 * place)
-                           for place, name in enumerate(names)})
-    lines = shown(difference_table(differences), 80).splitlines()
-    assert sum(line.startswith(('gyro ', 'accel ')) for line in lines) == len(differences)
-    assert len(lines) == len(differences) + 1
-    assert max(map(len, lines)) <= 80

@@ -15,21 +15,11 @@ from imu_allan.result import (
     Segment,
     Span,
     Stationarity,
-    TemperatureDependence,
-    Trend,
     TurnOnBias,
 )
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet import (
-    check,
-    overall,
-    summary,
-    to_json,
-    to_junit,
-    verdict_table,
-)
+from imu_allan.writers.datasheet import check, overall, summary, to_json, to_junit
 import numpy as np
-from on_terminal import shown
 import pytest
 from whole_lines import refused
 
@@ -39,17 +29,6 @@ DEG_PER_ROOT_H = 2.908882086657216e-4
 def only(result, text):
     (verdict,) = check(result, parse_model(text))
     return verdict
-
-
-def test_an_interval_may_touch_the_limit_and_a_limit_of_zero_has_no_ratio(result):
-    double = only(result, 'gyro: {x: {noise_density: 3.5e-4 rad/s/sqrt(Hz)}}')
-    assert (double.value, double.limit, double.ratio) == (7.0e-4, 3.5e-4, pytest.approx(2.0))
-    bounded = only(result, 'gyro: {z: {rate_random_walk: 1e-9 rad/s^2/sqrt(Hz)}}')
-    assert (bounded.value, bounded.upper95) == (None, pytest.approx(1.9e-6))
-    none = only(result, 'gyro: {x: {noise_density: 0 deg/sqrt(h)}}')
-    assert (none.ratio, none.verdict) == (None, 'fail')
-    result = with_coefficient(result, 'gyro_x', 'noise_density', ci95=(1e-4, 5e-4))
-    assert only(result, 'gyro: {x: {noise_density: 5e-4 rad/s/sqrt(Hz)}}').verdict == 'pass'
 
 
 def falling_silent(result):
@@ -106,8 +85,6 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
     (lambda r: replace(r, warnings=(finding('frozen', messages=99, since_s=None),)), NOISE, 'fail',
      'gyro_x N: the sensor was dead for a part of the recording: 99 messages repeat one value: '
      'the sensor or its driver stood still, they are left out'),
-    (lambda r: without(r, 'accel_y'), GRAVITY, 'fail',
-     'accel gravity error: accel_y: the axis is missing: the result does not hold it'),
     # What is not known is no verdict.
     (lambda r: r, ZERO_BIAS, 'pass', 'gyro_x zero bias: the 95 % interval is below 0.011 rad/s'),
     # Of several power-ons it is known no better than they differ.
@@ -117,9 +94,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
     (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=GoodnessOfFit(1e-9, 0.8, False)), NOISE,
      'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
     (without_density, GRAVITY, 'cannot tell', 'accel gravity error: accel_y: the noise density '
-     'does not show, and with it what the mean is worth; record for longer'),
-    (lambda r: without_density(r, high_passed_hz=0.16), GRAVITY, 'cannot tell', 'accel gravity '
-     'error: accel_y: a filter has taken out the slow part of this axis; record the raw topic')])
+     'does not show, and with it what the mean is worth; record for longer')])
 def test_a_dead_axis_fails_and_what_is_not_known_is_no_verdict(
         result, changed, text, outcome, reason):
     verdict = only(changed(result), text)
@@ -134,19 +109,10 @@ def test_a_dead_axis_fails_and_what_is_not_known_is_no_verdict(
         ('2.5 deg/sqrt(h)', 'pass', 'is below 2.5 deg/sqrt(h)'),
         ('2.3 deg/sqrt(h)', 'fail', 'is above 2.3 deg/sqrt(h)'),
         ('0.042 deg/s/sqrt(Hz)', 'pass', 'is below 0.042 deg/s/sqrt(Hz)'),
-        ('0.039 deg/s/sqrt(Hz)', 'fail', 'is above 0.039 deg/s/sqrt(Hz)'),
         ('7e-4 rad/s/sqrt(Hz)', 'cannot tell',
          'reaches across 7e-4 rad/s/sqrt(Hz); record for longer'))),
-    ('gyro: {x: {zero_bias: 1 deg/s}}', 'pass',
-     'gyro_x zero bias: the 95 % interval is below 1 deg/s'),
     ('gyro: {x: {zero_bias: 0.5 deg/s}}', 'fail',
      'gyro_x zero bias: the 95 % interval is above 0.5 deg/s'),
-    ('gyro: {x: {zero_bias: 0.01 rad/s}}', 'cannot tell', 'gyro_x zero bias: the 95 % interval '
-     'reaches across 0.01 rad/s; record for longer'),
-    ('gyro: {x: {zero_bias: 0.1 deg/s, mean: 0.57 deg/s}}', 'pass',
-     'gyro_x zero bias: the 95 % interval is below 0.1 deg/s'),
-    ('accel: {z: {zero_bias: 5 mg}}', 'fail',
-     'accel_z zero bias: the 95 % interval is above 5 mg'),
     ('accel: {z: {zero_bias: 5 mg, mean: 1 g}}', 'pass',
      'accel_z zero bias: the 95 % interval is below 5 mg'),
     ('accel: {gravity_error: 2 mg}', 'pass',
@@ -158,33 +124,13 @@ def test_a_dead_axis_fails_and_what_is_not_known_is_no_verdict(
      'result knows no dependence on temperature; record the temperature while it changes'),
     ('gyro: {x: {turn_on_bias: 36 deg/h}}', 'cannot tell', 'gyro_x turn-on bias: one power-on '
      'does not show it; analyze several recordings with --together'),
-    *((f'gyro: {{z: {{rate_random_walk: {limit} rad/s^2/sqrt(Hz)}}}}', 'cannot tell',
-       'gyro_z K: not observable in this recording; record for longer')
-      for limit in ('1e-9', '1.8e-6')),
+    ('gyro: {z: {rate_random_walk: 1.8e-6 rad/s^2/sqrt(Hz)}}', 'cannot tell',
+     'gyro_z K: not observable in this recording; record for longer'),
     ('gyro: {z: {rate_random_walk: 1 rad/s^2/sqrt(Hz)}}', 'pass', 'gyro_z K: not observable, and '
      'with 95 % confidence below 1 rad/s^2/sqrt(Hz)')])
 def test_the_interval_decides_of_every_quantity_and_in_any_unit(result, text, outcome, reason):
     verdict = only(result, text)
     assert (verdict.verdict, verdict.reason) == (outcome, reason)
-
-
-def test_gravity_is_the_length_of_the_three_means(result):
-    verdict = only(with_axes(result, 'accel', mean=9.9 / 3 ** 0.5), 'accel: {gravity_error: 5 mg}')
-    assert (verdict.axis, verdict.verdict) == ('accel', 'fail')
-    assert verdict.value == pytest.approx(9.9 - 9.80665)
-    assert verdict.ci95[0] < verdict.value < verdict.ci95[1]
-
-
-def test_band_temperature_and_turn_on_bias_are_compared_where_they_are_known(result):
-    result = with_axes(result, 'gyro_x', band_limit_s=0.02, trend=Trend(
-        temperature=TemperatureDependence(-3e-5, (-4e-5, -2e-5), 20.0, 40.0)))
-    result = replace(result, turn_on_bias={'gyro_x': TurnOnBias(1e-4, (0.5e-4, 3e-4))})
-    specification = parse_model('gyro: {x: {band_limit: 10 ms, temperature_drift: 5e-5 rad/s/K, '
-                                'turn_on_bias: 2e-4 rad/s}}')
-    verdicts = {v.key: v for v in check(result, specification)}
-    assert {key: v.verdict for key, v in verdicts.items()} == {
-        'band_limit': 'fail', 'temperature_drift': 'pass', 'turn_on_bias': 'cannot tell'}
-    assert verdicts['temperature_drift'].ci95 == (2e-5, 4e-5)
 
 
 @pytest.mark.parametrize(('interval', 'outcome'), [
@@ -220,23 +166,6 @@ def test_a_specification_without_a_limit_is_refused(result):
     with refused('the specification limits no coefficient; write for instance gyro: '
                  '{noise_density: 0.03 deg/s/sqrt(Hz)}'):
         check(result, parse_model('gyro: {mean: 1 deg/s}'))
-
-
-@pytest.mark.parametrize(('high', 'limit', 'row'), [
-    (2.55, '2.58 deg/sqrt(h)', 'N 2.50 2.45 .. 2.55 2.58 deg/sqrt(h) 0.969 pass'),
-    # To the digits of the interval 2.576 would be the limit itself.
-    (2.576, '2.58 deg/sqrt(h)', 'N 2.5 2.424 .. 2.576 2.58 deg/sqrt(h) 0.969 pass'),
-    (2.55, '0.03 deg/s/sqrt(Hz)',
-     'N 0.0417 0.0408 .. 0.0425 0.03 deg/s/sqrt(Hz) 1.39 fail (1)')])
-def test_a_row_has_the_unit_of_the_limit_and_the_digits_of_the_interval(
-        result, high, limit, row):
-    changed = with_coefficient(
-        result, 'gyro_x', 'noise_density', value=2.5 * DEG_PER_ROOT_H,
-        ci95=((5.0 - high) * DEG_PER_ROOT_H, high * DEG_PER_ROOT_H))
-    verdicts = check(changed, parse_model(f'gyro: {{x: {{noise_density: {limit}}}}}'))
-    [seen] = [line for line in shown(verdict_table(verdicts, 'Gyro'), 80).splitlines()
-              if 'gyro_x' in line]
-    assert seen.split() == ['gyro_x', *row.split()]
 
 
 def test_json_and_junit_have_every_verdict_and_who_inspected_what(result):

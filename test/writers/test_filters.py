@@ -17,18 +17,17 @@ import subprocess
 import tempfile
 import xml.etree.ElementTree as ElementTree
 
-from changed import only, UNSEEN, with_axes, with_coefficient
-from imu_allan.finding import finding
+from changed import only, with_axes, with_coefficient
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.state_space import state_space
-from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import consumer_called, CONSUMERS, FAMILIES
 from imu_allan.writers.filters import export as export_as_wished, ExportOptions
 from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 import numpy as np
+from on_terminal import assert_as_before
 import pytest
-from whole_lines import refused, Varying
+from whole_lines import refused
 import yaml
 
 GYRO_N, GYRO_K, ACCEL_N, ACCEL_K = 2e-3, 3e-5, 4e-2, 5e-4
@@ -36,8 +35,6 @@ RATE = 400.0
 DEGREE = 0.017453292519943295
 OCTAVE = shutil.which('octave-cli')
 OPENCV = ('openvins', 'orb_slam3', 'vins_fusion', 'vins_fusion_midpoint', 'okvis2', 'kimera')
-EACH_AXIS = ('basalt', 'rovio', 'kf_gins', 'navego', 'psins', 'gazebo', 'matlab', 'autoware',
-             'state_space', 'state_space_cpp', 'plain')
 
 
 def near(value: float) -> object:
@@ -341,23 +338,6 @@ def test_a_file_for_opencv_has_the_numbers_beside_what_else_it_wants(
     assert expected.items() <= (found[place] if place else found).items()
 
 
-def test_tables_are_no_topic_of_ros(easy):
-    tables = replace(easy, source=replace(easy.source, topic='Gyroscope.csv, Accelerometer.csv'))
-    assert yaml.safe_load(export(tables, 'kalibr').text)['rostopic'] == '/imu/data_raw'
-
-
-def test_basalt_says_where_a_bound_stands(easy):
-    assert 'gyro_bias_std: not observable on z, there the 95 % upper bound' in json.loads(
-        export(easy, 'basalt').text)['imu_allan']
-
-
-def test_an_autopilot_has_its_own_rate_of_prediction_and_reads_what_the_sensor_does(easy):
-    assert qgroundcontrol(export(easy, 'px4', 225.0).text)['EKF2_GYR_NOISE'][0] == near(0.03)
-    text = export(easy, 'ardupilot').text
-    for k in (ACCEL_K, GYRO_K):
-        assert f'at rest {k * 83**0.5:.6g}; ' in text
-
-
 @pytest.mark.parametrize('consumer', ['px4', 'ardupilot'])
 def test_a_file_for_an_autopilot_is_safe_to_load_as_it_is(make_axis, make_result, consumer):
     quiet = {name: make_axis(name, {'noise_density': 1e-6, 'rate_random_walk': 1e-9})
@@ -378,22 +358,10 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(
     for part in ('imu_allan 0.1.0', 'rec/imu_2026', '/imu/data_raw', '1000000 samples', '400 Hz'):
         assert part in text
     assert not re.search(r'np\.|\bnan\b|\binf\b', text)
-    one_value = consumer not in (*EACH_AXIS, 'airsim', 'glim', 'rotors')
-    if one_value:
-        assert re.search(r'gyro_x, the worst axis; measured \S+ \(\S+ to \S+\)\n', text)
-        assert re.search(r'gyro_y measured \S+ \(\S+ to \S+\)\n\s*\S+ gyro_z measured ', text)
-    if one_value and consumer not in ('robot_localization', 'drivers', 'fast_livo2', 'ob_gins',
-                                      'pegasus'):
-        bounded = export(build(bound=1e-3), consumer).text
-        assert 'NOT OBSERVABLE on gyro_z in this recording: its 95 % upper bound' in bounded
     if consumer != 'plain':
         # N of each axis with its interval, in the unit of the file; three axes, two sensors.
         tuned = export_as_wished(drifting, consumer).text
         assert len(re.findall(r'measured [\d.e+-]+ \([\d.e+-]+ to [\d.e+-]+\)', tuned)) >= 6
-        known = CONSUMERS[consumer]
-        if (known.aiding.interval_s is not None and consumer != 'fast_livo2'
-                and known.bias == 'random_walk' and known.share != 'both'):
-            assert 'not observable, below' in tuned
     axes = {**easy.axes, 'gyro_y': dead(make_axis, 'gyro_y')}
     assert ('gyro_y is DEAD in this recording (every sample is the same): it is in none of the '
             'numbers below') in export(build(axes=axes), consumer).text
@@ -401,7 +369,7 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(
             in export(only(easy, 'gyro'), consumer).text)
 
 
-@pytest.mark.parametrize('consumer', ['kalibr', 'basalt', 'matlab', 'fast_lio'])
+@pytest.mark.parametrize('consumer', ['kalibr', 'fast_lio'])
 def test_a_bound_that_the_curve_contradicts_is_not_exported(make_axis, make_result, consumer):
     axes = {}
     for letter in 'xyz':
@@ -416,15 +384,6 @@ def test_a_bound_that_the_curve_contradicts_is_not_exported(make_axis, make_resu
     assert ('0.0005' if consumer != 'fast_lio' else '0.0001') in text
     assert 'most that' in text
     assert 'Allan deviation allows' in text
-
-
-def test_behind_a_low_pass_the_curve_below_it_allows_nothing(make_axis):
-    axis = make_axis('gyro_x', {'noise_density': GYRO_N}, {'rate_random_walk': 4e9})
-    axis = replace(axis, curve=replace(axis.curve, tau_s=(3.0, 300.0),
-                                       ci95=((1e-9, 1e-8), (1e-3, 5e-3))))
-    assert upper_bound(axis, 'rate_random_walk') == near(1e-8)
-    assert upper_bound(replace(axis, band_limit_s=1.0), 'rate_random_walk') == near(5e-4)
-    assert upper_bound(replace(axis, band_limit_s=100.0), 'rate_random_walk') is None
 
 
 def test_small_numbers_stay_numbers_in_yaml(make_axis, make_result):
@@ -478,30 +437,9 @@ def test_what_gives_no_configuration_is_refused(build, make_axis):
     assert 'acc_n: 0.8' in export(rateless, 'vins_fusion', 400.0).text
 
 
-def test_psins_is_given_what_makes_its_filter_take_the_drift_and_no_bias_at_the_start(easy):
-    # etm.m reads ins.tauG, infinite after insinit.m; only kfinit186 has sqg and sqa in its Qt.
-    # kfinit takes eb and db for how well the biases are known at the start: 0 freezes them.
-    text = export(easy, 'psins').text
-    assert 'ins.tauG = imuerr.taug;  ins.tauA = imuerr.taua;' in text.partition('imuerrset(')[2]
-    assert not re.search(r'^ *(eb|db) *=', text, re.MULTILINE)
-
-
 def flickering(result, level=1e-4):
     return with_coefficient(result, 'gyro_y', 'bias_instability', observable=True, value=level,
                             ci95=(level / 2, level * 2), upper95=None)
-
-
-def test_matlab_needs_a_new_release_for_flicker_alone(easy):
-    # MathWorks' staff in MATLAB Answers 2020171: BiasInstabilityCoefficients since R2023b.
-    text = export(easy, 'matlab').text
-    assert re.findall(r"^(\w+)\.NoiseType = '(.*)';", text, re.MULTILINE) == [
-        ('gyro', 'single-sided'), ('accel', 'single-sided')]
-    assert 'fractalcoef' not in text
-    assert 'R2023b' not in text
-    text = export(flickering(easy), 'matlab').text
-    assert 'fractalcoef, which makes it, needs MATLAB R2023b or later' in text
-    assert re.findall(r'^(\w+)\.BiasInstabilityCoefficients', text, re.MULTILINE) == ['gyro']
-    assert octave(text)['gyro.BiasInstability'] == [0.0, 1e-4, 0.0]
 
 
 def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
@@ -531,9 +469,6 @@ def test_what_a_driver_says_of_a_message_is_at_the_rate_of_its_own_topic(easy):
     found = yaml.safe_load(export(halves, 'drivers').text)
     assert found['/**/camera']['ros__parameters'] == {
         'linear_accel_cov': near(ACCEL_N**2 * 100), 'angular_velocity_cov': near(GYRO_N**2 * 400)}
-    assert found['/**/imu']['ros__parameters'] == {
-        'linear_acceleration_stdev': near(ACCEL_N * 10),
-        'angular_velocity_stdev': near(GYRO_N * 20)}
     for consumer, key in (('robot_localization', 'linear_acceleration_stddev'),
                           ('autoware', 'acceleration_stddev')):
         text = export(halves, consumer).text
@@ -581,88 +516,12 @@ def drifting(build) -> Result:
         axis.drift_model, processes=(GaussMarkov(axis.drift_model.noise_density / 10, 30.0),)))
 
 
-def test_numbers_are_tuned_unless_the_measured_ones_are_asked_for(drifting):
-    tuned, measured = (yaml.safe_load(export_as_wished(drifting, 'kalibr', None, options).text)
-                       for options in (ExportOptions(), ExportOptions(as_measured=True)))
-    assert tuned['gyroscope_random_walk'] > 1.1 * measured['gyroscope_random_walk']
-    assert measured['gyroscope_random_walk'] == GYRO_K
-
-
-def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
-    lines = export_as_wished(drifting, 'kalibr').text.splitlines()
-    assert ('# Tuned for a correction every 50 ms (camera frames at 20 Hz) and 60 s unaided.'
-            in lines)
-    assert Varying('# gyro: expected NIS <number> to <number>; squared error after 60 s '
-                   'unaided <number> to <number> times what the filter predicts (1 is right, '
-                   'above 1 overconfident).') in lines
-    assert ('# Coefficients as measured (IEEE Std 952), not tuned.'
-            in export(drifting, 'kalibr').text.splitlines())
-
-
-def test_what_was_measured_stands_above_each_tuned_number(drifting):
-    lines = export_as_wished(drifting, 'kalibr').text.splitlines()
-    for name, what, *measured in (
-            ('gyroscope_noise_density', 'N [rad/s/sqrt(Hz)], angle random walk',
-             '0.002 (0.001996 to 0.002004)', '0.001 (0.000998 to 0.001002)',
-             '0.0002 (0.0001996 to 0.0002004)'),
-            ('accelerometer_random_walk', 'K [m/s^3/sqrt(Hz)], accelerometer bias random walk',
-             '0.0005 (0.00035 to 0.00065)', '0.00025 (0.000175 to 0.000325)')):
-        place = next(i for i, line in enumerate(lines) if line.startswith(name))
-        heading, *axes = lines[place - 4:place]
-        assert heading == f'# filter {what}'
-        known = [f'; measured {one}' for one in measured]
-        for line, end in zip(axes, [*known, '; not observable, below 1e-06'], strict=False):
-            assert line.endswith(end)
-
-
 def test_of_a_datasheet_nothing_was_measured(tmp_path):
     (tmp_path / 'imu.yaml').write_text('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}\n')
     sheet = load_model(tmp_path / 'imu.yaml')
     text = export_as_wished(result_of_datasheet(sheet, 'imu.yaml'), 'msckf_vio').text
     assert 'worst axis; datasheet 0.0005236' in text
     assert 'measured' not in text.replace('nothing of it was measured', '')
-
-
-@pytest.mark.parametrize(('law', 'which'), [
-    (PowerLaw(0.7, (0.68, 0.72), 1e-9), 'gyro_x 1/f to the power of 0.70'),
-    (None, 'gyro_y not the same in all recordings')])
-def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting, law, which):
-    found = finding('power_law', ('gyro_y',), recordings=['a', 'b'], exponents=[1.4, None],
-                    density_is_mean=True)
-    # The words of a finding may begin with any name: which axis it is about is data.
-    found = replace(found, message='gyro_x: as in gyro_z')
-    result = replace(with_axes(drifting, 'gyro_x', power_law=law),
-                     warnings=(found,) if law is None else ())
-    assert (f'# LEFT OUT: slow noise that is no flicker ({which}); tuned numbers have it in them.'
-            in export(result, 'kalibr').text.splitlines())
-    assert 'LEFT OUT' not in export_as_wished(result, 'kalibr').text
-    assert 'LEFT OUT' not in export(drifting, 'kalibr').text
-
-
-def test_wishes_are_followed_and_written_down(drifting):
-    options = ExportOptions(aiding_s=1.0, coast_s=300.0, conservative=True,
-                            inflate={'N': 2.0, 'K': 5.0})
-    text = export_as_wished(drifting, 'kalibr', None, options).text
-    for line in ('# Conservatively tuned for a correction every 1 s and 5 min unaided.',
-                 '# INFLATED on request: K times 5, N times 2.'):
-        assert line in text.splitlines()
-    plain = yaml.safe_load(export_as_wished(drifting, 'kalibr', None,
-                                            replace(options, inflate={})).text)
-    inflated = yaml.safe_load(text)
-    assert inflated['gyroscope_noise_density'] == near(2 * plain['gyroscope_noise_density'])
-    assert inflated['gyroscope_random_walk'] == near(5 * plain['gyroscope_random_walk'])
-
-
-@pytest.mark.parametrize(('wish', 'words'), [
-    ({'aiding_s': 0.0}, 'aiding_s must be a positive time, not 0 s'),
-    ({'coast_s': float('nan')}, 'coast_s must be a positive time, not nan s'),
-    ({'rate_hz': -1.0}, 'rate_hz must be above zero, not -1'),
-    ({'rate_hz': float('inf')}, 'rate_hz must be above zero, not inf'),
-    ({'inflate': {'K': float('nan')}}, 'inflate K must be above zero, not nan'),
-    ({'inflate': {'Q': 2.0}}, "inflate takes factors of N and K, not of 'Q'")])
-def test_wishes_that_make_no_sense_are_refused(wish, words):
-    with refused(words):
-        ExportOptions(**wish)
 
 
 @pytest.mark.skipif(OCTAVE is None, reason='octave-cli is not installed')
@@ -694,32 +553,17 @@ def test_files_for_matlab_run_in_octave(easy, tmp_path):
         'single-sided', '0.002', '1.5e-05', '2000', '400', *['200'] * 3, *'000', '3', '1', '200']
 
 
-@pytest.mark.parametrize('consumer', ['kf_gins', 'psins'])
-def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
-    def expected(factor):
-        text = export_as_wished(drifting, consumer, None,
-                                ExportOptions(inflate={'K': factor} if factor > 1 else {})).text
-        nis, coast = re.search(r'gyro: expected NIS (\S+)(?: to \S+)?; squared error after \S+ '
-                               r's unaided (\S+)', text).groups()
-        return float(nis), float(coast)
-
-    (nis, coast), (inflated_nis, inflated_coast) = expected(1), expected(5)
-    assert inflated_nis < nis
-    assert inflated_coast < coast / 5
-
-
-def test_an_outage_beyond_what_the_recording_knows_is_said_where_it_widens_something(drifting):
-    options = ExportOptions(as_measured=True, coast_s=7200.0)
-    widened = '# WARNING: this recording knows 60 min at most; beyond it {} widened, and K may be'
-    tuned, measured = (export_as_wished(drifting, 'kalibr', None, one).text for one in (
-        replace(options, as_measured=False), options))
-    assert widened.format('the numbers are') in tuned.splitlines()
-    assert widened.format('what is expected is') in measured.splitlines()
-    assert 'expected NIS' in measured
-    # Without a random walk, or a bound of it, nothing is predicted that could be expected.
-    unbounded = with_coefficient(drifting, '', 'rate_random_walk', **UNSEEN, upper95=None)
-    text = export_as_wished(unbounded, 'kalibr', None, options).text
-    assert 'expected' not in text
+@pytest.mark.parametrize(('name', 'options'), [
+    ('tuned', ExportOptions()), ('measured', ExportOptions(as_measured=True)),
+    ('as_wished', ExportOptions(aiding_s=1.0, coast_s=7200.0, conservative=True,
+                                inflate={'N': 2.0, 'K': 5.0}))])
+def test_a_file_for_kalibr_says_what_it_said(drifting, name, options):
+    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_filters.py."""
+    slow = with_axes(drifting, 'gyro_x', power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
+    text = export_as_wished(slow, 'kalibr', None, options).text
+    # The last digits depend on how SciPy comes to the best numbers.
+    assert_as_before(re.sub(r'\d+\.\d+(e-\d+)?', lambda found: f'{float(found[0]):.3g}', text),
+                     f'kalibr_{name}.txt')
 
 
 def test_a_result_without_drift_model_gives_the_measured_numbers_and_says_so(build):
@@ -753,27 +597,17 @@ def test_where_each_axis_has_its_own_numbers_each_is_expected_to_be_right(drifti
     assert said(export_as_wished(drifting, 'kalibr').text)['gyro'][2] < 0.05
 
 
-def test_glim_says_what_the_larger_of_both_random_walks_makes_of_the_gyroscope(drifting):
-    text = export_as_wished(drifting, 'glim').text
-    found, own = said(text), said(export_as_wished(drifting, 'lio_sam').text)
-    assert found['accel'] == own['accel']
-    # The gyroscopes' bias may walk as far as the accelerometers' there, several times as far.
-    assert found['gyro'][3] < own['gyro'][3] / 10
-
-
 def test_the_state_space_is_no_tuned_number(drifting):
     for consumer in ('state_space', 'state_space_cpp'):
         text = export_as_wished(drifting, consumer).text
         assert 'The whole drift model, as measured: NIS and' in text
-        assert 'uned for' not in text
         assert not said(text)
-        for options in (ExportOptions(conservative=True), ExportOptions(inflate={'K': 2.0})):
-            with refused(f'{consumer} is the drift model as measured: neither --conservative nor '
-                         '--inflate applies; scale its matrices yourself'):
-                export_as_wished(drifting, consumer, None, options)
+        with refused(f'{consumer} is the drift model as measured: neither --conservative nor '
+                     '--inflate applies; scale its matrices yourself'):
+            export_as_wished(drifting, consumer, None, ExportOptions(inflate={'K': 2.0}))
 
 
-def test_one_process_for_three_axes_is_that_of_one_of_them(build, drifting):
+def test_one_process_for_three_axes_is_that_of_one_of_them(build):
     # x has the larger sigma, y the longer time: together they would be neither's.
     axes = dict(build().axes)
     for name, sigma, time in (('gyro_x', 4e-4, 50.0), ('gyro_y', 1e-4, 200.0),
@@ -788,8 +622,6 @@ def test_one_process_for_three_axes_is_that_of_one_of_them(build, drifting):
     found = yaml.safe_load(export(result, 'ob_gins').text)['imumodel']
     assert found['gbstd'] == near(4e-4 / DEGREE * 3600)
     assert found['corrtime'] == near(50 / 3600)
-    assert 0 < yaml.safe_load(export_as_wished(drifting, 'kf_gins').text)[
-        'imunoise']['corrtime'] < 1
 
 
 def test_pegasus_has_one_correlation_time_and_gets_the_driving_density(build):
@@ -817,16 +649,12 @@ def test_plain_has_every_axis_as_measured_and_for_a_filter(build):
 
 def test_every_consumer_has_a_family_and_is_called_by_what_people_say():
     assert sorted(name for names in FAMILIES.values() for name in names) == sorted(CONSUMERS)
-    for said, name in (('VINS', 'vins_fusion'), ('vins-mono', 'vins_fusion'),
-                       ('OpenVINS', 'openvins'), ('ekf', 'robot_localization'),
-                       ('ORB-SLAM3', 'orb_slam3'), ('FAST-LIO2', 'fast_lio'), ('PX4', 'px4'),
-                       *((known.title, name) for name, known in CONSUMERS.items()
-                         if known.title.replace('-', '_').casefold() == name)):
+    for said, name in (('VINS', 'vins_fusion'), ('OpenVINS', 'openvins'),
+                       ('ekf', 'robot_localization'), ('FAST-LIO2', 'fast_lio')):
         assert consumer_called(said) == name
-    for said, meant in (('kalbr', 'kalibr'), ('robot_localisaton', 'robot_localization')):
-        with pytest.raises(KeyError) as error:
-            consumer_called(said)
-        assert f'did you mean {meant}?' in error.value.args[0]
+    with pytest.raises(KeyError) as error:
+        consumer_called('kalbr')
+    assert 'did you mean kalibr?' in error.value.args[0]
     with pytest.raises(KeyError) as error:
         consumer_called('toaster')
     assert error.value.args == ("no consumer is called 'toaster'; imu_allan export --list names "

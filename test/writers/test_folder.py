@@ -44,17 +44,3 @@ def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, 
     assert stale_files_note(tmp_path, ('px4', 'kalibr')) == (
         f'{tmp_path}: basalt_imu.json is of an earlier result and was not replaced; '
         '--for basalt writes it anew')
-
-
-def test_the_configurations_of_all_consumers_go_into_one_folder_and_say_whose_they_are(
-        result, tmp_path):
-    paths = save_folder(result, tmp_path, tuple(CONSUMERS), report=False)
-    assert len(set(paths)) == len(paths) == len(CONSUMERS) + 3
-    said = stale_files_note(tmp_path)
-    assert all(consumer.file in said for consumer in CONSUMERS.values())
-
-
-def test_a_node_writes_all_but_the_page(result, tmp_path):
-    paths = save_folder(result, tmp_path, report=False)
-    assert [path.name for path in paths] == ['result.json', 'curve.csv', 'allan_deviation.png']
-    assert all(path.stat().st_size for path in paths)

@@ -4,7 +4,7 @@ import re
 import shutil
 import subprocess
 
-from imu_allan.writers.latex import BIBLIOGRAPHY, escaped, noise_table
+from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
 import pytest
 
 
@@ -29,10 +29,6 @@ def test_every_brace_is_closed_every_citation_known_and_the_settings_are_there(r
     assert ('from 3 h of samples at 200\\,Hz of the sensor at rest, of which 5 min 45 s of motion '
             'were left out.') in method
     assert 'Narrow lines in the spectrum of gyro\\_z were left out of the fit.' in method
-
-
-def test_text_is_no_command():
-    assert escaped('a_b & 5 % \\x{}') == r'a\_b \& 5 \% \textbackslash{}x\{\}'
 
 
 @pytest.mark.slow

@@ -32,8 +32,8 @@ def test_a_result_reads_back_as_it_was_written_without_nan_and_its_schema_first(
 
 @pytest.mark.parametrize(('content', 'complaint'), [
     *((content, f': not JSON; give a result file, {MADE_BY}')
-      for content in (b'', b'\xff', b'[' * 100_000, b'{"schema": NaN}')),
-    (b'{}', f': {NO_RESULT}'), (b'[]', f': {NO_RESULT}'),
+      for content in (b'\xff', b'[' * 100_000, b'{"schema": NaN}')),
+    (b'{}', f': {NO_RESULT}'),
     (b'{"schema": "imu_allan.result/1"}', ': missing imu_allan_version, source, timeline, axes'),
     (None, ': cannot be read (No such file or directory); give the path of a result file, '
      f'{MADE_BY}')])
@@ -58,29 +58,18 @@ def changed(document, path, value):
     ('axes.gyro_x.unit', 'deg/s',
      'axes.gyro_x: expected quantity angular_velocity in rad/s'),
     (f'{DENSITY}.value', None, f'{DENSITY}: observable, but without value or ci95'),
-    (f'{DENSITY}.unit', 'm', f'{DENSITY}.unit: expected rad/s/sqrt(Hz)'),
     (f'{DENSITY}.observable', False, f'{DENSITY}: not observable, but with a value'),
     (f'{DENSITY}.value', '1', f'{DENSITY}.value: expected float, found str'),
     (f'{DENSITY}.value', 1e300, f'{DENSITY}.value: 1e+300 is beyond 1e+60'),
     ('axes.gyro_x.curve.adev', [1.0], 'axes.gyro_x.curve.adev: not as long as tau_s'),
     ('axes.gyro_x.curve.tau_s.0', -1.0, 'axes.gyro_x.curve.tau_s[0]: expected above zero'),
-    ('axes.gyro_x.curve.adev.0', -1.0, 'axes.gyro_x.curve.adev[0]: expected zero or above'),
-    ('axes.gyro_x.curve.edf.0', 0, 'axes.gyro_x.curve.edf[0]: expected above zero'),
     ('axes.gyro_x.curve', dict.fromkeys(('tau_s', 'adev', 'edf', 'ci68', 'ci95', 'model_adev'),
                                         ()), 'axes.gyro_x.drift_model: there is no curve of it'),
-    ('axes.gyro_x.drift_model.to_s', 1e-9, 'axes.gyro_x.drift_model.from_s: beyond to_s'),
-    ('axes.gyro_x.drift_model.rate_random_walk', -1.0,
-     'axes.gyro_x.drift_model.rate_random_walk: expected zero or above'),
     ('axes.gyro_x.power_law', {'exponent': 3.0, 'exponent_ci95': [2.9, 3.1], 'psd_1hz': 1e-9},
      'axes.gyro_x.power_law.exponent: expected 0 to 2'),
-    ('axes.gyro_x.power_law', {'exponent': 0.7, 'exponent_ci95': [0.6, 0.8], 'psd_1hz': 0.0},
-     'axes.gyro_x.power_law.psd_1hz: expected above zero'),
     ('axes.wheel', {}, 'axes.wheel: missing quantity, unit, mean, band_limit_s, tones, '
      'coefficients, goodness_of_fit, curve'),
     ('source.kind', 'dream', "source.kind: 'dream' is not one of recording, topic, datasheet"),
-    ('timeline.sample_rate_hz', 0.0, 'timeline.sample_rate_hz: expected above zero'),
-    ('sensors', {'wheel': {'verdict': 'good', 'because': []}},
-     'sensors.wheel: the file has no axis of it'),
     (DENSITY, {'symbol': 'N', 'unit': 'rad/s/sqrt(Hz)', 'observable': False, 'value': None,
                'ci95': None, 'upper95': 1.0},
      'sensors.gyro: good, but an axis has no noise density'),
@@ -91,17 +80,6 @@ def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, val
     (tmp_path / 'r.json').write_text(json.dumps(changed(judged, keys, value)))
     with refused(f'{tmp_path / "r.json"}.{complaint}'):
         load_result(tmp_path / 'r.json')
-
-
-def test_the_json_is_that_of_the_library_with_each_series_on_one_line(result):
-    text = result.to_json()
-    assert json.loads(text) == result.to_dict()
-    spread = json.dumps(result.to_dict(), indent=2)
-    assert ''.join(text.split()) == ''.join(spread.split())
-    [line] = [line for line in text.splitlines() if line.lstrip().startswith('"ci68": [')][:1]
-    assert json.loads(line.partition(': ')[2].rstrip(','))[0] == list(
-        result.axes['gyro_x'].curve.ci68[0])
-    assert '\n      "unit": "rad/s",\n' in text
 
 
 def test_the_curve_table_reads_back_exactly(result, tmp_path):

@@ -4,7 +4,6 @@
 
 import os
 from pathlib import Path
-import re
 
 from imu_allan.writers.result_file import load_result
 from on_terminal import printed
@@ -25,21 +24,3 @@ def test_a_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(stored: Pat
     if os.environ.get('IMU_ALLAN_SNAPSHOTS') == 'write':
         snapshot.write_text('\n'.join([*lines, '']))
     assert lines == snapshot.read_text().splitlines()
-    # Whether it is good and which numbers to take; a line that is broken is set in, and one still.
-    whole = [line for line in lines if line and (line[0] != ' ' or ' filter N ' in line)]
-    for line, sensor in zip(whole, ('Gyroscope', 'Accelerometer'), strict=False):
-        assert line.startswith((f'{sensor}: N is good (+-', f'{sensor}: use with care: ',
-                                f'{sensor}: not usable: '))
-    assert whole[2].startswith('Tuned for a filter corrected every ')
-    assert whole[2].endswith('(imu_allan export)')
-    assert [line.split()[:3] for line in whole[3:5]] == [
-        ['gyro', 'filter', 'N'], ['accel', 'filter', 'N']]
-    # The tuned K and the measured one stand in one block, by different names.
-    if stored.stem == 'vibration':
-        # Its findings leave no line; the table has K, too.
-        assert [line for line in lines if re.match(r'K deg/h/sqrt\(h\) .* <', line)]
-        return
-    [measured] = [line for line in lines if 'measured K' in line]
-    assert lines.index(measured) == lines.index(whole[4]) + 1
-    assert re.fullmatch(r'  measured K: gyro (not visible, < )?\d\S*( \(.*\))?; '
-                        r'accel (not visible, < )?\d\S*( \(.*\))?', measured)
