@@ -2,21 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
-from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import SLOW_TERMS
-from imu_allan.noise.uncertainty import widened_interval
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import check
-from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
-from repeated import slow
-from scipy.signal import butter, lfilter, sosfilt
+from scipy.signal import lfilter
 from whole_lines import refused, Varying
 
 RATE_HZ = 50.0
@@ -79,24 +74,6 @@ def width(result, key):
     return (found.ci95[1] - found.ci95[0]) / found.value
 
 
-def test_a_step_that_is_reported_in_one_recording_bounds_the_random_walk_of_all():
-    @altered
-    def stepped(rows, stamps):
-        rows[stamps > 4000e9, 0] += 2.4e-4
-
-    model = ('noise_density: 0.0045 deg/s/sqrt(Hz), bias_instability: 5 deg/h, '
-             'rate_random_walk: 54 deg/h/sqrt(h)')
-    found = joint_result([recorded(path, seed, model=model, rate_hz=4.0, samples=28_800,
-                                   gyro_alone=True, **more)
-                          for path, seed, more in (('knocked', 1, {'changed': stepped}),
-                                                   ('still', 2, {}))])
-    walk = found.axes['gyro_x'].coefficients['rate_random_walk']
-    assert (walk.ci95[1] if walk.ci95 else walk.upper95) > np.deg2rad(54 / 3600 / 60)
-    step, = (remark.values for remark in said(found, 'bias_step') if 'gyro_x' in remark.axes)
-    assert (step['recording'], step['size'], step['after_s']) == (
-        'knocked', pytest.approx(2.4e-4, rel=0.3), pytest.approx(4000, abs=40))
-
-
 def test_four_recordings_know_twice_as_well_as_one(nights, joint):
     single = nights[0].result()
     assert width(joint, 'noise_density') == pytest.approx(width(single, 'noise_density') / 2,
@@ -132,15 +109,6 @@ def test_the_means_spread_from_one_power_on_to_the_next(joint):
             bias.sigma, *bias.ci95)
 
 
-def test_the_order_of_the_recordings_does_not_matter(nights, joint):
-    other = joint_result(nights[::-1])
-    for name, axis in joint.axes.items():
-        for key, found in axis.coefficients.items():
-            twin = other.axes[name].coefficients[key]
-            assert twin.observable == found.observable
-            assert (twin.value or 0.0) == pytest.approx(found.value or 0.0, rel=1e-3)
-
-
 def test_a_recording_that_contradicts_the_others_is_named(nights):
     noisy = recorded('after', 9, model='noise_density: 0.006 deg/s/sqrt(Hz)')
     found = joint_result([*nights[:3], noisy])
@@ -154,32 +122,9 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
     assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
 
 
-def test_a_recording_whose_parts_contradict_each_other_is_reported_and_widens_the_interval():
-    @altered
-    def louder(rows, stamps):
-        rows[stamps > 600e9, 0] *= 1.5
-
-    def night(seed, **more):
-        return recorded(f'night{seed}', seed, samples=60_000, gyro_alone=True, **more)
-
-    result = joint_result([night(13, changed=louder), night(12)])
-    plain = joint_result([night(11), night(12)])
-    assert [(one.values['recording'], one.axes) for one in said(result, 'not_steady')] == [
-        ('night13', ('gyro_x',))]
-    assert width(result, 'noise_density') > 3 * width(plain, 'noise_density')
-    assert not result.axes['gyro_x'].stationarity.steady
-    assert result.axes['gyro_y'].stationarity.steady
-    # The segments of the second night begin where the first one ends.
-    starts = np.array([segment.start_s for segment in
-                       result.axes['gyro_x'].stationarity.segments])
-    assert (np.diff(starts) > 0).all()
-    assert 0.4 < np.mean(starts > 0.999 * 1200) < 0.6
-
-
 @pytest.mark.parametrize(('changed', 'fault', 'code'), [
     (lambda x: np.minimum(x, 0.0), 'saturated', 'saturated'),
-    (lambda x: np.where(np.arange(len(x)) < SAMPLES // 4, x, x[0]), 'dead', 'stood_still'),
-    (lambda x: np.full_like(x, 0.25), 'dead', 'constant_axis')])
+    (lambda x: np.where(np.arange(len(x)) < SAMPLES // 4, x, x[0]), 'dead', 'stood_still')])
 def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_the_others(
         changed, fault, code):
     good = recorded('good', 1, gyro_alone=True)
@@ -200,18 +145,6 @@ def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_th
     verdicts = check(found, parse_model('gyro: {x: {noise_density: 0.02 deg/s/sqrt(Hz)}, '
                                         'y: {noise_density: 0.02 deg/s/sqrt(Hz)}}'))
     assert {one.axis for one in verdicts if one.verdict == 'fail'} == {'gyro_x'}
-
-
-@pytest.mark.parametrize(('terms', 'samples', 'apart'), [
-    # As far apart as a random walk too small to show brings two means of ten minutes: twice that.
-    ({'noise_density': 1e-3, 'rate_random_walk': 3e-5}, 60_000, 2 * 3e-5 * np.sqrt(2 * 600 / 3)),
-    ({'noise_density': 1.0}, 20_000, 0.1)])
-def test_a_mean_that_only_wanders_is_no_turn_on_bias(terms, samples, apart):
-    axis = characterize(simulate(terms, samples, 100.0, seed=31), 100.0)
-    assert not axis.coefficients['rate_random_walk'].observable
-    spans = [samples / 100.0] * 2
-    assert turn_on_bias([0.0, apart], axis, spans).ci95[0] == 0.0
-    assert turn_on_bias([0.0, 100 * apart], axis, spans).ci95[0] > 0.0
 
 
 @altered
@@ -269,31 +202,6 @@ def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_report
     assert any(joint.axes['accel_x'].curve.model_adev)
 
 
-def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
-    # It reaches to the fast end.
-    joint = joint_result([nights[0], beside('other', 5, 0.7, 25.0)])
-    assert [(one.axes, one.values['exponents'][0]) for one in said(joint, 'power_law')] == [
-        ((f'gyro_{letter}',), None) for letter in 'xy']
-
-
-def test_a_low_pass_beside_slow_noise_of_another_exponent_is_refused():
-    rng = np.random.default_rng(9)
-    sigma = 0.0025 * np.pi / 180 * np.sqrt(RATE_HZ)
-
-    @altered
-    def cut(rows, _):
-        # Noise behind a steep low-pass: the band has an edge, and no window describes it.
-        rows[:, :3] = sosfilt(butter(2, 0.1, output='sos'), rows[:, :3], axis=0)
-        rows[:, :3] += sigma * rng.standard_normal((len(rows), 3))
-
-    low_passed = recorded('cut', 3, changed=cut, gyro_alone=True)
-    axis = low_passed.result().axes['gyro_x']
-    assert axis.band_limit_s is not None
-    with refused(Varying('cut: gyro_x falls by another low-pass than in other (noise at the fast '
-                         'end -<number> %); analyze different settings apart')):
-        joint_result([beside('other', 5, 0.7, 1.0, gyro_alone=True), low_passed])
-
-
 def filtered(path, seed, gain, **more):
     """Record behind imu_complementary_filter, which subtracts a bias that follows the rate."""
     state = np.zeros((1, 3))
@@ -307,16 +215,14 @@ def filtered(path, seed, gain, **more):
     return recorded(path, seed, changed=subtracted, **more)
 
 
-@pytest.mark.parametrize('order', [1, slow(-1)])
-def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order):
+def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights):
     with refused('behind: a filter has taken out the slow part of gyro_x, which is not certain in '
                  'night1; analyze the raw topic of each'):
-        joint_result([nights[0], filtered('behind', 5, 0.02)][::order])
+        joint_result([nights[0], filtered('behind', 5, 0.02)])
 
 
-@pytest.mark.parametrize('gain', [slow(0.05), 0.1])
-def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes(gain):
-    result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, gain)])
+def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
+    result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, 0.1)])
     assert [one.axes for one in said(result, 'high_passed')] == [('gyro_x',), ('gyro_y',)]
     for name in ('gyro_x', 'gyro_y'):
         axis = result.axes[name]
@@ -326,41 +232,9 @@ def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes(gai
     assert set(result.turn_on_bias) == {'accel_x'}
 
 
-@pytest.mark.parametrize('low', [0.0, 0.5])
-def test_parts_that_contradict_each_other_widen_an_interval_that_begins_at_zero(joint, low):
-    flicker = replace(joint.axes['gyro_x'].coefficients['bias_instability'], observable=True,
-                      value=1.0, ci95=(low, 1.5))
-    low_end, high_end = widened_interval(flicker, variance=0.18).ci95
-    assert high_end == pytest.approx(np.exp(np.hypot(np.log(1.5), 1.96 * 0.18**0.5)), rel=1e-3)
-    assert low_end == (low and pytest.approx(np.exp(-np.hypot(np.log(2), 1.96 * 0.18**0.5)),
-                                             rel=1e-3))
-
-
 def test_one_recording_or_an_empty_one_is_no_joint_result(nights):
     with refused('a joint result needs at least two recordings'):
         joint_result(nights[:1])
     empty = Characterization(kind='recording', path='empty', topic='/imu')
     with refused('empty: holds no usable sample; leave it out'):
         joint_result([nights[0], empty])
-
-
-def test_a_moment_without_one_sensor_in_one_recording_costs_nothing():
-    @altered
-    def holed(rows, _):
-        rows[100:200, :3] = np.nan
-
-    streams = [recorded('whole', 1), recorded('holed', 2, changed=holed)]
-    joint = joint_result(streams)
-    assert list(joint.axes) == ['gyro_x', 'gyro_y', 'accel_x']
-    both = joint_result([streams[0], recorded('whole too', 2)])
-    for name in ('gyro_x', 'accel_x'):
-        found, expected = (result.axes[name].coefficients['noise_density'].ci95
-                           for result in (joint, both))
-        np.testing.assert_allclose(found, expected, rtol=0.02)
-    limits = parse_model('gyro: {x: {noise_density: 0.01 deg/s/sqrt(Hz)}, '
-                         'y: {noise_density: 0.01 deg/s/sqrt(Hz)}}\n'
-                         'accel: {x: {noise_density: 200 ug/sqrt(Hz)}}')
-    look = check_state(streams[1], limits, result=streams[1].result())
-    assert look.decided
-    assert {verdict.axis: verdict.verdict for verdict in look.verdicts} == dict.fromkeys(
-        joint.axes, 'pass')

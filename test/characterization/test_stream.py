@@ -185,16 +185,10 @@ def test_moving_recording_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize('damage', [
-    lambda s: s.pop('memory/groups'), lambda s: s.pop('timeline/counts'),
-    # Of an older version.
     lambda s: s.pop('timeline/presence'),
-    lambda s: s.update({'memory/kind': np.array('"file"')}),
     lambda s: s.update({'memory/epoch_ns': np.array('1.5')}),
-    lambda s: s.update({'memory/before/readings': np.zeros((4, 1), int)}),
     lambda s: s.update({'memory/groups/0/thermometer/runs': np.zeros((1, 6), int)}),
-    lambda s: s.update({'memory/groups/0/columns': np.arange(5)}),
     lambda s: s.update({'memory/groups/0/columns': np.array([0, 1, 2, 3, 4, 4])}),
-    lambda s: s.update({'memory/groups/0/columns': np.arange(6) + 1}),
     lambda s: s.update({'memory/groups/0/estimator/chunk': np.zeros((2, 0))})])
 def test_damaged_state_is_refused(damage):
     stream = Characterization(kind='topic', topic='/imu')

@@ -2,20 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thermometer beside the samples: how its readings find them, whatever the clock does."""
 
-import json
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import joint_result
-from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import Result
-from imu_allan.sensor.noise_model import parse_model
-from imu_allan.state import state_of
-from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
-from whole_lines import refused
 
 RATE = 10.0
 SAMPLES = 36_000
@@ -74,18 +66,6 @@ def remarks(result):
             if remark.code in ('temperature', 'thermometer')]
 
 
-def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hour):
-    seconds, rows = hour
-    limits = parse_model(
-        'name: Limits\ngyro: {x: {rate_random_walk: 1e-4 rad/s^2/sqrt(Hz)}}\n')
-    stream = taken(seconds, rows)
-    [without] = check_state(stream, limits).verdicts
-    assert without.verdict in ('cannot tell', 'pass')
-    stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
-    [beside] = check_state(stream, limits).verdicts
-    assert beside.verdict == 'pass'
-
-
 def test_the_mean_follows_the_temperature_of_the_readings(hour):
     seconds, rows = hour
     reading = seconds[::20]
@@ -110,10 +90,6 @@ def test_the_mean_follows_the_temperature_of_the_readings(hour):
     assert shown.mean == pytest.approx(celsius_at(np.minimum(middle, 3599)), abs=0.3)
     assert all(low <= mean <= high for low, mean, high in zip(
         shown.low, shown.mean, shown.high, strict=True))
-    document = json.loads(result.to_json())
-    assert Result.from_dict(document) == result
-    del document['temperature']
-    assert Result.from_dict(document).temperature is None
 
 
 def test_readings_may_come_in_any_order_and_through_a_state(hour):
@@ -131,18 +107,6 @@ def test_readings_may_come_in_any_order_and_through_a_state(hour):
     result = first.result()
     assert axis_of(result) is not None
     assert second.result().to_dict() == result.to_dict()
-
-
-def test_memory_does_not_grow_with_the_readings():
-    thermometer = Thermometer()
-    seconds = np.arange(2_000_000) / 10
-    for part in np.array_split(seconds, 50):
-        thermometer.take(stamps_of(part), 20 + part / 1e5)
-    assert sum(array.nbytes for array in state_of(thermometer).values()) < 200_000
-    at = np.array([500.0, 123_456.0])
-    assert thermometer.celsius(stamps_of(at).astype(float)) == pytest.approx(20 + at / 1e5,
-                                                                             abs=1e-5)
-    assert len(thermometer) == 2_000_000
 
 
 def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
@@ -179,22 +143,3 @@ def test_readings_that_are_little_or_no_use_are_reported(hour, at, celsius, expe
     assert [{key: values[key] for key in wanted} for values, wanted in zip(
         found, expected, strict=True)] == expected
     assert at is with_a_gap or axis_of(result) is None
-
-
-def test_readings_that_are_none_are_left_out():
-    thermometer = Thermometer()
-    thermometer.take([0, 1, 2, 3], [np.nan, np.inf, -1e300, 21.0])
-    assert len(thermometer) == 1
-    with refused('2 stamps for 1 temperatures', ValueError):
-        thermometer.take([0, 1], [20.0])
-
-
-def test_recordings_together_use_the_temperature_of_each(hour):
-    seconds, rows = hour
-    nights = [taken(seconds, rows + part, seconds[::20], path=f'night{part}')
-              for part in range(2)]
-    joint = joint_result(nights).axes
-    dependence = joint['gyro_x'].trend.temperature
-    assert dependence.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
-    assert not joint['gyro_x'].coefficients['rate_random_walk'].observable
-    assert joint['gyro_y'].trend.temperature is None

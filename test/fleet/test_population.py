@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from changed import only, UNSEEN, with_axes, with_coefficient, without
+from changed import UNSEEN, with_axes, with_coefficient
 from imu_allan.fleet.population import population
-from imu_allan.result import Saturation, Span
 import numpy as np
 import pytest
 
@@ -50,22 +49,6 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
     traits = {(trait.axis, trait.key): trait for trait in found.traits}
     assert traits['gyro_x', 'mean'].observable == len(fleet) - len(odd)
     assert not odd.keys() & set(found.outlier_units)
-
-
-def test_units_that_are_cut_off_stood_still_or_lack_an_axis_do_not_belong(fleet):
-    for unit, fault in (('unit3', {'saturated': Saturation(0.01, 0.2)}),
-                        ('unit4', {'stood_still': Span(60.0, 300.0)})):
-        fleet[unit] = with_axes(fleet[unit], 'gyro_x', **fault)
-    fleet['unit9'] = without(fleet['unit9'], 'gyro_z')
-    assert {(outlier.unit, outlier.axis, outlier.fault) for outlier in population(fleet).outliers
-            if outlier.fault is not None} == {
-        ('unit3', 'gyro_x', 'saturated'), ('unit4', 'gyro_x', 'dead'),
-        ('unit9', 'gyro_z', 'missing'), ('unit23', 'accel_x', 'constant')}
-
-
-def test_an_axis_that_no_unit_has_is_missing_in_none(fleet):
-    gyros = {name: only(result, 'gyro') for name, result in fleet.items()}
-    assert population(gyros).outlier_units == ['unit7']
 
 
 def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):

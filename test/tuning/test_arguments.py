@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a caller may hand over by mistake, for every number that tuning takes."""
 
-from fractions import Fraction
 
 from drifting_axes import axis_of
 import imu_allan
-from imu_allan.result import Result
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.tuning.tune import optimum
 from imu_allan.writers.filters import ExportOptions
@@ -15,12 +13,9 @@ import pytest
 from whole_lines import refused
 
 AXIS = axis_of(1e-3, 1e-5)
-NO_NUMBERS = [(None, 'None'), ('text', "'text'"), ('1', "'1'"), (b'1', "b'1'"), (1j, '1j'),
-              (True, 'True'), (False, 'False'), (np.True_, repr(np.True_)),
-              ([1.0], '[1.0]'), ({}, '{}'), (np.ones(2), 'array([1., 1.])'),
+NO_NUMBERS = [(None, 'None'), ('1', "'1'"), (True, 'True'), (np.ones(2), 'array([1., 1.])'),
               ('x\n' * 10_000, "'" + 9 * 'x\\n' + 'x…n' + 9 * 'x\\n' + "'")]
-NOT_POSITIVE = [(0, '0'), (-1.0, '-1'), (float('nan'), 'nan'), (float('inf'), 'inf'),
-                (-float('inf'), '-inf'), (10**400, 'inf')]
+NOT_POSITIVE = [(0, '0'), (float('nan'), 'nan'), (10**400, 'inf')]
 OUT_OF_RANGE = [(1e-31, '1e-31'), (1e31, '1e+31')]
 
 TIMES = {
@@ -60,43 +55,6 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
         for takes in (TIMES | NUMBERS)[name] if value is not None or name not in OPTIONAL else ():
             with refused(f'{name} must be {line}'):
                 takes(value)
-
-
-@pytest.mark.parametrize(('value', 'shown'), [
-    (None, 'None'), ('text', "'text'"), ('1', "'1'"), (b'12', "b'12'"), (1.0, '1'),
-    (True, 'True'), (np.array(1.0), 'array(1.)')])
-def test_horizons_are_a_sequence(value, shown):
-    with refused(f'horizons_s must be a sequence of positive times, not {shown}'):
-        imu_allan.predicted_drift(AXIS, value)
-
-
-@pytest.mark.parametrize('number', [np.float32(1), np.int64(1), Fraction(1), 1])
-def test_any_kind_of_real_number_is_one(number):
-    assert imu_allan.tune(AXIS, number) == imu_allan.tune(AXIS, 1.0)
-    assert type(imu_allan.state_space(AXIS, number).step_s) is float
-    assert imu_allan.predicted_drift(AXIS, [number], number) == imu_allan.predicted_drift(
-        AXIS, [1.0], 1.0)
-
-
-@pytest.mark.parametrize('function', [imu_allan.tune, optimum, imu_allan.predicted_drift,
-                                      lambda axis: imu_allan.assess(axis, 1.0, 1.0),
-                                      lambda axis: imu_allan.state_space(axis, 1.0)])
-@pytest.mark.parametrize(('axis', 'kind'), [
-    (None, 'NoneType'), ('gyro_x', 'str'), (1.0, 'float'), ({}, 'dict'), (np.ones(3), 'ndarray'),
-    (Result('', None, None, {}), 'Result')])
-def test_what_is_no_axis_is_reported(function, axis, kind):
-    with refused(f"expected an axis of a result, such as result.axes['gyro_x'], not {kind}",
-                 TypeError):
-        function(axis)
-
-
-@pytest.mark.parametrize(('inflate', 'wrong'), [
-    (None, ", such as {'K': 5.0}, not None"), ('N=2', ", such as {'K': 5.0}, not 'N=2'"),
-    (2.0, ", such as {'K': 5.0}, not 2.0"),
-    ([('N', 2.0)], ", such as {'K': 5.0}, not [('N', 2.0)]"), ({'B': 2.0}, ", not of 'B'")])
-def test_factors_are_a_mapping(inflate, wrong):
-    with refused(f'inflate takes factors of N and K{wrong}'):
-        ExportOptions(inflate=inflate)
 
 
 @pytest.mark.filterwarnings('error')

@@ -63,18 +63,6 @@ def test_the_band_of_the_observed_drift_is_that_of_its_outages(tested_s, horizon
     assert bands_of(axis_of(1e-3)) == ()
 
 
-def test_every_axis_is_tested_on_its_own_where_there_is_noise_for_long_enough(hours):
-    one, other, constant = halves_of(hours, 100 * hours, np.zeros_like(hours))
-    for quiet, loud in zip(one.coast, other.coast, strict=True):
-        assert loud.observed_rms == pytest.approx(100 * quiet.observed_rms, rel=1e-6)
-    assert constant is None
+def test_what_is_too_short_or_nothing_is_not_tested(hours):
     assert halves_of(hours[:round(500 * RATE)]) == [None]
     assert predictions(Estimator(2)) == [None, None]
-
-
-def test_only_the_longest_unbroken_segment_is_tested(hours):
-    estimator = taken_in(hours[:round(3600 * RATE)])
-    estimator.skip(round(1000 * RATE))
-    estimator.update(hours[round(3600 * RATE):])
-    [found] = predictions(estimator)
-    assert found.trained_s == pytest.approx(1.5 * 3600, rel=0.01)
