@@ -49,15 +49,6 @@ def test_noise_of_any_colour_has_no_step():
     assert [fit.fit.bias_step for fit in fits] == [None] * (3 * len(KINDS))
 
 
-def test_two_steps_or_a_bump_are_not_one_and_of_a_few_samples_there_is_none():
-    rows = simulate(KINDS['flicker'], 36_000, RATE, 1)
-    rows[10_000:] += 50 * B
-    rows[25_000:] -= 45 * B
-    assert step_of(rows) is None
-    for samples in (0, 1, 11):
-        assert step_of(np.arange(samples) >= samples // 2) is None
-
-
 def test_a_step_too_small_to_be_certain_is_seldom_a_random_walk():
     found = [characterized(simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 144_000,
                                     20.0, seed) + 5 * 2.4e-5 * (np.arange(144_000) > 43_200), 20.0)

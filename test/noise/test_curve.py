@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise import spectrum
+from imu_allan.noise import chi_square, spectrum
 from imu_allan.noise.curve import edf, interval, octaves
 from imu_allan.noise.record.estimator import Estimator
 import numpy as np
@@ -39,11 +39,6 @@ def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
         edf_of_spectrum(coefficients, size, stride, count), rel=1e-6)
 
 
-def test_an_axis_without_coefficients_has_the_degrees_of_freedom_of_white_noise():
-    assert edf({}, 8, 1, 100, DT) == edf({'noise_density': 3.0}, 8, 1, 100, DT)
-    assert edf({'bias_instability': None}, 8, 1, 100, DT) == edf({}, 8, 1, 100, DT)
-
-
 @pytest.mark.parametrize('level', [.68, .95])
 def test_interval_holds_the_share_of_a_chi_square_variable_that_it_says(level):
     dof = np.array([1.0, 4.5, 300.0])
@@ -77,7 +72,10 @@ def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_ho
         assert avar == pytest.approx(np.mean(differences**2) / (2 * size**2), rel=1e-9)
 
 
-def test_nothing_gives_no_points():
-    points = octaves(Estimator(3).finished())
-    assert points.avar.shape == (0, 3)
-    assert len(points.size) == len(points.stride) == len(points.count) == 0
+@pytest.mark.parametrize('dof', [0.7, 1.0, 3.0, 250.0, 1e6])
+def test_agrees_with_scipy_stats(dof):
+    for p in (1e-8, 0.025, 0.5, 0.975):
+        np.testing.assert_allclose(chi_square.upper(p, dof), chi2.isf(p, dof), rtol=1e-9)
+        np.testing.assert_allclose(chi_square.lower(p, dof), chi2.ppf(p, dof), rtol=1e-9)
+    np.testing.assert_allclose(chi_square.survival(1.3 * dof, dof), chi2.sf(1.3 * dof, dof),
+                               rtol=1e-9)

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise density behind a low-pass is the level of the pass band."""
 
-from characterized import holds, one_axis, several, taken_in
-from imu_allan.block import NEIGHBOURS
-from imu_allan.noise.posterior.shapes import LOW_PASSES, Response, tables
+from characterized import holds, several
+from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -20,23 +19,6 @@ def test_a_corner_in_the_band_of_means_of_samples_leaves_the_noise_density():
         lfilter(np.full(8, 1 / 8), 1.0, white)[:, 100:], 1.0)]
     assert sum(holds(one, 1.0) for one in found) >= 7
     assert np.mean([one.value for one in found]) == pytest.approx(1.0, abs=0.012)
-
-
-def test_means_of_filtered_samples_have_what_they_fold():
-    """Power of means of 4 of what a mean of 8 leaves, by the autocovariance of the samples."""
-    nu = np.linspace(0.02, 0.11, 30)
-    covariance = np.convolve(np.full(8, 1 / 8), np.full(8, 1 / 8))
-    means = np.convolve(covariance, np.convolve(np.full(4, 1 / 4), np.full(4, 1 / 4)))
-    lags = np.arange(len(means)) - len(means) // 2
-    kept = lags % 4 == 0
-    # Of white noise without a filter, means of 4 have a quarter of the variance.
-    power = 4 * (means[kept] * np.cos(2 * np.pi * nu[:, None] * lags[kept])).sum(axis=1)
-    table = tables(nu, np.full(30, 4.0), np.full(30, 1e9), np.zeros(30)).low_pass
-    family = [shape.key for shape in LOW_PASSES].index('moving_mean')
-    at = table.start[family] + np.arange(table.count[family])
-    corner = table.first[family] + table.step[family] * np.arange(table.count[family])
-    found = np.array([np.interp(np.log(1 / 8), corner, row) for row in table.rows[at].T])
-    np.testing.assert_allclose(np.exp(found), power, rtol=0.02, atol=2e-3)
 
 
 @pytest.mark.parametrize(('key', 'error'), [
@@ -67,33 +49,3 @@ def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
         found = axis.coefficients['bias_instability']
         assert not found.observable
         assert flicker < found.upper95 < 4 * flicker
-
-
-def lost_and_filled(samples, share, rng):
-    """Lose samples at random, and fill them in as the timeline does; return their places, too."""
-    lost = rng.random(len(samples)) < share
-    received, found = np.flatnonzero(~lost), samples.copy()
-    for place in np.flatnonzero(lost):
-        at = np.searchsorted(received, place)
-        found[place] = samples[received[max(at - NEIGHBOURS, 0):at + NEIGHBOURS]].mean()
-    return found, np.flatnonzero(lost)
-
-
-@pytest.mark.parametrize(('share', 'corner'), [(0.03, 0.2), (0.1, 0.1)])
-def test_lost_samples_behind_a_filter_leave_the_noise_density(share, corner):
-    """Filled in by smooth neighbours they take little noise out: N was 1 to 4 % too low."""
-    rng, found = np.random.default_rng(4), []
-    for _ in range(6):
-        noise = sosfilt(butter(2, 2 * corner, output='sos'), rng.standard_normal(181_000))[1000:]
-        estimator = taken_in(*lost_and_filled(noise, share, rng))
-        found.append(one_axis(estimator, 1.0)[0].coefficients['noise_density'])
-    assert sum(holds(one, 1.0) for one in found) >= 5
-    assert np.mean([one.value for one in found]) == pytest.approx(1.0, abs=0.004)
-
-
-def test_the_last_band_ends_at_half_the_sample_rate():
-    """A band that half the rate cuts short was taken for a whole eighth of an octave."""
-    [shape] = [shape for shape in LOW_PASSES if shape.key == 'butterworth_1']
-    nu, one = np.array([0.4985]), np.ones(1)
-    passed = Response(nu, one, 4096 * one, 0 * one).of(shape.power, 0.3)
-    np.testing.assert_allclose(passed, shape.power(nu, 0.3), rtol=0.5)

@@ -64,9 +64,8 @@ def test_coefficients_of_a_mems_gyro_are_found_with_honest_intervals(record):
 
 
 @pytest.mark.parametrize('low_pass', [
-    butter(1, 20, fs=RATE), butter(2, 20, fs=RATE), butter(2, 5, fs=RATE), butter(4, 2.5, fs=RATE),
-    (np.ones(2) / 2, [1.0]), (np.ones(8) / 8, [1.0])],
-    ids=['1st 20 Hz', '2nd 20 Hz', '2nd 5 Hz', '4th 2.5 Hz', 'boxcar 2', 'boxcar 8'])
+    butter(1, 20, fs=RATE), butter(4, 2.5, fs=RATE), (np.ones(2) / 2, [1.0])],
+    ids=['1st 20 Hz', '4th 2.5 Hz', 'boxcar 2'])
 def test_low_pass_is_seen_and_leaves_the_coefficients_alone(record, low_pass):
     axis, remarks = characterized(lfilter(*low_pass, record)[2000:], RATE)
     assert 'band_limited' in remarks
@@ -158,16 +157,6 @@ def test_a_random_walk_that_goes_on_and_flicker_are_no_gauss_markov_process(term
         'rate_random_walk' in terms)
 
 
-def test_gauss_markov_process_behind_a_low_pass_is_found():
-    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
-    samples = lfilter(*butter(2, 5, fs=RATE), simulate(model, 720_000, RATE, 3))[2000:]
-    axis = characterize(samples, RATE)
-    assert axis.band_limit_s is not None
-    assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.25)
-    assert axis.gauss_markov.correlation_time_s == pytest.approx(60, rel=0.4)
-    assert near(axis.coefficients['noise_density'], 1e-3)
-
-
 @pytest.mark.parametrize('slope', [-1e-4, slow(1e-3)])
 def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
     # 1e-3 rad/s^2 over three hours is a thousand times the noise of a sample.
@@ -198,15 +187,6 @@ def test_a_ramp_is_reported_where_a_random_walk_would_drift_so_far_in_one_of_a_h
     assert 1.9 < width < 2.1
 
 
-def test_output_in_coarse_steps_adds_its_white_noise():
-    noise, step = 0.01, 0.01
-    record = np.round(simulate({'noise_density': noise / 10}, 300_000, RATE, 5) / step) * step
-    expected = np.sqrt((noise**2 + step**2 / 12) / RATE)
-    axis = characterize(record, RATE)
-    assert axis.coefficients['noise_density'].value == pytest.approx(expected, rel=0.005)
-    assert not axis.coefficients['quantization_noise'].observable
-
-
 FLICKER_ENDS = (.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747)
 """What the ends of a record leave of flicker in its slowest coefficients."""
 WHOLE = 8192
@@ -224,14 +204,12 @@ def record_without_chance(terms, ramp=0.0):
     return samples + ramp * np.arange(WHOLE) / RATE
 
 
-SUMS = [{'noise_density': 1e-3}, {'noise_density': 1e-3, 'quantization_noise': 4e-5},
-        {'noise_density': 1e-3, 'bias_instability': 5e-3},
-        {'noise_density': 1e-3, 'rate_random_walk': 3e-3},
+SUMS = [{'noise_density': 1e-3}, {'noise_density': 1e-3, 'bias_instability': 5e-3},
         {'noise_density': 1e-3, 'rate_random_walk': 3e-3, 'quantization_noise': 4e-5},
         {'noise_density': 1e-3, 'bias_instability': 5e-3, 'rate_random_walk': 1e-2}]
 
 
-@pytest.mark.parametrize('ramp', [0.0, slow(1e-4), -1e-2])
+@pytest.mark.parametrize('ramp', [0.0, -1e-2])
 @pytest.mark.parametrize('terms', SUMS, ids='+'.join)
 def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_bound(
         terms, ramp):
@@ -263,30 +241,6 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
         assert axis.coefficients[key].observable == observable
 
 
-def test_spectrum_that_ripples_all_over_is_said_to_be_bent_and_has_its_mean_density():
-    # At 4 kHz there are ten octaves to leave out.
-    rate, samples = 4000.0, 1_000_000
-    frequency = np.arange(1, samples) / (2 * samples) * rate
-    ripples = 1 + 0.9 * np.cos(2 * np.pi * np.log2(frequency))
-    drawn = np.random.default_rng(4).standard_normal(samples - 1)
-    axis, words = characterized(idct(np.concatenate(
-        ([0.0], np.sqrt(ripples * rate) * drawn)), norm='ortho'), rate)
-    assert {'band_limited', 'poor_fit'} & words.keys()
-    density = axis.coefficients['noise_density']
-    assert density.value == pytest.approx(1.0, rel=0.5)
-    low, high = density.ci95
-    # As chance alone would have it the interval would be a fiftieth of that.
-    assert (high - low) / density.value > 0.02
-
-
-def test_spectrum_of_white_noise_is_its_density_at_every_frequency():
-    spectrum = characterize(simulate({'noise_density': 0.5}, 500_000, RATE, 8), RATE).spectrum
-    frequency, density = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
-    assert frequency[0] < 1e-3 < RATE / 4 < frequency[-1] <= RATE / 2
-    np.testing.assert_allclose(density[frequency > 5], 0.25, rtol=0.05)
-    assert np.mean(density) == pytest.approx(0.25, rel=0.1)
-
-
 @pytest.mark.parametrize(('samples', 'rate', 'quantity', 'line'), [
     (np.zeros((5, 2)), 100.0, 'angular_velocity', 'samples must have one dimension, not 2'),
     ([1.0, np.nan], 100.0, 'angular_velocity', 'samples must be finite'),
@@ -296,18 +250,6 @@ def test_spectrum_of_white_noise_is_its_density_at_every_frequency():
 def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, line):
     with refused(line, ValueError):
         characterize(samples, rate, quantity)
-
-
-@pytest.mark.parametrize('period', [slow(3), 7, 50])
-def test_strictly_periodic_signal_is_named_as_a_tone(period):
-    # Nothing at all stands between its lines.
-    axis = characterize(np.arange(100_000) % period * 1.0, RATE)
-    assert any(tone.frequency_hz == pytest.approx(RATE / period, abs=0.02) for tone in axis.tones)
-
-
-def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():
-    white = simulate({'noise_density': 1e-3}, 300, 100.0, seed=1)
-    assert characterize(lfilter(*butter(4, 0.1), white), 100.0).gauss_markov is None
 
 
 @pytest.mark.parametrize('crossings', [5, 10])

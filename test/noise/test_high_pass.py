@@ -182,8 +182,3 @@ def test_a_sensor_as_it_is_keeps_its_coefficients(record, rate, remarks):
     assert axis.goodness_of_fit.p_value is not None
     assert any(one.observable for one in axis.coefficients.values())
     assert remarks <= found.keys()
-
-
-def test_quantization_alone_is_found_although_its_power_falls_as_behind_a_filter():
-    axis = imu_allan.characterize(sensor(4, noise_density=1e-9, quantization_noise=1e-5), RATE_HZ)
-    assert axis.coefficients['quantization_noise'].observable

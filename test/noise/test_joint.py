@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from characterized import characterized, ends, holds, joint_fits, shown, together
+from characterized import holds, joint_fits, shown, together
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
-from repeated import slow
 
 RATE_HZ = 100.0
 MODEL = {'noise_density': 1e-3, 'bias_instability': 8e-4, 'rate_random_walk': 2e-4}
@@ -47,23 +46,6 @@ def test_a_record_too_short_or_in_which_the_axis_stood_still_is_left_out(records
     assert joint_fits(still, 0.01) == [None]
 
 
-def test_a_line_of_one_record_is_left_out_there_and_named(records):
-    time = np.arange(60_000) / RATE_HZ
-    humming = records[0] + 0.01 * np.sin(2 * np.pi * 17.3 * time)
-    found, _ = together([humming, *records[1:]], RATE_HZ)
-    assert [round(tone.frequency_hz, 1) for tone in found.tones] == [17.3]
-    assert found.coefficients['noise_density'].value == pytest.approx(1e-3, rel=0.01)
-
-
-def test_one_record_alone_gives_what_it_gives_by_itself(records):
-    joint, alone = estimates(records[:1]), characterized(records[0], RATE_HZ)[0].coefficients
-    for key in MODEL:
-        assert joint[key].observable == alone[key].observable
-        if alone[key].observable:
-            assert joint[key].value == pytest.approx(alone[key].value, rel=1e-3)
-        assert ends(joint[key]) == pytest.approx(ends(alone[key]), rel=2e-2)
-
-
 FLICKER = {'noise_density': 1e-3, 'bias_instability': 3e-4}
 HOUR = np.arange(72_000) / 20
 
@@ -103,10 +85,3 @@ def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
         # Two spreads of 150 each are known to 8 %.
         assert ratio < 1.25
         assert covered[key] > 0.88 * 150
-
-
-@pytest.mark.parametrize('size', [7, slow(15)])
-def test_a_step_in_every_record_is_no_random_walk(size):
-    found, words = hours(lambda part: size * 3e-4 * (900 + 500 * part < HOUR))
-    assert not found.coefficients['rate_random_walk'].observable
-    assert not words.keys() & {'gauss_markov', 'power_law'}

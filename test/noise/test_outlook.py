@@ -61,27 +61,6 @@ def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observ
     assert found[key][1] is None
 
 
-@pytest.mark.parametrize(('coefficients', 'shown', 'samples', 'silent'), [
-    # A walk that should show already, never will, or is hinted at by nothing.
-    *(({'noise_density': 1.0, 'rate_random_walk': walk}, {}, LENGTH / DT, KEYS[1:])
-      for walk in (1.0, 1e-9, 0.0)),
-    ({**SENSOR, 'noise_density': 0.0}, dict.fromkeys(KEYS, True), 1000, KEYS),
-    (SENSOR, dict.fromkeys(KEYS, True), 3, KEYS),
-    (SENSOR, {'noise_density': True}, 4, ())])
-def test_where_nothing_can_be_said_there_is_no_forecast(coefficients, shown, samples, silent):
-    found = outlook(coefficients, shown, DT, samples * DT)
-    assert [found[key] for key in silent] == [(None, None)] * len(silent)
-    assert silent or found['noise_density'][1] > 0
-
-
-def test_forecasts_reach_as_far_as_4096_times_the_record():
-    walks = np.geomspace(1e-6, 1e-2, 80).tolist()
-    waits = [outlook({'noise_density': 1.0, 'rate_random_walk': walk}, {}, DT, LENGTH)
-             ['rate_random_walk'][0] for walk in walks]
-    assert waits[0] is None
-    assert 3000 * LENGTH < max(wait for wait in waits if wait is not None) < 4096 * LENGTH
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize(('key', 'value'), [
     ('bias_instability', 3e-4), slow('rate_random_walk', 1e-4)])

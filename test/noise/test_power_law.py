@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slow noise with an exponent of its own, and what must not be taken for it."""
 
-from characterized import characterized, holds, several, together
+from characterized import characterized, holds, several
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import edf
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.simulate import flicker, simulate
-from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
+from imu_allan.noise.terms import power_law_avar
 from imu_allan.result import PowerLaw
 import numpy as np
 import pytest
@@ -17,10 +17,6 @@ from scipy.signal import butter, lfilter
 DT = 0.01
 DENSITY = 1e-3
 HOUR = 360_000
-
-
-def within(value, interval):
-    return interval[0] <= value <= interval[1]
 
 
 def drawn(exponent, crossing_hz, samples, seed):
@@ -69,23 +65,7 @@ def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
                                np.array(axis.curve.adev)[sure], rtol=0.25)
 
 
-def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
-    axis = characterize(drawn(0.7, 5, HOUR, 2), 1 / DT)
-    flat = axis.coefficients['bias_instability']
-    assert not flat.observable
-    assert flat.observable_in_s is None
-    lowest = min(axis.curve.model_adev) / FLICKER_FLOOR
-    assert lowest < flat.upper95 < 2.5 * lowest
-
-
-def test_several_records_have_one_exponent():
-    axis, _ = together([drawn(0.7, 5, 100_000, seed) for seed in (3, 4)], 1 / DT)
-    assert holds(axis.coefficients['noise_density'], DENSITY)
-    assert within(0.7, axis.power_law.exponent_ci95)
-
-
-@pytest.mark.parametrize(('time', 'seed'), [
-    (time, seed) for time in (0.05, 0.1) for seed in range(4)])
+@pytest.mark.parametrize(('time', 'seed'), [(0.05, 0), (0.1, 1)])
 def test_white_noise_that_is_level_again_above_a_band_has_the_level_of_that_band(time, seed):
     # At the slow end the process is as strong as the white noise.
     process = {'sigma': DENSITY / np.sqrt(2 * time), 'correlation_time_s': time}
@@ -98,23 +78,15 @@ def test_white_noise_that_is_level_again_above_a_band_has_the_level_of_that_band
     assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)
 
 
-def test_behind_a_low_pass_a_rounded_output_adds_no_plateau():
-    record = lfilter(*butter(2, 5, fs=100), simulate({'noise_density': DENSITY}, HOUR, 1 / DT, 7))
-    step = DENSITY * np.sqrt(0.5 / DT)
-    axis = characterize(step * np.round(record / step), 1 / DT)
-    assert axis.band_limit_s is not None
-    assert axis.coefficients['noise_density'].value == pytest.approx(DENSITY, rel=0.03)
-
-
 SLOW = {'bias_instability': 3e-4}
 PROCESS = {'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 2.0}}
 
 
 @pytest.mark.parametrize(('terms', 'low_pass'), [
-    (SLOW, None), ({**SLOW, 'rate_random_walk': 6e-5}, None), (SLOW, butter(1, 20, fs=100)),
-    (SLOW, ([0.5, 0.5], [1.0])), (SLOW, ([0.967, 0.033], [1.0])), (PROCESS, None)],
-    ids=['flicker', 'flicker and a random walk', 'low-pass of the first order',
-         'low-pass of two samples', 'low-pass that takes an eighth', 'correlated over seconds'])
+    ({**SLOW, 'rate_random_walk': 6e-5}, None), (SLOW, butter(1, 20, fs=100)),
+    (SLOW, ([0.967, 0.033], [1.0])), (PROCESS, None)],
+    ids=['flicker and a random walk', 'low-pass of the first order',
+         'low-pass that takes an eighth', 'correlated over seconds'])
 def test_nothing_else_is_taken_for_a_power_law(terms, low_pass):
     record = simulate({'noise_density': DENSITY, **terms}, HOUR, 1 / DT, 6)
     if low_pass is not None:
@@ -136,10 +108,3 @@ def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
                for seed in range(4)]
     filtered = lfilter([1 - share], [1, -share], records)[:, 500:]
     assert [axis.power_law for axis in several(filtered, rate_hz)] == [None] * 4
-
-
-@pytest.mark.parametrize('exponent', [0.2, 0.3])
-def test_an_exponent_far_from_that_of_flicker_leaves_the_density_as_it_is(exponent):
-    axis = characterize(drawn(exponent, 5, 180_000, 4), 1 / DT)
-    assert within(exponent, axis.power_law.exponent_ci95)
-    assert holds(axis.coefficients['noise_density'], DENSITY)

@@ -61,15 +61,3 @@ def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyo
     full = 4 if samples == 300_000 else len(tau)
     np.testing.assert_allclose(found[:full], expected[:full], rtol=1e-9)
     np.testing.assert_allclose(found, expected, rtol=1e-2)
-
-
-@pytest.mark.parametrize(('overlap', 'white', 'flicker', 'walk'), [
-    (1, .445, .754, .960), (2, .762, .971, .999), (4, .928, .997, 1), (8, .981, 1, 1)])
-def test_strides_cost_the_known_share_of_degrees_of_freedom(overlap, white, flicker, walk):
-    size, n = 1024, 1000 * 1024
-    for key, share in (('noise_density', white), ('bias_instability', flicker),
-                       ('rate_random_walk', walk)):
-        stride = size // overlap
-        full = edf({key: 1.0}, size, 1, n + 1 - 2 * size, 1.0)
-        part = edf({key: 1.0}, size, stride, (n - 2 * size) // stride + 1, 1.0)
-        assert part / full == pytest.approx(share, abs=2e-3)

@@ -5,7 +5,6 @@
 from characterized import messages
 from imu_allan.characterization import Characterization
 from imu_allan.noise.sequential import SMALLEST_RECORD
-from imu_allan.noise.simulate import flicker
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet.live import check_state, next_look
 import numpy as np
@@ -54,29 +53,6 @@ def test_at_the_limit_neither_word_is_said_but_the_test_ends():
     # Of ten at 5 % each way more than three would come once in eighty; the slow tests draw more.
     assert sum(word != 'cannot tell' for word, _ in found) <= 3
     assert max(samples for _, samples in found) < 20_000
-
-
-def beside_slow_noise(seed, density=DENSITY, count=3000):
-    """Take in white noise that f^-0.7 crosses at 5 Hz, where its density is the limit."""
-    rng = np.random.default_rng(seed)
-    size = DENSITY * RATE_HZ**0.5 * (2 * np.pi * 5 / RATE_HZ)**0.35
-    return taken_in(Characterization(kind='topic', topic='/imu'),
-                    rng.normal(0, density * RATE_HZ**0.5, count) + size * flicker(count, rng, 0.7))
-
-
-def test_what_slow_noise_of_another_exponent_adds_to_white_noise_fails_few_units():
-    found = [look(beside_slow_noise(seed), DENSITY)[0] for seed in range(12)]
-    # One in five does: of so short a record the exponent is not known.
-    assert 'pass' not in found
-    assert found.count('fail') <= 5
-
-
-def test_what_no_exponent_explains_fails_beside_slow_noise_too():
-    assert look(beside_slow_noise(1, 1.5 * DENSITY), DENSITY) == ('fail', True)
-
-
-def test_a_finer_margin_takes_longer():
-    assert decided(3, DENSITY, margin=0.03)[1] > 3 * decided(3, DENSITY)[1]
 
 
 @pytest.mark.slow

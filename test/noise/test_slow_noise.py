@@ -4,9 +4,8 @@
 
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
-from characterized import characterized, ends, holds, several, together
+from characterized import characterized, ends, holds, several
 from imu_allan.noise.simulate import flicker, simulate
-from imu_allan.noise.trends.waveforms import warming
 import numpy as np
 import pytest
 from repeated import slow
@@ -150,23 +149,6 @@ def test_even_random_walks_are_known_as_well_as_they_can_be_and_a_few_jumps_less
     assert sum(width(walk) > 1.4 for walk in jumps) >= 8
 
 
-def test_slow_trend_that_is_taken_out_makes_no_random_walk_uneven():
-    trend = 0.05 * warming(300.0)(np.arange(HOUR) / RATE)
-    records = np.array([even(seed) + simulate({B: 5e-4}, HOUR, RATE, 900 + seed)
-                        for seed in range(6)])
-    beside, alone = (each(records + moves, K) for moves in (trend, 0.0))
-    assert sum(walk.observable for walk in beside) >= 5
-    assert np.median([width(walk) for walk in beside]) < 1.3 * np.median(
-        [width(walk) for walk in alone])
-
-
-def test_joint_random_walk_that_is_even_is_known_better_than_that_of_one_record():
-    records = [even(seed, HOUR // 2) for seed in range(3)]
-    joint = together(records, RATE)[0].coefficients[K]
-    assert width(joint) < np.median([width(one) for one in each(records, K)])
-    assert holds(joint, WALK)
-
-
 TIME = np.arange(2 * HOUR) / RATE
 STILL = {N: 7.9e-5, B: 2.4e-5}
 WALKING = {**STILL, K: 4.4e-6}
@@ -195,20 +177,6 @@ def test_a_mean_that_moves_once_is_seldom_a_random_walk(trends, sizes, seeds, mo
              for trend in trends for size in sizes for seed in seeds]
     assert sum(one[K].observable for one in found) <= most
     assert sum(holds(one[B], STILL[B]) for one in found) >= fewest
-
-
-@pytest.mark.parametrize('size', [slow(30), 300])
-@pytest.mark.parametrize('trend', TRENDS)
-def test_a_mean_that_moves_in_any_way_leaves_the_noise_density(trend, size):
-    density = coefficients(STILL, 3, trend, size)[N]
-    assert density.value == pytest.approx(STILL[N], rel=0.02)
-
-
-@pytest.mark.parametrize('trend', [None, 'turns round'])
-def test_a_random_walk_is_found_beside_a_mean_that_moves(trend):
-    walk = coefficients(WALKING, 3, trend, 3)[K]
-    assert walk.observable
-    assert holds(walk, WALKING[K])
 
 
 def test_a_random_walk_that_an_hour_just_shows_is_reported():

@@ -1,7 +1,21 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""Spectra, Allan variances and the fitted model: each says the same of the same noise."""
+
+from decimal import Decimal, localcontext
+
 from imu_allan.noise import spectrum
-from imu_allan.noise.terms import allan_variance, gauss_markov_avar, power_law_avar
+from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.process_means import dct_power, mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.terms import (
+    allan_variance,
+    gauss_markov_avar,
+    low_passed_avar,
+    power_law_avar,
+    Quantity,
+    TERMS,
+)
+from imu_allan.result import GaussMarkov
 import numpy as np
 import pytest
 from scipy.fft import dct
@@ -70,27 +84,83 @@ def test_flicker_transform_factor_is_the_mean_power_of_the_transform():
     assert factor[-1] == pytest.approx(1 - 2 / (np.pi**2 * 199))
 
 
-@pytest.mark.parametrize('a', [1e-6, 3e-5, 9.9e-5, 1.01e-4, 1e-3, 0.1, 10.0])
-def test_gauss_markov_spectrum_is_exact_on_both_sides_of_its_series(a):
-    # In extended precision the closed form does not cancel as far.
-    nu = np.array([1e-3, 0.1, 0.5])
-    wide = np.longdouble(a)
-    decay = -np.expm1(-wide)
-    z = np.exp(2j * np.pi * nu.astype(np.longdouble))
-    exact = (2 / wide**2 * (wide - decay)
-             + 2 * (decay / wide) ** 2 * np.real(z / (1 - np.exp(-wide) * z)))
-    np.testing.assert_allclose(spectrum.gauss_markov(nu, DT, DT / a), exact.astype(float),
-                               rtol=1e-6)
+def test_a_term_has_the_name_that_its_sensor_gives_it_and_its_coefficient_where_it_is_read():
+    assert TERMS['noise_density'].name(Quantity.ANGULAR_VELOCITY) == 'angle random walk'
+    assert TERMS['noise_density'].name(Quantity.LINEAR_ACCELERATION) == 'velocity random walk'
+    for term in TERMS.values():
+        if term.read_at is not None:
+            assert term.adev(3.0, term.read_at) == pytest.approx(3.0)
+    assert TERMS['bias_instability'].adev(1.0, 7.0) == pytest.approx(0.66428, abs=1e-5)
 
 
-@pytest.mark.parametrize('key', COLUMNS)
-def test_model_is_self_similar_under_averaging(key):
-    # The mean of m samples has the aliased, sinc-weighted spectrum of the samples.
-    m, nu = 4, np.array([0.03, 0.2, 0.41])
-    total = np.zeros(3)
-    for k in range(m):
-        fine = (nu + k) / m
-        fine = np.where(fine > 0.5, 1 - fine, fine)
-        weight = (np.sin(np.pi * nu) / (m * np.sin(np.pi * (nu + k) / m))) ** 2
-        total += weight * COLUMNS[key](fine, DT) / m
-    np.testing.assert_allclose(total, COLUMNS[key](nu, m * DT), rtol=1e-9)
+@pytest.mark.parametrize(('key', 'expected'), [
+    ('quantization_noise', 3 * 4 / 25), ('noise_density', 4 / 5),
+    ('bias_instability', 2 * np.log(2) / np.pi * 4), ('rate_random_walk', 4 * 5 / 3),
+    ('rate_ramp', 4 * 25 / 2)])
+def test_allan_variance_is_the_formula_of_the_standard(key, expected):
+    for sign in (1, -1):
+        assert allan_variance({key: sign * 2.0}, 5.0) == pytest.approx(expected)
+        assert allan_variance({key: sign * 2.0, 'noise_density': 1.0}, 5.0) == pytest.approx(
+            expected + (0.2 if key != 'noise_density' else 0.2 - expected))
+
+
+@pytest.mark.parametrize('width', [1, 2, 3, 8, 50])
+@pytest.mark.parametrize('size', [1, 2, 7, 8, 9, 16, 300])
+def test_allan_variance_of_a_moving_average_is_that_of_its_weights(width, size):
+    # The difference of two cluster means is a weighted sum of independent samples.
+    dt = 0.25
+    difference = np.concatenate((np.full(size, -1.0), np.full(size, 1.0))) / size
+    weights = np.convolve(difference, np.ones(width) / width)
+    exact = 0.5 * weights @ weights * 3.0**2 / dt
+    window = np.sqrt(width**2 - 1) * dt
+    assert low_passed_avar(3.0, window, size, dt) == pytest.approx(exact, rel=1e-10)
+
+
+MODELS = {
+    'terms': FittedModel({'quantization_noise': 2e-5, 'noise_density': 1e-3,
+                          'bias_instability': 2e-3, 'rate_random_walk': 1e-3}),
+    'low-pass': FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, 0.075),
+    'processes': FittedModel({'noise_density': 1e-3}, None,
+                             (GaussMarkov(1e-3, 0.5), GaussMarkov(3e-3, 20.0))),
+}
+
+
+@pytest.mark.parametrize('name', MODELS)
+@pytest.mark.parametrize('m', [1, 3, 16, 100])
+def test_allan_variance_is_the_integral_over_the_spectrum(name, m):
+    # Fine enough for the random walk at its slow end: the weight falls with nu squared there.
+    nu = np.geomspace(1e-7, 0.5, 400_000)
+    weight = 4 * np.sin(np.pi * m * nu)**4 / (m * np.sin(np.pi * nu))**2
+    integrand = MODELS[name].density(nu / DT, DT) / DT * weight
+    integral = float(np.sum((integrand[1:] + integrand[:-1]) / 2 * np.diff(nu)))
+    assert MODELS[name].allan_variance([m], DT)[0] == pytest.approx(integral, rel=2e-3)
+
+
+def moments(interval: float) -> tuple[float, float, float]:
+    """Weight of the state in the mean, variance of the mean, and what the state does not tell."""
+    with localcontext() as context:
+        context.prec = 50
+        x = Decimal(interval)
+        weight = (1 - (-x).exp()) / x
+        variance = 2 / x * (1 - weight)
+        return float(weight), float(variance), float(variance - weight**2)
+
+
+@pytest.mark.parametrize('interval', [1e-6, 5e-4, 0.99e-3, 1.01e-3, 0.1, 1.0, 30.0])
+def test_moments_of_a_mean_are_exact_on_both_sides_of_the_series(interval):
+    weight, variance, rest = moments(interval)
+    assert float(on_mean(1.0, interval)) == pytest.approx(weight, rel=1e-12)
+    assert float(mean_variance(1.0, interval)) == pytest.approx(variance, rel=1e-9)
+    assert float(rest_of_mean(1.0, interval)) == pytest.approx(rest, rel=1e-8)
+
+
+@pytest.mark.parametrize('length', [2, 3, 16, 60, 501])
+@pytest.mark.parametrize('time', [0.01, 0.3, 8.0, 5000.0, 1e5])
+@pytest.mark.parametrize('interval', [1.0, 20.0])
+def test_the_power_of_a_cosine_in_means_is_that_of_their_covariance(length, time, interval):
+    x = interval / time
+    covariance = toeplitz(np.concatenate((
+        [mean_variance(1.0, x)], on_mean(1.0, x) ** 2 * np.exp(-x * np.arange(length - 1)))))
+    cosines = dct(np.eye(length), norm='ortho', axis=0)[1:]
+    exact = np.einsum('ja,ab,jb->j', cosines, covariance, cosines)
+    np.testing.assert_allclose(dct_power(time, interval, length), exact, rtol=1e-8)

@@ -9,7 +9,6 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.noise.trends.temperature import TemperatureSeries
 import numpy as np
 import pytest
-from repeated import slow
 from scipy.signal import lfilter
 
 RATE = 4.0
@@ -81,36 +80,10 @@ def test_a_mean_that_follows_the_temperature_is_no_random_walk():
     assert all(holds(one.coefficients['bias_instability'], 3e-4) for one in beside)
 
 
-def test_a_mean_that_bends_with_the_temperature_shows_the_square():
-    celsius = warm_up_and_cycle()
-    found, = axes_at(NOISE, lambda _: celsius, lambda _: 3e-4 * (celsius - celsius.mean())**2, 1)
-    heat = found.trend.temperature
-    assert heat.per_kelvin_squared == pytest.approx(3e-4, rel=0.2)
-    assert inside(heat.ci95, 0)
-    assert (heat.lowest_c, heat.highest_c) == (celsius.min(), celsius.max())
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize('model', [slow(NOISE), RANDOM_WALK])
-def test_an_unrelated_temperature_changes_nothing(model):
-    for one, plain in zip(axes_at(model, warm_up_and_cycle), axes_at(model, None), strict=True):
-        assert one.trend.temperature is None
-        for key, found in one.coefficients.items():
-            if key != 'rate_ramp' and plain.coefficients[key].observable:
-                assert found.value == pytest.approx(plain.coefficients[key].value, rel=0.1)
-
-
 def test_a_random_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
     for one in axes_at(NOISE, lambda seed: lagging(walking(seed), 400.0),
                        lambda seed: 1e-3 * walking(seed)):
         assert not walk_of(one).observable
-
-
-def test_what_a_lag_leaves_of_the_temperature_makes_the_flicker_uncertain():
-    # By itself, with the lag 35 s off, its interval began above the truth.
-    found, = axes_at(NOISE, lambda _: lagging(walking(6), 180.0),
-                     lambda _: 1e-3 * walking(6), 1, 6)
-    assert holds(found.coefficients['bias_instability'], NOISE['bias_instability'])
 
 
 LATE = partial(lagging, seconds=180.0)
@@ -128,14 +101,6 @@ def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_reported(lag
     assert not late or share(inside(one.lag_ci95, lag) for one in late) > 0.7
     assert share(inside(one.ci95, 1e-3) for one in heat) > 0.7
     assert share(walk_of(one).observable for one in found) <= 0.25
-
-
-def test_a_thermometer_that_lags_steals_no_random_walk():
-    found = axes_at(RANDOM_WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
-                    lambda seed: 1e-3 * warm_up_and_cycle(seed))
-    assert share(one.trend.temperature is not None for one in found) > 0.7
-    assert share(walk_of(one).observable for one in found) > 0.6
-    assert share(holds(walk_of(one), 3e-5) for one in found) > 0.6
 
 
 def test_what_a_lag_does_to_a_temperature_is_undone():
@@ -164,10 +129,3 @@ def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
           f'a random walk beside a lag: {sum(walks)} of {len(walks)}')
     assert share(named) <= 0.05
     assert share(walks) <= 0.05
-
-
-@pytest.mark.thorough
-def test_a_ramp_beside_the_temperature_is_distinguished():
-    ramps = [one.trend.ramp for one in axes_at(
-        NOISE, warm_up_and_cycle, lambda seed: 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME)]
-    assert all(ramp is not None and inside(ramp.ci95, 1e-6) for ramp in ramps)

@@ -2,16 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A warm-up thousands of times the noise leaves the coefficients as they are."""
 
-from dataclasses import replace
-import re
 
 from characterized import characterized
-from imu_allan.characterization.findings import with_start
-from imu_allan.finding import Finding
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import TemperatureDependence
-from imu_allan.tuning.tune import tune
-from imu_allan.writers.included import trend_notes
 import numpy as np
 import pytest
 
@@ -60,45 +53,6 @@ def test_a_die_and_its_housing_are_two_exponentials():
     assert not axis.coefficients[K].observable
     assert said['warm_up']['exponentials'] == 2
     assert said['warm_up']['steady_after_s'] > 120
-
-
-def test_a_ramp_beside_a_warm_up_is_both():
-    axis, _ = warmed(lambda t: 0.01 * np.exp(-t / 300) + 1e-7 * t, 3, hours=2)
-    assert covers(axis.trend.ramp.ci95, 1e-7)
-    assert covers(axis.trend.warm_up.time_constant_ci95, 300)
-
-
-def test_the_advice_fits_the_length_of_the_record_and_numbers_for_a_filter_have_the_warm_up():
-    short, _ = warmed(lambda t: 0.01 * np.exp(-t / 60), 4)
-    long, _ = warmed(lambda t: 0.01 * np.exp(-t / 1800), 4)
-    cold, _ = warmed(lambda t: 0 * t, 4)
-
-    def start(*axes, length_s=3600.0, several=False):
-        named = dict(zip(('gyro_x', 'gyro_y'), axes, strict=False))
-        [found] = with_start([Finding('warm_up')], named, length_s, several=several)
-        return found.values['start']
-
-    assert start(short) == 'auto'
-    assert start(long) is None
-    # The recording begins once: there is one start for all axes.
-    assert start(short, long) == 'auto'
-    assert re.fullmatch(r'\d+min', start(long, length_s=4 * 3600.0, several=True))
-    # The shortest of several recordings is over before.
-    assert start(long, several=True) is None
-    assert tune(short, 0.1, 60.0).random_walk > 10 * tune(cold, 0.1, 60.0).random_walk
-    assert trend_notes({'gyro_x': cold}) == []
-    heated = replace(long, trend=replace(long.trend, warm_up=None, temperature=(
-        TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
-    cycling = replace(cold, trend=replace(cold.trend, cycle_s=1200.0))
-    for axis, said in ((short, (
-            'The warm-up of gyro y is in these numbers, unlike in the coefficients. Where the '
-            'recording is long enough, --start auto or --start TIME of analyze leaves it out.')),
-            (heated, 'What temperature does to gyro y is in these numbers, unlike in the '
-             'coefficients: a recording at one temperature is without it.'),
-            (cycling, "The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
-             'numbers, unlike in the coefficients. That is right where the filter will meet it, '
-             'too; else record without it.')):
-        assert trend_notes({'gyro_x': cold, 'gyro_y': axis})[0] == said
 
 
 @pytest.mark.slow

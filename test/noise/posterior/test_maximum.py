@@ -2,27 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The likelihood of a spectrum and its maximum, against what is worked out in another way."""
 
-from dataclasses import replace
 
-from characterized import shown, taken_in
+from characterized import shown
 from imu_allan.noise import spectrum
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.regression import mean, regressors
 from imu_allan.noise.record.bins import bins_of
-from imu_allan.noise.record.groups import (
-    FLICKER,
-    grouped,
-    joined_groups,
-    QUANTIZATION,
-    RANDOM_WALK,
-    WHITE,
-)
+from imu_allan.noise.record.groups import FLICKER, grouped, RANDOM_WALK, WHITE
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
-from scipy.fft import dct
-from scipy.linalg import toeplitz
 from scipy.optimize import nnls
 
 
@@ -57,15 +47,6 @@ def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(k
                                                                 rel=1e-6)
 
 
-def test_quantization_column_is_the_exact_mean_power_of_a_block():
-    n, dt = 64, 0.5
-    covariance = toeplitz([2.0, -1.0, *[0.0] * (n - 2)]) / dt**2
-    transform = dct(np.eye(n), axis=0, norm='ortho')
-    bins = bins_of_record(simulate({'noise_density': 1.0}, n, 1 / dt), dt)
-    np.testing.assert_allclose(bins.design[:, QUANTIZATION],
-                               np.diag(transform @ covariance @ transform.T)[1:], rtol=1e-12)
-
-
 def test_columns_are_the_spectra_of_the_means_of_every_stage():
     dt = 0.5
     sections = shown(simulate({'noise_density': 1.0}, 100_000, 1 / dt)).periodogram.sections()
@@ -86,31 +67,6 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
         np.testing.assert_allclose(bins.ramp[here], ramp**2 if whole else -ramp**2)
         np.testing.assert_array_equal(bins.dof[here], section.blocks)
         assert (bins.whole[here] == whole).all()
-
-
-@pytest.mark.parametrize('runs', [1, 2])
-@pytest.mark.parametrize('kept', [1.0, 0.7])
-def test_groups_hold_every_bin_that_is_kept_once_and_the_slowest_alone(runs, kept):
-    estimator = taken_in(np.random.default_rng(0).standard_normal((40_000, 2)))
-    if runs == 2:
-        estimator.start_run()
-        estimator.update(np.random.default_rng(1).standard_normal((40_000, 2)))
-    bins = bins_of(estimator.finished().periodogram.sections(), 0.01)
-    keep = np.random.default_rng(2).random(len(bins.dof)) < kept
-    groups, dof = grouped(bins, 1, keep), np.where(keep, bins.dof, 0)
-    assert (np.diff(groups.frequency) >= 0).all()
-    assert groups.dof.sum() == dof.sum()
-    for name in ('frequency', 'power', 'ramp'):
-        values = getattr(bins, name)
-        values = values[1] if values.ndim == 2 else values
-        assert groups.dof @ getattr(groups, name) == pytest.approx(dof @ values)
-    np.testing.assert_allclose(groups.dof @ groups.design, dof @ bins.design)
-    single = np.flatnonzero(bins.whole & (bins.index <= 48) & keep)
-    assert len(single) == 48 * runs or kept < 1
-    assert set(bins.power[1, single]) <= set(groups.power[groups.dof == 1])
-    # An eighth of an octave wide at most.
-    wide = len(groups.frequency) - len(single)
-    assert wide < 2 * runs * 8 * np.log2(bins.frequency.max() / bins.frequency[single].max())
 
 
 def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
@@ -139,27 +95,6 @@ def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
     assert best.loss - 1e-6 < behind.loss <= best.loss
 
 
-def test_records_side_by_side_are_fitted_as_with_a_column_for_each():
-    """Regressors by record give what all of them give as columns that are zero elsewhere."""
-    parts = []
-    for seed in range(3):
-        bins = bins_of_record(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, 4000,
-                                       10.0, seed) + 1e-3 * seed * np.arange(4000), 0.1)
-        bend = np.where(bins.whole, np.exp(-bins.index / 10), 0.0)[:, None]
-        parts.append(grouped(bins, 0, regressors=bend))
-    joint = joined_groups(parts)
-    own = np.arange(3) == joint.record[:, None]
-    along = (own[:, :, None] * joint.along[:, None]).reshape(-1, 6)
-    among = np.einsum('gr,gs,gab->grasb', own, own, joint.among).reshape(-1, 6, 6)
-    columns = replace(joint, along=along, among=among, record=None)
-    one, other = (maximise(groups, moving_mean=True, tolerance=1e-12)
-                  for groups in (joint, columns))
-    np.testing.assert_allclose(one.theta, other.theta, rtol=1e-5, atol=1e-12)
-    weight = (joint.dof / (joint.design @ one.theta))[None]
-    sizes = [mean(regressors([groups]), groups.records, weight)[1] for groups in (joint, columns)]
-    np.testing.assert_allclose(sizes[0].ravel(), sizes[1].ravel(), rtol=1e-4)
-
-
 def test_small_non_negative_least_squares_agrees_with_scipy():
     rng = np.random.default_rng(1)
     problems = [(rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4),
@@ -172,12 +107,3 @@ def test_small_non_negative_least_squares_agrees_with_scipy():
         part = non_negative(a.T @ a, a.T @ b)
         assert (part >= 0).all()
         np.testing.assert_allclose(a @ part, a @ nnls(a, b)[0], atol=1e-6)
-
-
-@pytest.mark.parametrize('beside', [2.0, -5.0])
-@pytest.mark.parametrize('start', [(), (0,), (1,)])
-def test_columns_that_rounding_makes_indefinite_still_give_an_answer(beside, start):
-    for target in ((1.0, 3.0), (3.0, 1.0), (1.0, 1.0), (-3.0, 3.0)):
-        part = non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
-        assert (part >= 0).all()
-        assert np.isfinite(part).all()

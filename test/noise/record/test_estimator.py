@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from functools import cache
 from itertools import pairwise
-import re
 
-from characterized import ends, holds, one_axis, shown, taken_in
+from characterized import ends, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import octaves
-from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.estimator import CHUNK, Estimator
+from imu_allan.noise.record.signal_over_time import COLUMNS
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -86,16 +85,6 @@ def test_a_constant_changes_only_the_mean_and_reversed_time_not_even_a_short_cur
     np.testing.assert_allclose(reversed_, short, rtol=1e-9)
 
 
-@pytest.mark.parametrize('interrupt', [lambda estimator: estimator.skip(20), Estimator.start_run])
-def test_no_difference_is_taken_across_an_interruption(interrupt):
-    # A step between two noiseless segments would show if it were.
-    estimator = Estimator()
-    for level in (0.0, 5.0):
-        estimator.update(np.full(3000, level))
-        interrupt(estimator)
-    assert not octaves(estimator.finished()).avar.any()
-
-
 def test_merged_records_and_what_follows_stay_apart():
     first, *rest, last = records = [simulate(SENSOR, samples, 100, seed) for seed, samples in
                                     enumerate((600, 600, 40_000, 600, 50_000))]
@@ -124,36 +113,6 @@ def test_merged_records_and_what_follows_stay_apart():
     assert merged.mean[0] == pytest.approx(np.concatenate(records).mean())
 
 
-def test_merged_records_about_different_levels_keep_what_each_saw():
-    merged = taken_in([5.0, 5.0, 5.5, 5.0])
-    merged.merge(taken_in([-3.0, -2.0, -3.0, -3.25]))
-    finished = merged.finished()
-    assert finished.reference + finished.census.lowest == pytest.approx([-3.25])
-    assert finished.reference + finished.census.highest == pytest.approx([5.5])
-    assert finished.census.step == pytest.approx([0.25])
-    assert finished.mean == pytest.approx([np.mean([5, 5, 5.5, 5, -3, -2, -3, -3.25])])
-
-
-def test_more_runs_than_a_key_holds_are_numbered_anew():
-    many, few = Estimator(), Estimator()
-    for _ in range(MOST_RUNS + 10):
-        many.start_run()
-    for part in np.split(RECORD[:3000, 0], 3):
-        for estimator in (many, few):
-            estimator.update(part)
-            estimator.start_run()
-            estimator.start_run()
-    for _ in range(MOST_RUNS):
-        many.start_run()
-    many.update(RECORD[3000:4000, 0])
-    few.update(RECORD[3000:4000, 0])
-    many.merge(few)
-    few.merge(few.copy())
-    for one, other in zip(many.finished().periodogram.sections(),
-                          few.finished().periodogram.sections(), strict=True):
-        np.testing.assert_array_equal(one.power, other.power)
-
-
 def test_memory_does_not_grow_with_the_record():
     rng = np.random.default_rng(0)
     estimator = Estimator(6)
@@ -172,80 +131,6 @@ def test_a_record_of_nothing_but_short_runs_has_coefficients():
         estimator.start_run()
     density = one_axis(estimator, 20.0)[0].coefficients['noise_density']
     assert density.value == pytest.approx(1e-3 / 20**.5, rel=0.03)
-
-
-@pytest.mark.thorough
-def test_thousands_of_tiny_runs_stay_bounded():
-    estimator = Estimator()
-    for _ in range(9000):
-        estimator.update([0.0, 1.0])
-        estimator.start_run()
-    state = estimator.to_state()
-    assert sum(array.nbytes for array in state.values()) < 1_000_000
-    assert len(estimator.periodogram.series) <= 8192
-    assert estimator.samples == 18_000
-
-
-@pytest.mark.parametrize('wrong', [
-    lambda: Estimator(0), lambda: Estimator().skip(-1), lambda: Estimator(2).merge(Estimator(3)),
-    *(lambda samples=samples: Estimator().update(samples) for samples in (
-        np.zeros((3, 2)), np.zeros((2, 2, 2)), [np.nan], [np.inf])),
-    *(lambda rows=rows: Estimator().update(np.ones(5), rows) for rows in (
-        [5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]))])
-def test_what_an_estimator_cannot_do_is_refused(wrong):
-    with pytest.raises(ValueError, match=r'^(.+ )?(must|cannot) .+$'):
-        wrong()
-
-
-DAMAGE = {
-    'pyramid/sums': [np.zeros(3), np.zeros((3, 2))],
-    'pyramid/tails/0': [np.zeros((2, 9)), np.zeros((1, 2)), np.zeros(2)],
-    'pyramid/counts': [np.zeros(2, int)],
-    'periodogram/series/keys': [lambda keys: keys[:-1], lambda keys: keys[::-1]],
-    'periodogram/series/sums': [lambda sums: sums[:, :-1]],
-    'periodogram/series/counts': [lambda counts: counts[:-1], lambda counts: counts * 0],
-    'periodogram/stages/0/sums/4096/power': [lambda power: power[:, :-1]],
-    'periodogram/segments/power': [lambda power: power[:, :-1]],
-    'periodogram/segments/dof': [lambda dof: -dof - 1],
-    'periodogram': ['"cell": 0', '"cell": 3', '"axes": 0', '"axes": 3', '"width": 16385',
-                    '"excess": 99.0', '"4095": {'],
-    'signal/counts': [np.zeros(3, int), lambda counts: counts * 99],
-    'signal/low': [np.zeros((3, 512))], 'signal': ['"width": 0'],
-    'interpolation_sums/shared': [lambda sums: sums * np.nan, lambda sums: sums + np.inf],
-    'interpolation_sums/pairs': [np.zeros(3), lambda pairs: pairs - pairs.max()],
-    'census/zeros': [lambda zeros: zeros - 1, lambda zeros: zeros + 10**6],
-    'census/sizes': [lambda sizes: sizes[:, 1:]],
-    'chunk': [np.zeros((3, 0)), lambda chunk: chunk[:, 1:]],
-    'reference': [np.zeros(3)], 'interpolated_rows': [np.array('[9, 9]'), np.array('[99999]')],
-    'run': [np.array('-1'), np.array(str(MOST_RUNS))], 'interpolated': [np.array('99999')]}
-
-
-@pytest.mark.parametrize(('key', 'spoil'), [
-    (key, spoil) for key, ways in DAMAGE.items() for spoil in ways])
-def test_a_state_whose_parts_do_not_fit_is_refused(key, spoil):
-    estimator = lived(RECORD, 10_000)
-    estimator.update(np.ones((20, 2)), [3])
-    state = estimator.to_state()
-    before = state[key]
-    if isinstance(spoil, str):
-        field = re.escape(spoil.partition(':')[0]) if spoil[1].isalpha() else '"4096"'
-        text = re.sub(rf'{field}: ([\d.]+|{{)', spoil, str(before), count=1)
-        assert text != str(before)
-        state[key] = np.array(text)
-    else:
-        state[key] = spoil(before) if callable(spoil) else spoil
-    with pytest.raises((KeyError, TypeError, ValueError)):
-        Estimator.from_state(state)
-
-
-def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
-    noise = np.random.default_rng(1).normal(size=(500, 1))
-    followed = taken_in(noise)
-    followed.start_run()
-    followed.update(noise[:5])
-    [one] = shown(noise).periodogram.sections()
-    [other] = followed.finished().periodogram.sections()
-    np.testing.assert_array_equal(one.power, other.power)
 
 
 def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
@@ -293,14 +178,20 @@ def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
     assert (nothing.measured, nothing.census.highest[0]) == (0, -np.inf)
 
 
-@pytest.mark.parametrize('seed', [3, 6])
-def test_long_gaps_leave_the_coefficients_inside_their_intervals(seed):
-    record = simulate(SENSOR, 400_000, 100, seed)[:, None]
-    estimator = Estimator()
-    for begin in range(0, len(record), 80_000):
-        estimator.update(record[begin:begin + 75_000])
-        estimator.skip(5_000)
-    axis, _ = one_axis(estimator, 100)
-    for key, truth in SENSOR.items():
-        assert axis.coefficients[key].observable
-        assert holds(axis.coefficients[key], truth), key
+ROWS = np.random.default_rng(1).normal([[5.0], [-3.0]], 1.0, (2, 9000))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.integers(0, ROWS.shape[1]), max_size=20), st.integers(1, ROWS.shape[1]))
+def test_columns_hold_the_mean_and_extremes_of_their_samples(cuts, length):
+    estimator, rows = Estimator(2), ROWS[:, :length]
+    for part in np.split(rows.T, sorted(cut for cut in cuts if cut < length)):
+        estimator.update(part)
+    finished = estimator.finished()
+    columns, level = finished.signal.columns(), finished.reference[:, None]
+    parts = np.split(rows, np.arange(columns.width, length, columns.width), axis=1)
+    assert len(columns.counts) == len(parts) <= COLUMNS
+    assert columns.counts.tolist() == [part.shape[1] for part in parts]
+    for found, of in ((columns.low, np.min), (columns.high, np.max), (columns.mean, np.mean)):
+        np.testing.assert_allclose(found + level, np.transpose([of(part, axis=1)
+                                                                for part in parts]), rtol=1e-12)

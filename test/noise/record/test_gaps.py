@@ -3,9 +3,9 @@
 """Gaps within a record: how they are filled, what that does to noise, and what it must not."""
 
 from characterized import axes_of
-from imu_allan.noise.record.cells import Cells, RUN_SHIFT
+from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.gaps import filled, NO_GAPS, noise_through_gaps, without_islands
+from imu_allan.noise.record.gaps import filled, noise_through_gaps
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -76,42 +76,6 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
                        for some in (rows, filled(cells_with(counts, rows))))
         for band in np.split(np.arange(1, span), [7, 23, 63, 199]):
             assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
-
-
-def test_full_cells_change_nothing():
-    cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
-    assert noise_through_gaps(cells, 4) is NO_GAPS
-
-
-def test_a_few_cells_alone_beyond_a_gap_are_left_out():
-    keys = np.concatenate([[0, 1], np.arange(20, 60), [70], np.arange(72, 100)])
-    cells = Cells(keys + (3 << RUN_SHIFT), np.zeros((1, len(keys))), np.ones(len(keys), int))
-    assert np.array_equal(without_islands(cells).keys - (3 << RUN_SHIFT),
-                          np.concatenate([np.arange(20, 60), np.arange(72, 100)]))
-
-
-@pytest.mark.thorough
-def test_a_week_of_short_stops_knows_flicker_and_random_walk():
-    rate, week = 2.0, 7 * 86400
-    true = {'noise_density': 1e-4, 'bias_instability': 2e-5, 'rate_random_walk': 2e-6}
-    rows = np.stack([simulate(true, round(week * rate), rate, seed) for seed in range(3)], axis=1)
-    rng = np.random.default_rng(4)
-    estimator, last = Estimator(3), 0
-    while True:
-        # Drives of 10 s to 10 min between stops of 5 s to 10 min.
-        begin = last + round(rng.uniform(10, 600) * rate)
-        end = begin + round(np.exp(rng.uniform(np.log(5), np.log(600))) * rate)
-        if end > len(rows):
-            break
-        estimator.skip(begin - last)
-        estimator.update(rows[begin:end])
-        last = end
-    for axis in axes_of(estimator, rate):
-        assert axis.gauss_markov is None
-        for key, value in true.items():
-            low, high = axis.coefficients[key].ci95
-            assert low - (high - low) / 4 < value < high + (high - low) / 4
-            assert (high - low) / value < 0.6
 
 
 @pytest.mark.thorough

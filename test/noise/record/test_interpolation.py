@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from characterized import axes_of, holds, taken_in
+from characterized import axes_of, holds
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.interpolation import InterpolationSums, LAGS
 from imu_allan.timeline.grid import interpolate
@@ -78,16 +78,3 @@ def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(patter
         assert 0.9 * density.ci95[1] < density.ci95[0]
     # Of six intervals of 95 % two or more fail in 3 of 100 such tests.
     assert sum(holds(density, 1.0) for density in found) >= 5
-
-
-def test_merged_records_share_the_noise_of_both():
-    there = received(0.2)
-    missing = np.flatnonzero(~there)
-    rows = np.random.default_rng(6).standard_normal((2, SAMPLES, 1))
-    both = taken_in(with_interpolation(rows[0], there), missing)
-    both.merge(taken_in(rows[1]))
-    whole = InterpolationSums()
-    whole.add(missing.tolist(), SAMPLES)
-    whole.add([], SAMPLES)
-    np.testing.assert_array_equal(both.interpolation.covariance, whole.interpolation(
-        len(missing) / (2 * SAMPLES)).covariance)

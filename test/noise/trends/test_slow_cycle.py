@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A heater's cycle far above the noise leaves the coefficients as they are."""
 
-from characterized import axes_of, characterized, holds, taken_in, together
+from characterized import axes_of, characterized, holds, taken_in
 from imu_allan.noise.simulate import simulate
 from imu_allan.writers.included import trend_notes
 import numpy as np
 import pytest
-from repeated import combined
 
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 RATE, HOURS = 10.0, 2.0
@@ -66,19 +65,6 @@ def test_a_cycle_of_a_few_times_the_flicker_is_named_and_where_the_mean_stands_o
     assert axis.coefficients[K].observable == (walk > 0)
 
 
-@pytest.mark.parametrize(('shape', 'records'), combined(
-    [sine, heater], [1, 2], everyday=[(sine, 2), (heater, 1)]))
-def test_a_vibration_beside_a_cycle_stays_and_the_harmonics_of_the_cycle_do_not(shape, records):
-    # Whole periods of the vibration fit into one of the cycle, and some almost.
-    time = TIME[:15_000]
-    line = sum(3e-3 * np.sin(2 * np.pi * hertz * time) for hertz in (1.0, 2.0, 3.003))
-    shaken = [simulate({N: 1e-3, B: 2e-5}, len(time), RATE, seed)
-              + line + 0.01 * shape(time / 60 + 0.1 * seed) for seed in range(records)]
-    axis, _ = characterized(shaken[0], RATE) if records == 1 else together(shaken, RATE)
-    assert axis.trend.cycle_s == pytest.approx(60, rel=1e-3)
-    assert sorted(round(tone.frequency_hz, 2) for tone in axis.tones) == [1.0, 2.0, 3.0]
-
-
 @pytest.mark.parametrize('seed', [2, 16, 27])
 def test_chance_makes_no_cycle_of_a_short_record(seed):
     # Harmonics that are fitted to noise take some of it: what is left is no measure of the rest.
@@ -93,29 +79,11 @@ def test_a_random_walk_beside_a_cycle_is_found():
     assert holds(found.coefficients[K], walk)
 
 
-def test_a_cycle_and_a_warm_up_are_reported_from_one_another():
-    [found] = cycling(0.01 * sine(TIME / 500) + 1.0 * np.exp(-TIME / 900), seed=4)
-    assert found.trend.cycle_s == pytest.approx(500, rel=0.01)
-    assert found.trend.second_warm_up is None
-    shortest, longest = found.trend.warm_up.time_constant_ci95
-    assert shortest < 900 < longest
-    assert not found.coefficients[K].observable
-    assert found.band_edge_hz is None
-
-
 def test_the_cycle_of_one_axis_is_looked_for_in_the_others():
     weak = 0.75e-3 * sine(TIME / 600)
     assert cycling(weak)[0].trend.cycle_s is None
     beside = cycling(weak, 0.01 * sine(TIME / 600), 0 * TIME)
     assert [one.trend.cycle_s is not None for one in beside] == [True, True, False]
-
-
-def test_a_cycle_of_several_records_has_one_period_and_a_size_in_each():
-    found, _ = together([simulate(MODEL, len(TIME), RATE, seed)
-                         + size * heater(TIME / 800 + phase)
-                         for seed, size, phase in ((1, 0.01, 0.2), (2, 0.03, 0.7))], RATE)
-    assert found.trend.cycle_s == pytest.approx(800, rel=0.01)
-    assert not found.coefficients[K].observable
 
 
 @pytest.mark.slow
