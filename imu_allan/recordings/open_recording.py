@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opening a recording by its content, whatever its name."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+import re
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
@@ -58,6 +60,8 @@ def open_recording(
                 from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
                 if tables_in(path):
                     return _of_tables(TableFolder(path, options))
+            if files := _separate_bags(path):
+                raise _several(path, files)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         head = read_head(path)
@@ -86,8 +90,20 @@ def _of_tables(folder: 'TableFolder') -> Recording:
     """Return a folder of CSV files as one recording: of its pair, or of its only file."""
     if len(folder.alone) < 2:
         return open_recording(folder.alone[0], options=folder.options) if folder.alone else folder
-    raise ImuAllanError(f'{printable(folder.path)}: each of {len(folder.alone)} CSV files, such '
-                        f'as {printable(folder.alone[0].name)}, is a recording; name one')
+    raise _several(folder.path, folder.alone)
+
+
+def _several(folder: Path, files: Sequence[Path]) -> ImuAllanError:
+    return ImuAllanError(f'{printable(folder)}: each of {len(files)} files, such as '
+                         f'{printable(files[0].name)}, is a recording; name one')
+
+
+def _separate_bags(folder: Path) -> list[Path]:
+    """List the bag files of a folder, unless they are parts of one: metadata.yaml, or NAME_0."""
+    from imu_allan.recordings.formats.bag_directory import recorded_files
+    files = [] if (folder / 'metadata.yaml').is_file() else recorded_files(folder)
+    names = {re.sub(r'(_\d+)?\.(mcap|db3)(\.zstd)?$', '', file.name) for file in files}
+    return files if len(names) > 1 else []
 
 
 def recordings_in(
@@ -99,8 +115,8 @@ def recordings_in(
     Parameters
     ----------
     path : path-like
-        A recording, or a folder of recordings: rosbag2 directories, ``.bag``, ``.ulg`` or ``.bin``
-        files, or CSV files with both sensors.
+        A recording, or a folder of recordings: rosbag2 directories, bare files that are not parts
+        of one, ``.bag``, ``.ulg`` or ``.bin`` files, or CSV files with both sensors.
     options : RecordingOptions, optional
         Names and units of the columns of CSV files.
 
@@ -112,8 +128,10 @@ def recordings_in(
     """
     folder = Path(path)
     try:
-        if not folder.is_dir() or _is_bag(folder):
+        if not folder.is_dir():
             return [folder]
+        if _is_bag(folder):
+            return _separate_bags(folder) or [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
         if not found:

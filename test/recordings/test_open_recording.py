@@ -124,3 +124,18 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
                   tmp_path / 'run_100.bag', Path('a\0b')):
         assert recordings_in(alone) == [alone]
+
+
+@pytest.mark.parametrize(('names', 'together'), [
+    (['night_0.mcap', 'night_1.mcap'], True), (['unit1.mcap', 'unit2.mcap'], False),
+    (['night_0.mcap', 'other_0.db3.zstd'], False)])
+def test_bag_files_without_metadata_are_one_recording_if_their_names_differ_in_a_number(
+        tmp_path, names, together):
+    for name in names:
+        write_mcap(tmp_path / name, block(10))
+    assert recordings_in(tmp_path) == (
+        [tmp_path] if together else [tmp_path / name for name in names])
+    if not together:
+        with refused(f'{tmp_path}: each of 2 files, such as {names[0]}, is a recording; name '
+                     'one'):
+            open_recording(tmp_path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import shutil
 
 from bags import refusal
-from imu_allan.recordings import choose_topic, open_recording, read_blocks
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, recordings_in
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
@@ -50,8 +50,9 @@ def test_metadata_of_every_version_is_understood(tmp_path, path):
 
 
 @pytest.mark.parametrize('path', sorted(
-    {path.parent for path in (*DATA.glob('rosbag2_*/**/*.db3'), *DATA.glob('rosbag2_*/**/*.mcap'),
-                              *DATA.glob('rosbag2_*/**/*.zstd'))}), ids=lambda path: path.name)
+    {path for file in (*DATA.glob('rosbag2_*/**/*.db3'), *DATA.glob('rosbag2_*/**/*.mcap'),
+                       *DATA.glob('rosbag2_*/**/*.zstd'))
+     for path in recordings_in(file.parent)}), ids=lambda path: path.name)
 def test_bags_of_rosbag2_itself_are_refused_for_what_they_are(path):
     line = Varying(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds <words>')
     with open_recording(path) as recording, refused(line):

@@ -33,7 +33,7 @@ class BagDirectory(Recording):
         self._open_file = open_file
         listed = self._read_metadata()
         if not listed:
-            self._files = _recorded_files(path)
+            self._files = recorded_files(path)
             if not self._files:
                 hint = ('; name one of its .bag files'
                         if any(path.glob('*.bag')) else '')
@@ -115,7 +115,7 @@ class BagDirectory(Recording):
         """Read topics and file names from metadata.yaml; without it, add a remark, return none."""
         path = self.path / 'metadata.yaml'
         if not path.is_file():
-            if _recorded_files(self.path):
+            if recorded_files(self.path):
                 self.remark('no_metadata', reason=None)
             return []
         # 500 topics of two publishers each take 700,000 bytes, with their quality of service.
@@ -129,7 +129,7 @@ class BagDirectory(Recording):
             return files
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
             reason = printable(' '.join(str(error).split())[:200])
-            if not _recorded_files(self.path):
+            if not recorded_files(self.path):
                 raise ImuAllanError(f'{printable(path)}: damaged ({reason})') from error
             self.remark('no_metadata', reason=reason)
             return []
@@ -207,7 +207,7 @@ def _item(mapping: object, key: str, kind: type) -> Any:
     return value
 
 
-def _recorded_files(path: Path) -> list[Path]:
+def recorded_files(path: Path) -> list[Path]:
     """List the recorded files in the order of their numbers."""
     return sorted(
         (file for file in path.iterdir() if file.name.endswith(BAG_SUFFIXES) and file.is_file()),
