@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.node.checkpoint import StateFile
 from imu_allan.writers.result_file import load_result
 from imu_allan.writers.verdict import closing_lines
+from processes import wait_until
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -377,3 +378,28 @@ def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(
          f'__ns:={ros.namespace}', '-p', f'state_file:={ros.folder / "state"}'],
         check=False, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, 'Traceback' in done.stderr) == (status, False), done.stderr
+
+
+PLANTED = ('rclpy', 'sensor_msgs', 'numpy', 'scipy', 'pickle', 'struct', 'argparse', 'imu_allan',
+           'matplotlib', 'multiprocessing', 'yaml', 'sitecustomize')
+
+
+@pytest.mark.usefixtures('ros_context')
+def test_the_node_imports_nothing_from_the_current_folder(tmp_path):
+    current, trace, script = tmp_path / 'current', tmp_path / 'ran', tmp_path / 'bin' / 'node'
+    current.mkdir()
+    for name in PLANTED:
+        (current / f'{name}.py').write_text(
+            f'open({str(trace)!r}, "a").write("{name}\\n")\nraise SystemExit(99)\n')
+    script.parent.mkdir()
+    script.write_text('import sys\nfrom imu_allan.node.imu_allan_node import main\n'
+                      'sys.exit(main())\n')
+    with subprocess.Popen(
+            [sys.executable, str(script), '--ros-args', '-p', 'topic:=/planted/imu',
+             '-p', f'state_file:={tmp_path / "state"}'],
+            cwd=current, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        wait_until(lambda: (tmp_path / 'state.lock').exists() or process.poll() is not None, 300)
+        process.send_signal(signal.SIGINT)
+        shown = process.communicate(timeout=300)[0]
+    assert not trace.exists(), trace.read_text()
+    assert 'Traceback' not in shown

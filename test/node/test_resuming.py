@@ -3,13 +3,21 @@
 """A run goes on after a crash or a reboot; what it cannot go on with is kept and reported."""
 
 import hashlib
+from pathlib import Path
 import random
+import signal
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.checkpoint import encode_state, VERSION
-from imu_allan.node.run import new_run, pack, Setup
+from imu_allan.errors import ImuAllanError
+from imu_allan.node import checkpoint
+from imu_allan.node.checkpoint import decode_state, encode_state, UnusableState, VERSION
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.log import Log
+from imu_allan.node.run import new_run, pack, Setup, unpack
+from imu_allan.node.storage import Storage
+from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -18,6 +26,7 @@ from ros_harness import (
     at_rest,
     Driver,
     Health,
+    Heard,
     kept_in,
     Process,
     RATE_HZ,
@@ -141,3 +150,94 @@ def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most
     node.wait()
     assert kept_in(state_file).messages == 0
     assert {path.name for path in ros.folder.glob('*state*')} == {'state', 'state.lock'}
+
+
+@pytest.fixture
+def home(ros: Ros) -> Path:
+    return ros.folder / 'home'
+
+
+def start_at(ros: Ros, home: Path, **parameters: Any) -> Process:
+    node = ros.start('imu_allan_node', {'checkpoint_period': 1.0, **parameters},
+                     env={'ROS_HOME': str(home)})
+    ros.until(lambda: 'characterizing the IMU' in node.log)
+    return node
+
+
+def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
+        ros: Ros, home: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        node = start_at(ros, home, state_file='')
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    driver = Driver(ros).wait_for_node()
+    node.popen.send_signal(signal.SIGHUP)
+    driver.publish(2000)
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop() == 0, node.log
+    assert ros.results()[0]['timeline']['samples'] == 2000
+    assert not home.exists()
+
+
+def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
+        ros: Ros, home: Path, health: Health) -> None:
+    node, driver = start_at(ros, home), Driver(ros, depth=5000)
+    driver.wait_for_node()
+    driver.publish(2000)
+    state = home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
+    ros.until(lambda: kept_in(state).timeline.samples == 2000)
+    node.popen.kill()
+    node.popen.wait()
+    driver.dead |= driver.subscriptions()
+    again = start_at(ros, home)
+    assert again.lines[0] == Varying(
+        f'resumed <words> of data from {state}, of a run that has ended without saving; call '
+        '~/reset to begin anew')
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    # The result so far is published before any new sample.
+    assert len(ros.until(lambda: arrays)[0].status) == 6
+    driver.wait_for_node()
+    driver.publish(1000)
+    # The node that was killed acknowledges nothing.
+    ros.until(lambda: health.number('reception', 'received') == 1000)
+    assert again.stop() == 0, again.log
+    assert max(document['timeline']['samples'] for document in ros.results()) == 3000
+    last = start_at(ros, home)
+    assert last.lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
+
+
+SETUP = Setup('/imu', TimelineOptions())
+
+
+def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_disk_is_full(
+        heard: Heard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = Log(heard)  # type: ignore[arg-type]
+    worker, state = Worker(log), tmp_path / 'state'
+    storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
+        'state_file': str(state), 'output_dir': str(tmp_path / 'output'),
+        'checkpoint_period': 60.0, 'export_for': []})
+    runs = [storage.first_run(), new_run(SETUP)]
+    for run in runs:
+        run.lanes[0].update([at_rest(2000)])
+    # One that begins equally has another folder.
+    for run in (*runs, unpack(pack(runs[0], SETUP), SETUP)):
+        storage.save(run, picture=False).result()
+    assert len(list((tmp_path / 'output').iterdir())) == 2
+    storage.checkpoint(runs[0]).result()
+    runs[0].lanes[0].update([at_rest(500, start_s=20.0)])
+
+    def full(*_: Any, **__: Any) -> None:
+        raise ImuAllanError('No space left on device')
+
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoint, 'write_atomically', full)
+        storage.keep_aside(runs[0], UnusableState('rate', 'it is of 100 Hz'))
+        # One after the other.
+        worker.start('save', lambda: None, lambda _: None).result()
+    worker.hand_out()
+    [aside] = tmp_path.glob('state.rate.*')
+    kept = unpack(decode_state(aside.read_bytes()), SETUP).lanes[0].characterization
+    assert kept.summary().timeline.samples == 2000
+    assert 'error its latest samples are not in it: No space left on device' in heard.lines
+    storage.close()

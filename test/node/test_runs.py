@@ -10,12 +10,13 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.node import run as run_module
-from imu_allan.node.checkpoint import UnusableState
+from imu_allan.node.checkpoint import decode_state, encode_state, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.publishers import MIXED
+from imu_allan.node.publishers import MIXED, Publishers
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.runs import Runs
+from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import Result, Source, Timeline
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 import numpy as np
@@ -83,28 +84,37 @@ def world() -> World:
     return found
 
 
+@pytest.fixture
+def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    path = tmp_path / 'boot_id'
+    path.write_text('first\n')
+    monkeypatch.setattr(run_module, 'BOOT_ID', path)
+    return path
+
+
+def ended(run: Run) -> list[Any]:
+    """Give what is noted of the power-ons that have ended."""
+    state = run.lanes[0].characterization.to_state()
+    return list(json.loads(str(state['memory/power_ons'])))
+
+
 @pytest.mark.parametrize(('there', 'power_ons'), [
     ({'before'}, 0), ({'another'}, 1), ({'another', 'before'}, 0), (set(), 0)])
 @pytest.mark.parametrize('booted', [False, True])
 def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
-        there: set[str], power_ons: int, booted: bool, tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    boot = tmp_path / 'boot_id'
-    boot.write_text('first')
-    monkeypatch.setattr(run_module, 'BOOT_ID', boot)
+        there: set[str], power_ons: int, booted: bool, boot: Path) -> None:
     before = World()
     before.there = {'before'}
     before.comes(at_rest(6000))
     state = pack(before.runs.run, SETUP)
-    boot.write_text('second' if booted else 'first')
+    boot.write_text('second\n' if booted else 'first\n')
     world = World(unpack(state, SETUP))
     world.there = there
     for start_s in 90.0, 150.0:
         world.comes(at_rest(6000, start_s=start_s, seed=2, mean=(0.1, 0, 0, 0, 0, 9.8)))
     assert world.samples == 18_000
     # Whoever switches the computer on starts the driver anew: that is one power-on.
-    kept = world.runs.run.lanes[0].characterization.to_state()['memory/power_ons']
-    assert len(json.loads(str(kept))) == max(power_ons, booted)
+    assert len(ended(world.runs.run)) == max(power_ons, booted)
 
 
 def at_rates(pace: Sequence[tuple[float, float]], start_s: float) -> ImuBlock:
@@ -262,3 +272,139 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     run.lanes[0].update([block])
     assert run.snapshot().result().timeline.samples == 1000
     assert run.lanes[0].seen.looping == (gravity > 0)
+
+
+SIGMA = 0.01
+SAMPLES = 4000
+
+
+def feed(run: Run, mean: float, seed: int) -> float:
+    """Give samples of one power-on; return the mean of the first axis."""
+    block = at_rest(SAMPLES, 200.0, start_s=seed * 1e5, seed=seed, noise=SIGMA,
+                    mean=(mean, mean, mean, 0, 0, 0))
+    run.lanes[0].characterization.update(block)
+    return float(block.samples[:, 0].mean())
+
+
+def rebooted(run: Run, boot: Path, name: str = '') -> Run:
+    """Go through the state file, as a node that is started again does, after a boot if named."""
+    content = encode_state(pack(run, SETUP))
+    if name:
+        boot.write_text(name)
+    return unpack(decode_state(content), SETUP)
+
+
+def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
+    biases = np.random.default_rng(1).normal(0, 0.1, 6)
+    run = new_run(SETUP)
+    means = []
+    for number, bias in enumerate(biases):
+        if number:
+            run = rebooted(run, boot, f'boot {number}')
+        means.append(feed(run, bias, number))
+    result = run.snapshot().result()
+    found = result.turn_on_bias['gyro_x']
+    expected = random_effects(means, [SIGMA / np.sqrt(SAMPLES)] * len(means))
+    assert found.sigma == pytest.approx(expected.between, rel=1e-3)
+    assert found.ci95 == pytest.approx(expected.between_ci95, rel=1e-2)
+    assert found.ci95[0] < np.std(biases, ddof=1) < found.ci95[1]
+    assert result.turn_on_bias['accel_x'].sigma < 3 * SIGMA / np.sqrt(SAMPLES)
+    # What differs from one power-on to the next is no drift of the sensor.
+    walk = result.axes['gyro_x'].coefficients['rate_random_walk']
+    assert not walk.observable
+    low, high = result.axes['gyro_x'].coefficients['noise_density'].ci95 or (0, 0)
+    assert low < SIGMA / 200.0**0.5 * 1.02
+    assert high > SIGMA / 200.0**0.5 * 0.98
+
+
+def test_power_ons_one_soon_after_the_other_are_no_slow_turn() -> None:
+    run = new_run(SETUP)
+    for number, bias in enumerate([0.0, 0.1, 0.0, 0.1, 0.0]):
+        run.lanes[0].update([at_rest(4000, start_s=60.0 * number, seed=number,
+                                     mean=(bias, 0, 0, 0, 0, 9.8))])
+        run.lanes[0].power_on()
+    assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
+
+
+def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on(
+        boot: Path) -> None:
+    run = new_run(SETUP)
+    feed(run, 0.0, 0)
+    run = rebooted(run, boot)
+    feed(run, 0.1, 1)
+    assert run.snapshot().result().turn_on_bias == {}
+    # A computer that cannot tell its boots counts every start.
+    boot.unlink()
+    for _ in range(2):
+        run = rebooted(run, boot)
+    assert len(ended(run)) == 2
+
+
+Messages = list[tuple[int, float]]
+
+
+def stream(first: int, count: int, start_s: float) -> Messages:
+    """Give numbers of messages of one publisher, and when they are received, at 200 Hz."""
+    return [(first + i, start_s + i * 0.005) for i in range(count)]
+
+
+def in_turn(*streams: Messages) -> Messages:
+    return sorted((message for one in streams for message in one), key=lambda message: message[1])
+
+
+@pytest.mark.parametrize('steps', [
+    # Of each step: what comes, whose it is, how many are lost, and who delivers a moment later.
+    pytest.param([([*stream(1, 100, 0.0), *stream(111, 100, 0.55)], [1], 10, 1)], id='losses'),
+    pytest.param([(stream(1, 1000, 0.0), [1], 0, 1), (stream(2001, 1000, 10.0), [1], 1000, 1)],
+                 id='a pause of the node'),
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1),
+                  (in_turn(stream(4001, 1000, 20.0), stream(1, 1000, 20.001)), [1, 2], 0, 2),
+                  (stream(5001, 2000, 25.0), [1], 0, 1)], id='two in turn'),
+    # The first messages may come before it is discovered.
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1), (stream(1, 4000, 20.5), [2], 0, 1),
+                  (stream(300, 4000, 41.0), [3], 0, 1)], id='a driver that starts anew'),
+    # In parts, one of which ends where the first driver has ended.
+    pytest.param([(stream(1, 100, 0.0), [1], 0, 1), *(
+        (stream(1 + 50 * part, 50, 3.0 + 0.25 * part), [2], 0, 1) for part in range(8))],
+        id='a driver that passes the last number of the one before')])
+def test_numbers_tell_whose_messages_are_and_how_many_are_lost(
+        steps: list[tuple[Messages, list[int], int, int]]) -> None:
+    publishers = Publishers()
+    for messages, senders, lost, delivering in steps:
+        numbers, seconds = zip(*messages, strict=True)
+        keys, missed = publishers.of(np.array(numbers),
+                                     np.rint(np.array(seconds) * SECOND).astype(int))
+        assert (list(dict.fromkeys(keys.tolist())), missed) == (senders, lost)
+        assert len(set(np.bincount(keys)[senders])) == 1
+        assert publishers.delivering(round((seconds[-1] + 4) * SECOND)) == delivering
+
+
+def test_two_that_started_together_are_mixed_until_one_is_left() -> None:
+    publishers, bundle = Publishers(), 20
+    both = np.repeat(np.arange(1, 1001).reshape(-1, 1, bundle), 2, axis=1).ravel()
+    keys, lost = publishers.of(both, (5_000_000 * both).astype(int))
+    assert (set(keys[2 * bundle:].tolist()), lost) == ({MIXED}, 0)
+    assert publishers.delivering(5 * SECOND) == 2
+    left = np.arange(1001, 3001)
+    keys, lost = publishers.of(left, 5_000_000 * left)
+    assert (keys[0], keys[-1] > 0, lost) == (MIXED, True, 0)
+
+
+def test_without_numbers_another_set_of_offers_is_another_publisher() -> None:
+    offers: set[bytes] = set()
+    publishers = Publishers(lambda: set(offers))
+
+    def sender(seconds: float, *there: bytes) -> int:
+        offers.clear()
+        offers.update(there)
+        keys, lost = publishers.of(None, np.full(3, round(seconds * SECOND)))
+        assert (len(set(keys)), lost) == (1, 0)
+        return int(keys[0])
+
+    assert [sender(0, *there) for there in ([], [b'a'], [b'a', b'b'], [b'b'], [b'c'], [])] == [
+        1, 1, 1, 2, 3, 3]
+    # The identity of a driver that was killed stays for a while: after a silence it is the
+    # newcomer who sends. What that one loses is no other publisher.
+    killed, both, three = [b'c'], [b'c', b'd'], [b'c', b'd', b'e']
+    assert [sender(seconds, *there) for seconds, there in (
+        (0.5, killed), (1.5, both), (6.0, three), (10.0, three))] == [3, 3, 4, 4]

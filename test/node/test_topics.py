@@ -1,20 +1,24 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gyroscope and accelerometer on two topics, at two rates, as a RealSense publishes them."""
+"""Gyroscope and accelerometer on two topics, messages of other types, and a thermometer."""
 
 from dataclasses import replace
 import json
+import sys
 from typing import Any
 
 from bags import mcap_written, serialized
-from geometry_msgs.msg import AccelStamped, Vector3Stamped
+from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
+from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.node.imu_type import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
+from imu_allan.recordings.messages.definitions import Definition, parse
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from ros_harness import (
     at_rest,
     Driver,
@@ -22,12 +26,15 @@ from ros_harness import (
     lossless,
     Ros,
     said_in,
+    SECOND,
+    START_NS,
     start_repeatedly,
     yaml_value,
 )
+from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from whole_lines import Varying
+from whole_lines import refused, Varying
 
 RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
 
@@ -165,3 +172,83 @@ def test_units_that_are_given_are_converted(ros: Ros) -> None:
         assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(
             density, rel=0.05)
     assert not {'unit_g', 'gravity'} & {remark['code'] for remark in document['warnings']}
+
+
+@pytest.mark.parametrize('name', [
+    'sensor_msgs/msg/Imu', 'sensor_msgs/msg/Joy', 'diagnostic_msgs/msg/DiagnosticArray',
+    'geometry_msgs/msg/TwistWithCovarianceStamped', 'rcl_interfaces/msg/ParameterDescriptor'])
+def test_the_fields_of_a_class_are_those_of_its_file(name: str) -> None:
+    from rosbags.typesys import get_typestore, Stores
+    text, _ = get_typestore(Stores.ROS2_JAZZY).generate_msgdef(name, ros_version=2)
+    assert types_of(name) == parse(name, Definition(text), 'cdr')
+
+
+def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ('rosbags', *sys.modules):
+        if module.partition('.')[0] == 'rosbags':
+            monkeypatch.setitem(sys.modules, module, None)
+    message = TwistStamped()
+    message.header.stamp.sec, message.header.frame_id = 7, 'imu'
+    message.twist.angular.y, message.twist.linear.z = 0.25, 9.5
+    malformed: list[int] = []
+    [block] = decoder('geometry_msgs/msg/TwistStamped', 'twist.angular', 'twist.linear')(
+        [b'\0\1\0\0short', serialize_message(message)], np.array([7, 8]) * 10**9,
+        lambda count, _: malformed.append(count))
+    # What is no such message is counted and left out.
+    assert malformed == [1]
+    assert block.samples.tolist() == [[0, 0.25, 0, 0, 0, 9.5]]
+    assert (block.header_ns.tolist(), block.receive_ns.tolist(), block.frame_id) == (
+        [7 * 10**9], [8 * 10**9], 'imu')
+
+
+def test_a_class_is_found_by_either_form_of_its_name() -> None:
+    assert message_class('geometry_msgs/TwistStamped') is TwistStamped
+    with refused('os/msg/../Imu: not the name of a message type, such as sensor_msgs/msg/Imu'):
+        message_class('os/msg/../Imu')
+
+
+def celsius(seconds: Any) -> Any:
+    """Temperature of an hour that settles, with a dip that no ramp or warm-up has."""
+    return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
+
+
+def reading(stamp_ns: int, value: float) -> Temperature:
+    message = Temperature(temperature=value)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, SECOND)
+    return message
+
+
+def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: Health) -> None:
+    ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
+                                 'temperature_topic': 'imu/temperature'},
+              constants={'thermometer._MATCHING_S': 1.0})
+    driver = Driver(ros).wait_for_node()
+    ros.until(lambda: health.said('reception', f'nothing publishes {ros.name("imu/temperature")}: '
+                                  'there is no temperature'))
+    publisher = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    results = ros.listen(String, 'imu_allan/result')
+    seconds, per_kelvin = np.arange(7200) / 2.0, 2e-3
+    samples = np.random.default_rng(3).normal(0, 1e-3, (7200, 6))
+    samples[:, 0] += per_kelvin * celsius(seconds)
+    for number, (second, sample) in enumerate(zip(seconds, samples, strict=True)):
+        stamp = START_NS + round(second * 1e9)
+        driver.send(encode_imu(stamp, sample, 'imu'))
+        if number % 8 == 0:
+            # In kelvin, which is taken as in a recording.
+            publisher.publish(reading(stamp, float(celsius(second)) + 273.15))
+
+    def fitted() -> Any:
+        document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
+        return document if document['timeline']['samples'] == 7200 else None
+
+    axes = ros.until(fitted)['axes']
+    assert health.number('reception', 'temperature_c') == pytest.approx(
+        celsius(seconds[-8]), abs=1e-6)
+    found = {name: axis['trend']['temperature'] for name, axis in axes.items()}
+    assert [name for name, one in found.items() if one] == ['gyro_x']
+    low, high = found['gyro_x']['ci95']
+    assert low < per_kelvin < high
+    assert high - low < 0.1 * per_kelvin
+    assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
