@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The examples in docstrings give what they say."""
+"""The examples in docstrings give what they say; docs/statistics.md has the priors of the code."""
 
 import doctest
 from importlib import import_module
@@ -8,9 +8,12 @@ from pathlib import Path
 import re
 
 import imu_allan
+from imu_allan.noise.posterior.shapes import FREE_TERMS, HIGH_PASSES, LOW_PASSES, TERMS
+from imu_allan.noise.posterior.trends import TRENDS
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / 'imu_allan'
+PAGE = (PACKAGE.parent / 'docs' / 'statistics.md').read_text()
 MODULES = sorted('.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts))
                  for path in PACKAGE.rglob('*.py')
                  if path.stem != '__init__' and '>>>' in path.read_text())
@@ -24,8 +27,7 @@ def test_examples_give_what_they_say(module):
 
 
 def test_the_equations_of_the_statistics_are_numbered_in_turn_and_those_that_are_named_are_there():
-    equations = re.findall(r'\\tag\{(\d+)\}',
-                           (PACKAGE.parent / 'docs' / 'statistics.md').read_text())
+    equations = re.findall(r'\\tag\{(\d+)\}', PAGE)
     assert equations == [str(number) for number in range(1, len(equations) + 1)]
     sources = ' '.join(' '.join(path.read_text().split()) for path in PACKAGE.rglob('*.py'))
     named = {before or behind for before, behind in re.findall(
@@ -41,3 +43,24 @@ def test_public_numerics_name_an_equation_and_show_an_example(name):
     docstring = getattr(imu_allan, name).__doc__
     assert re.search(r'\(\d\d?\)', docstring)
     assert '>>>' in docstring
+
+
+NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_noise': 'Q',
+         'gauss_markov': 'Gauss-Markov process', 'power_law': 'exponent',
+         'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
+         'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
+         'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
+OTHERS = 'moving mean, Butterworth 1 to 4, Gauss'
+
+
+def test_the_page_is_short():
+    assert len(PAGE.splitlines()) <= 200
+
+
+@pytest.mark.parametrize('shape', [
+    *(shape for shape in TERMS if shape.key != 'noise_density'), *FREE_TERMS, *LOW_PASSES,
+    *HIGH_PASSES, *TRENDS], ids=lambda shape: shape.key)
+def test_a_prior_is_that_of_the_code(shape):
+    [prior] = re.findall(rf'^\| {re.escape(NAMES.get(shape.key, OTHERS))} \| ([\d.]+)', PAGE,
+                         re.MULTILINE)
+    assert float(prior) == shape.density

@@ -13,6 +13,7 @@ import sys
 from imu_allan.cli.main import command_parser
 from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
+from imu_allan.writers.sentences import WORDS
 from processes import wait_until
 import pytest
 
@@ -257,3 +258,18 @@ def test_a_package_that_rosdep_does_not_install_is_one_line(recording, package, 
     assert (done.returncode, done.stderr) == (
         1, f'imu_allan: needs the Python package {package}, which is not installed; rosdep does '
         f'not know it: pip install {package}\n')
+
+
+def test_every_finding_is_listed_and_explained_by_its_code_or_by_its_title(output_of):
+    assert [line.split()[0] for line in output_of('explain').splitlines()] == [*WORDS]
+    for code, words in WORDS.items():
+        said = output_of('explain', words.title)
+        assert f'{code}: {words.title} (' in said
+        assert '\nWhat it means: ' in said
+        assert output_of('explain', *words.title.split()) == said
+    assert output_of('explain', 'NOT-STEADY') == output_of('explain', 'not_steady')
+
+
+def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with):
+    fails_with('bias_stop: no finding has this code; did you mean bias_step? (all: imu_allan '
+               'explain)', 'explain', 'bias_stop')
