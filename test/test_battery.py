@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The battery: its simulators, its bounds, its scores, and where it finds two runs to differ."""
+"""The battery: its simulators, its bounds and its scores."""
 
 import json
 import os

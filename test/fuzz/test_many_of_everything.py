@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many gaps, motions, files, remarks and lines: time grows with their number, memory does not."""
+"""Very many gaps: time grows with their number, memory does not."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings made wrong on purpose rather than damaged: schemas, journals, metadata."""
+"""Recordings made wrong on purpose rather than damaged: schemas, journals, definitions."""
 
 from pathlib import Path
 from random import Random

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Everything at once, at random, with a seed: drivers, sensors, listeners, kills, requests."""
+"""Everything at once, at random, with a seed: drivers, sensors, strangers, kills, signals."""
 
 from collections.abc import Callable
 import json

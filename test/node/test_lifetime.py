@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the node starts, ends, and lives beside others."""
+"""How the node starts, ends, and lives beside others; it runs nothing from its folder."""
 
 import os
 from pathlib import Path
