@@ -204,6 +204,9 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
             return FoxgloveCsv(path, stored, options)
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)
+    if path.name == 'metadata.yaml':
+        raise ImuAllanError(f'{printable(path)}: describes the recording in its folder; name the '
+                            'folder')
     raise ImuAllanError(
         f'{printable(path)}: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 '
         '.ulg, ArduPilot .bin or CSV file')

@@ -34,6 +34,11 @@ def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason)
     assert refusal(tmp_path / 'a.mcap', content) == reason
 
 
+def test_beside_metadata_the_folder_is_the_recording(tmp_path):
+    assert refusal(tmp_path / 'metadata.yaml', b'rosbag2_bagfile_information:\n') == (
+        'describes the recording in its folder; name the folder')
+
+
 def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp_path):
     assert_same(block(10), read(write_mcap(tmp_path / 'a.db3', block(10)))[0])
     write_db3(tmp_path / 'a.mcap', block(10))

@@ -149,9 +149,11 @@ class BagDirectory(Recording):
         if missing:
             listed = ', '.join(printable(shorten(name)) for name in missing[:10])
             if not found:
+                here = recorded_files(self.path)
                 raise ImuAllanError(
                     f'{printable(self.path)}: missing {listed}: no file that metadata.yaml lists '
-                    'is there; copy them beside it')
+                    'is there; copy them beside it'
+                    + (f', or name {printable(here[0].name)} itself' if here else ''))
             self.remark(
                 'missing_file', missing=len(missing), listed=len(names), files=listed)
         return found

@@ -98,7 +98,10 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     assert remark == said(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
     for path in split_bag.glob('*.mcap'):
         path.unlink()
-    assert refusal(split_bag) == 'missing bag_9.mcap, bag_10.mcap, bag_11.mcap' + NO_FILE
+    missing = 'missing bag_9.mcap, bag_10.mcap, bag_11.mcap' + NO_FILE
+    assert refusal(split_bag) == missing
+    write_mcap(split_bag / 'renamed.mcap', block(5))
+    assert refusal(split_bag) == f'{missing}, or name renamed.mcap itself'
 
 
 @pytest.mark.parametrize(('write', 'suffix'), [(write_mcap, 'mcap'), (write_db3, 'db3')])
