@@ -7,7 +7,8 @@ from pathlib import Path
 from changed import only
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result
-from imu_allan.writers.comparison import compare, names_of, verdicts
+from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
+from on_terminal import shown
 import pytest
 from whole_lines import refused, Varying
 
@@ -64,6 +65,13 @@ def test_results_with_nothing_in_common_are_refused(result):
     (['a.json', 'a.json'], ['a (1)', 'a (2)'])])
 def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
     assert names_of([Path(path) for path in paths]) == names
+
+
+def test_the_table_has_a_row_for_each_difference(result, make_result):
+    differences = compare({'a': result, '[bold]\x1b[2J': make_result(2.0)})
+    text = shown(difference_table(differences), 140)
+    assert text.count('[bold]\\x1b[2J') == 1
+    assert '\x1b' not in text
 
 
 def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_axis):

@@ -31,6 +31,13 @@ def only(result, text):
     return verdict
 
 
+def test_an_interval_may_touch_the_limit_and_a_limit_of_zero_has_no_ratio(result):
+    none = only(result, 'gyro: {x: {noise_density: 0 deg/sqrt(h)}}')
+    assert (none.ratio, none.verdict) == (None, 'fail')
+    result = with_coefficient(result, 'gyro_x', 'noise_density', ci95=(1e-4, 5e-4))
+    assert only(result, 'gyro: {x: {noise_density: 5e-4 rad/s/sqrt(Hz)}}').verdict == 'pass'
+
+
 def falling_silent(result):
     segments = tuple(Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
                      for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9)))

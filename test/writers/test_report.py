@@ -12,7 +12,7 @@ from browser import faults_of, needs_browser, Outline, pages_in_print
 from changed import with_axes
 from imu_allan import analyze
 from imu_allan.finding import Finding
-from imu_allan.result import Source, Spectrum
+from imu_allan.result import Signal, Source, Spectrum
 from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
 import numpy as np
@@ -54,6 +54,16 @@ def test_the_report_shows_the_answer_before_it_explains_it(outline):
             < text.index('How it was computed'))
     for part in ('+-', 'extrapolated', 'serial number', '>°C<', '"beyond-band"'):
         assert part not in text
+
+
+def test_a_signal_without_a_value_is_not_drawn(filtered):
+    unseen = Signal(10.0, *[(None,) * 5] * 3)
+    one, all_of_them = (replace(with_axes(filtered, begin, signal=unseen), temperature=unseen)
+                        for begin in ('gyro_x', ''))
+    page = report_html(one)
+    assert '>°C<' not in page
+    assert 'gyro-signal' in page
+    assert '-signal' not in report_html(all_of_them)
 
 
 def test_every_filter_config_can_be_copied_from_the_report(filtered, outline):
