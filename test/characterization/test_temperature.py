@@ -5,7 +5,9 @@
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
+from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
+from imu_allan.state import state_of
 import numpy as np
 import pytest
 
@@ -107,6 +109,18 @@ def test_readings_may_come_in_any_order_and_through_a_state(hour):
     result = first.result()
     assert axis_of(result) is not None
     assert second.result().to_dict() == result.to_dict()
+
+
+def test_memory_does_not_grow_with_the_readings():
+    thermometer = Thermometer()
+    seconds = np.arange(2_000_000) / 10
+    for part in np.array_split(seconds, 50):
+        thermometer.take(stamps_of(part), 20 + part / 1e5)
+    assert sum(array.nbytes for array in state_of(thermometer).values()) < 200_000
+    at = np.array([500.0, 123_456.0])
+    assert thermometer.celsius(stamps_of(at).astype(float)) == pytest.approx(20 + at / 1e5,
+                                                                             abs=1e-5)
+    assert len(thermometer) == 2_000_000
 
 
 def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
