@@ -202,6 +202,13 @@ def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_report
     assert any(joint.axes['accel_x'].curve.model_adev)
 
 
+def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
+    # It reaches to the fast end.
+    joint = joint_result([nights[0], beside('other', 5, 0.7, 25.0)])
+    assert [(one.axes, one.values['exponents'][0]) for one in said(joint, 'power_law')] == [
+        ((f'gyro_{letter}',), None) for letter in 'xy']
+
+
 def filtered(path, seed, gain, **more):
     """Record behind imu_complementary_filter, which subtracts a bias that follows the rate."""
     state = np.zeros((1, 3))

@@ -100,3 +100,12 @@ def test_nineteen_intervals_of_twenty_hold_the_level(kind):
     # No level lies below zero: where there is next to no drift only one side can miss it.
     assert 0.935 < held < 0.985
     assert all(low <= level <= high for level, (low, high) in levels)
+
+
+def test_a_random_walk_has_the_spread_that_its_increments_make():
+    rate, steps = 1e-4, 100
+    walk = np.cumsum(np.random.default_rng(3).normal(
+        0, rate * (PART_S / steps)**0.5, (RECORDS, PARTS * steps)), axis=1)
+    means = walk.reshape(RECORDS, PARTS, steps).mean(axis=2)
+    expected = spread_of(drift_of_means(MODELS['walk'], PART_S, PARTS))
+    assert np.var(means, axis=1).mean() == pytest.approx(expected, rel=0.08)
