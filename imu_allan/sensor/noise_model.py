@@ -211,8 +211,9 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
     for written, value in entries.items():
         here = f'{where}.{written}'
         key = _key(written, quantity)
-        if key in entries and key != written:
-            raise ImuAllanError(f'{where}: {written} and {key} are the same; keep one')
+        for other in entries:
+            if other != written and _key(other, quantity) == key:
+                raise ImuAllanError(f'{where}: {written} and {other} are the same; keep one')
         if key in TERMS:
             model.axes[axis][key] = _value(value, TERMS[key].unit(quantity), here,
                                            signed=key == 'rate_ramp')
@@ -234,9 +235,10 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
 
 
 def _key(written: str, quantity: Quantity) -> str:
-    """Return the key of a term given by its name in tables; anything else unchanged."""
+    """Return the key of a term given by its symbol or name; anything else unchanged."""
     words = written.replace('_', ' ').replace('-', ' ')
-    return next((key for key, term in TERMS.items() if term.name(quantity) == words), written)
+    return next((key for key, term in TERMS.items()
+                 if words in (term.symbol, term.name(quantity))), written)
 
 
 def _gauss_markov(value: Any, quantity: Quantity, where: str) -> GaussMarkov:

@@ -28,9 +28,10 @@ def test_what_stands_under_a_sensor_holds_for_its_three_axes():
 
 @pytest.mark.parametrize(('name', 'key', 'value'), [
     ('angle_random_walk', 'noise_density', '0.3 deg/sqrt(h)'),
+    ('N', 'noise_density', '0.3 deg/sqrt(h)'), ('B', 'bias_instability', '3 deg/h'),
     ('rate-random-walk', 'rate_random_walk', '1 deg/h/sqrt(h)'),
     ('drift rate ramp', 'rate_ramp', '1 deg/h^2')])
-def test_a_term_may_be_called_by_the_name_that_the_table_prints(name, key, value):
+def test_a_term_may_be_called_by_the_symbol_or_name_that_the_table_prints(name, key, value):
     model = parse_model(f'gyro: {{{name}: {value}}}')
     assert list(model.axes['gyro_y']) == [key]
     assert model.as_written['gyro_y'] == {key: value}
