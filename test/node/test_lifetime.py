@@ -108,7 +108,8 @@ def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_an
                  f"first samples on {driver.topic}: frame_id 'imu\\n', 200 Hz, header stamps",
                  'measured 200 Hz, expected 100 Hz; check expected_rate, or the setting of the '
                  'driver',
-                 Varying('observable: noise density (rad/s/sqrt(Hz)) of gyro <words>'),
+                 Varying('observable: noise density (rad/s/sqrt(Hz)) of gyro x <number> '
+                         '(<number> .. <number>); gyro y <words>'),
                  Varying(f'{wrote}{ros.folder}/output/<words>')):
         assert line in node.lines, node.log
     # The end is what was saved, not what was last published.
