@@ -18,6 +18,8 @@ from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 if TYPE_CHECKING:
     from imu_allan.recordings.formats.table_folder import TableFolder
 
+_RESULTS = ('result.json', 'fleet.json')
+
 
 def open_recording(
     path: Path | str, *, rate_hz: float | None = None,
@@ -53,7 +55,7 @@ def open_recording(
     try:
         definition_files(options.definitions)
         if path.is_dir():
-            for name in ('result.json', 'fleet.json'):
+            for name in _RESULTS:
                 if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
             if not holds_recording(path):
@@ -134,7 +136,7 @@ def recordings_in(
             return _separate_bags(folder) or [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
-        if not found:
+        if not found and not any((folder / name).is_file() for name in _RESULTS):
             from imu_allan.recordings.formats.table_folder import TableFolder
             found = TableFolder(folder, options).alone
     except (OSError, ValueError):

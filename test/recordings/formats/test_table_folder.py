@@ -103,6 +103,9 @@ def test_the_only_file_with_both_sensors_is_the_recording_of_its_folder(tmp_path
     (tmp_path / 'other.csv').write_text(BOTH)
     with refused(f'{tmp_path}: each of 2 files, such as data.csv, is a recording; name one'):
         open_recording(tmp_path)
+    # A folder with a result is that result, which check reads.
+    (tmp_path / 'result.json').touch()
+    assert recordings_in(tmp_path) == [tmp_path]
 
 
 def test_a_file_whose_columns_are_unknown_is_a_recording_that_fails(tmp_path, capsys):
