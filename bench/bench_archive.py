@@ -21,9 +21,9 @@ import sys
 import tempfile
 import time
 
+from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings.write import write_recording
-from imu_allan.block import ImuBlock
 import numpy as np
 
 RATE_HZ, HOUR_S = 200, 3600

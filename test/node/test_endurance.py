@@ -4,10 +4,12 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from repeated import slow
 from ros_harness import (
@@ -86,3 +88,46 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
     assert node.stop() == 0
     if took_s > 1.2 * FLOOD_S:
         pytest.skip('the computer had no time for the flood')
+
+
+@pytest.mark.parametrize(('hours', 'speed', 'best_effort'), [
+    # At full speed the simulator waits for a subscription that keeps all.
+    (0.01, 0.0, False),
+    # By default a subscription does not: one that keeps all has a queue that grows with every
+    # moment in which the IMU is faster than the node.
+    slow(24.0, 25.0, True)])
+def test_memory_and_cost_stay_as_samples_pile_up(
+        ros: Ros, hours: float, speed: float, best_effort: bool) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 5.0,
+                                        'state_file': str(ros.folder / 'state')},
+                     best_effort=best_effort, shared_memory=True)
+    simulator = ros.start('imu_simulator', {
+        'rate': 1000.0, 'duration': hours * 3600, 'speed': speed, 'wait_for_subscriptions': 1},
+        shared_memory=True)
+    health, total = Health(ros), hours * 3.6e6
+    samples, memories, cpu = [], [], []
+    for part in range(1, 9):
+        most = [0.0]
+
+        def arrived(numbered: float = total * part / 8 - (200 if best_effort else 0),
+                    most: list[float] = most) -> bool:
+            # A fit comes and goes within a second: a single look would be a matter of luck.
+            most[0] = max(most[0], resident_mb(node.popen.pid))
+            return sum(health.number('reception', key) for key in ('received', 'lost')) >= numbered
+
+        ros.until(arrived, 7200)
+        samples.append(health.number('reception', 'received'))
+        memories.append(most[0])
+        threads = Path(f'/proc/{node.popen.pid}/task').iterdir()
+        cpu.append(sum(int((thread / 'schedstat').read_text().split()[0])
+                       for thread in threads) * 1e-9)
+        print(f'{samples[-1]:12.0f} samples {most[0]:6.1f} MB {cpu[-1]:8.1f} s of CPU', flush=True)
+    assert simulator.wait() == 0
+    # How many are lost at 25 times the rate depends on what else the computer does.
+    assert health.number('reception', 'lost') <= (0.001 * total if best_effort else 0)
+    assert node.stop() == 0
+    assert max(memories) < LARGEST_MB
+    if best_effort:
+        assert memories[-1] < 1.1 * memories[0]
+        costs = np.diff(cpu) / np.diff(samples)
+        assert costs[-1] < 1.25 * costs[0]
