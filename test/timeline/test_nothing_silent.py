@@ -669,10 +669,10 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(verdict):
 
 @pytest.mark.parametrize(('seeds', 'more', 'most'), [
     (range(40), {}, 0.01), slow(range(300), {}, 0.01),
-    (range(30), {'kinds': MORE_FAULTS}, 0.01), slow(range(200), {'kinds': MORE_FAULTS}, 0.01),
+    (range(30), {'kinds': MORE_FAULTS}, 0.01),
     slow(range(20_000), {'kinds': MORE_FAULTS, 'axes_there': 3}, 0.002),
-    (range(10_000, 10_010), {'numbered': True}, 0), slow(range(10_000, 10_040),
-                                                         {'numbered': True}, 0)])
+    (range(10_000, 10_010), {'numbered': True}, 0),
+    slow(range(10_000, 10_040), {'numbered': True}, 0)])
 def test_random_faults_leave_no_number_silently_wrong(seeds, more, most):
     verdicts = [verdict(seed, 6000, **{'axes_there': 1, **more}) for seed in seeds]
     wrong = [one for one in verdicts if one.violations]
