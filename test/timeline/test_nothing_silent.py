@@ -271,6 +271,15 @@ def test_stamps_that_hide_losses_say_how_far_the_noise_density_may_be_off(lost):
         assert low < truth.density < high
 
 
+@pytest.mark.parametrize('batch', [1.0, 10 / 119])
+def test_headers_in_whole_seconds_or_batches_are_no_witness_against_losses(batch):
+    messages, _, _ = rest(119.0, 60)
+    apart = 1e-9 * messages.place if batch < 1 else 0.0
+    messages.header = np.floor(messages.header / batch) * batch + apart
+    summary, _ = run(keep(messages, messages.place % 9 != 0).block())
+    assert bounds(summary.remarks)[0] == pytest.approx(1 / 9, abs=1e-3)
+
+
 APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
 """Between the means of two sensors."""
 
