@@ -73,6 +73,7 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
         rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))).loss
     without, alone, [whole], still, [whole_still] = np.split(
         loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
-    # Leaving parts out is a test only if all parts together show the random walk.
-    anywhere = whole_still <= whole or (without <= still).all()
-    return bool(anywhere and whole - alone.sum() < UNEVEN)
+    # Leaving parts out is a test only if all parts together show the random walk. They need not,
+    # unless the mean is known to move: then it may have moved once more.
+    shown = (without <= still).all() if whole < whole_still else not model.trends
+    return bool(shown and whole - alone.sum() < UNEVEN)

@@ -162,6 +162,9 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
     moving = reported_trends(posterior)
+    if sum(one.kind.key == 'bias_step' for one in moving) > 1:
+        # Two steps may as well be a bump or something else.
+        moving = tuple(one for one in moving if one.kind.key != 'bias_step')
     identified = (sigma.observable or exponent.observable or bool(moving) or ramp.observable
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge

@@ -98,8 +98,8 @@ TRENDS = (
     TrendKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.003, 4.0, 23),
               lambda time, _: (warming(time),), most=2, smooth=True),
     TrendKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
-              lambda time, _: (step(time),)),
-    TrendKind('slow_cycle', 0.05, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
+              lambda time, _: (step(time),), most=2),
+    TrendKind('slow_cycle', 0.10, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
               lambda frequency, _: cycle(frequency), smooth=True),
     TrendKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
               lambda order, duration: (legendre(int(order), duration),), continuous=False),
@@ -336,11 +336,13 @@ class _Search:
                  ) -> None:
         self.axis, self.bank = axis, bank
         self.chosen: tuple[Found, ...] = ()
+        self._same = False    # whether a second trend must be of the same kind
         self.tried = _noises(spectra, axis, start, rows)
         self._best = rows.take(np.array([0]))
         self._top = float(rows.evidence.max())
         self._spectra = spectra
         self._about: Whitened | None = None
+        self._behind = np.zeros(1)    # gain that each noise model must make up for
 
     def begin(self, still: Rows) -> None:
         """Start from the noise models near the best, as fitted without trends."""
@@ -359,27 +361,44 @@ class _Search:
         for number, kind in enumerate(self.bank.kinds):
             if sum(one.kind.key == kind.key for one in self.chosen) >= kind.most:
                 continue
+            if self._same and kind is not self.chosen[0].kind:
+                continue
             gains = self.bank.gains(self._about, number)
-            best = int(np.argmax(gains.max(axis=1)))
+            net = gains.max(axis=1) - self._behind
+            best = int(np.argmax(net))
             # With a gain below 9, a trend is not worth fitting.
-            if gains[best].max() < 9.0:
+            if net[best] < 9.0:
                 continue
             one = likeliest(self.bank, number, self._about.one(best), gains[best], self.chosen)
             found.append((self, (*self.chosen, one)))
         return found
 
     def go_on(self, own: Sequence[TrendSet]) -> None:
-        """Choose the best trend, if it clearly improves the evidence."""
+        """Choose the best trend, if it clearly improves the evidence, or a step."""
         self._about = None
         if not own:
             return
         leader = max(own, key=lambda one: float(one.rows.evidence.max()))
         top = float(leader.rows.evidence.max())
         # Continue the search only if the trend improves the evidence by two nats.
-        if top > self._top + 2.0:
-            self._top, self.chosen = top, leader.found
-            best = np.array([int(np.argmax(leader.rows.evidence))])
-            self._look(leader.spectra, leader.rows.take(best))
+        better = top > self._top + 2.0
+        if better:
+            self._top = top
+        elif not self.chosen and self._best.has[0, K] and (
+                steps := [one for one in own if one.found[0].kind.key == 'bias_step']):
+            # A random walk may describe two steps better than one of them does.
+            [leader], self._same = steps, True
+        else:
+            return
+        self.chosen, evidence = leader.found, leader.rows.evidence
+        # Look without the random walk, too, which hides what else the mean does. There, a trend
+        # must first make up for what the evidence is behind.
+        kinds = [np.flatnonzero(leader.rows.has[:, K] == there)
+                 for there in ((True, False) if better else (False,))]
+        near = [int(rows[np.argmax(evidence[rows])]) for rows in kinds if len(rows)]
+        if near:
+            self._look(leader.spectra, leader.rows.take(np.array(near)))
+            self._behind = np.maximum(2 * (self._top - evidence[near]), 0.0)
 
 
 Candidate = tuple[_Search, tuple[Found, ...]]
@@ -490,7 +509,9 @@ def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
     def gained(at: Array, gains: Array) -> Array:
         # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
         for value in same:
-            gains = np.where(np.abs(np.log(at / value)) < np.log(2), 0.0, gains)
+            near = (np.abs(np.log(at / value)) < np.log(2) if kind.smooth else
+                    np.abs(at - value) < bank.bank.duration_s / 64)
+            gains = np.where(near, 0.0, gains)
         return gains
 
     gains = gained(values, gains)
