@@ -234,7 +234,7 @@ def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_d
         patched.setattr(checkpoint, 'write_atomically', full)
         storage.keep_aside(runs[0], UnusableState('rate', 'it is of 100 Hz'))
         # One after the other.
-        worker.start('save', lambda: None, lambda _: None).result()
+        worker.start('checkpoint', lambda: None, lambda _: None).result()
     worker.hand_out()
     [aside] = tmp_path.glob('state.rate.*')
     kept = unpack(decode_state(aside.read_bytes()), SETUP).lanes[0].characterization
