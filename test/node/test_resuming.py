@@ -91,7 +91,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros: Ros) -> 
         assert said_in(text)[-1].startswith(f'characterizing the IMU on {ros.namespace}/')
 
 
-@pytest.mark.parametrize(('kills', 'seconds'), [(2, 3.0), slow(50, 8.0)])
+@pytest.mark.parametrize(('kills', 'seconds'), [(2, 5.0), slow(50, 8.0)])
 def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
         ros: Ros, health: Health, kills: int, seconds: float) -> None:
     chance = random.Random(kills)
