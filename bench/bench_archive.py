@@ -19,8 +19,8 @@ from pathlib import Path
 import subprocess
 import sys
 import tempfile
-import time
 
+from bench_report import seconds
 from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings.write import write_recording
@@ -61,16 +61,6 @@ def cluster(workers: int) -> Iterator[str]:
             process.wait()
 
 
-def analyzed(files: list[Path], output: Path, *options: str) -> tuple[float, float]:
-    """Return wall and processor time of analyzing all files."""
-    begin, before = time.perf_counter(), os.times()
-    subprocess.run([sys.executable, '-m', 'imu_allan', 'analyze', *map(str, files), '--output',
-                    str(output), *options], check=True, stdout=subprocess.DEVNULL)
-    after = os.times()
-    return time.perf_counter() - begin, (after.children_user + after.children_system
-                                         - before.children_user - before.children_system)
-
-
 def main() -> None:
     """Print one line for each way."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n\n')[0].strip())
@@ -81,12 +71,14 @@ def main() -> None:
                                  compression='zstd') for number in range(hours)]
         print(f'{hours} recordings of an hour at {RATE_HZ} Hz, on {cores} cores')
         for jobs in dict.fromkeys((1, cores)):
-            wall, processor = analyzed(files, Path(folder, f'jobs{jobs}'), '--jobs', str(jobs))
+            wall, processor = seconds('analyze', *map(str, files), '--jobs', str(jobs),
+                                      '--output', str(Path(folder, f'jobs{jobs}')))
             print(f'  --jobs {jobs}: {wall:.1f} s, processor {processor:.1f} s, efficiency '
                   f'{processor / wall / jobs:.2f}; 10,000 h: {processor / hours / 0.36:.1f} h of '
                   'processor time', flush=True)
         with cluster(cores) as address:
-            wall, _ = analyzed(files, Path(folder, 'dask'), '--dask', address)
+            wall, _ = seconds('analyze', *map(str, files), '--dask', address,
+                              '--output', str(Path(folder, 'dask')))
         print(f'  --dask with {cores} workers: {wall:.1f} s')
 
 

@@ -18,6 +18,7 @@ from ros_harness import (
     Health,
     LARGEST_MB,
     PATIENCE_S,
+    Process,
     resident_mb,
     Ros,
 )
@@ -90,6 +91,20 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
         pytest.skip('the computer had no time for the flood')
 
 
+def most_mb_until(ros: Ros, health: Health, node: Process, numbered: float) -> float:
+    """Wait for messages, lost ones too; return the most memory held until then."""
+    most = 0.0
+
+    def arrived() -> bool:
+        nonlocal most
+        # A fit comes and goes within a second: a single look would be a matter of luck.
+        most = max(most, resident_mb(node.popen.pid))
+        return sum(health.number('reception', key) for key in ('received', 'lost')) >= numbered
+
+    ros.until(arrived, 7200)
+    return most
+
+
 @pytest.mark.parametrize(('hours', 'speed', 'best_effort'), [
     # At full speed the simulator waits for a subscription that keeps all.
     (0.01, 0.0, False),
@@ -107,21 +122,14 @@ def test_memory_and_cost_stay_as_samples_pile_up(
     health, total = Health(ros), hours * 3.6e6
     samples, memories, cpu = [], [], []
     for part in range(1, 9):
-        most = [0.0]
-
-        def arrived(numbered: float = total * part / 8 - (200 if best_effort else 0),
-                    most: list[float] = most) -> bool:
-            # A fit comes and goes within a second: a single look would be a matter of luck.
-            most[0] = max(most[0], resident_mb(node.popen.pid))
-            return sum(health.number('reception', key) for key in ('received', 'lost')) >= numbered
-
-        ros.until(arrived, 7200)
+        memories.append(most_mb_until(ros, health, node, total * part / 8 - (
+            200 if best_effort else 0)))
         samples.append(health.number('reception', 'received'))
-        memories.append(most[0])
         threads = Path(f'/proc/{node.popen.pid}/task').iterdir()
         cpu.append(sum(int((thread / 'schedstat').read_text().split()[0])
                        for thread in threads) * 1e-9)
-        print(f'{samples[-1]:12.0f} samples {most[0]:6.1f} MB {cpu[-1]:8.1f} s of CPU', flush=True)
+        print(f'{samples[-1]:12.0f} samples {memories[-1]:6.1f} MB {cpu[-1]:8.1f} s of CPU',
+              flush=True)
     assert simulator.wait() == 0
     # How many are lost at 25 times the rate depends on what else the computer does.
     assert health.number('reception', 'lost') <= (0.001 * total if best_effort else 0)
