@@ -247,6 +247,10 @@ class FailingRecording(Recording):
         raise self._error
 
 
+NO_TIME = ('no time_s column; give the sample rate with --rate, or say which column is the time: '
+           "--columns 'time=NAME ms'")
+
+
 def no_axes(header: str) -> str:
     """Return what is reported of a first line without an axis."""
     return (
