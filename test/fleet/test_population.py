@@ -1,11 +1,84 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""A fleet whose every number is known, and what its units are called."""
+
 from dataclasses import replace
 
 from changed import UNSEEN, with_axes, with_coefficient
+from imu_allan.fleet.names import distinct_labels, name_pattern, natural, unit_name
 from imu_allan.fleet.population import population
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    Curve,
+    GoodnessOfFit,
+    Result,
+    Source,
+    Timeline,
+)
 import numpy as np
 import pytest
+from whole_lines import refused, Varying
+
+TRUTH = {'noise_density': (1e-4, 0.05, 0.002), 'bias_instability': (2e-5, 0.2, 0.08)}
+"""Median, and the relative spread between units and of measuring."""
+
+
+def unit(rng, **factors):
+    """Make a unit, whose axes may be noisier by a factor."""
+    axes = {}
+    for name, quantity in AXES.items():
+        coefficients = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, 1e-6)
+                        for key, term in TERMS.items()}
+        for key, (median, between, error) in TRUTH.items():
+            value = median * factors.get(name, 1.0) * float(
+                np.exp(between * rng.normal() + error * rng.normal()))
+            half = float(np.exp(1.96 * error))
+            coefficients[key] = replace(coefficients[key], observable=True, value=value,
+                                        ci95=(value / half, value * half), upper95=None)
+        tau = tuple((2.0 ** np.arange(14) / 100).tolist())
+        adev = tuple(coefficients['noise_density'].value / t**0.5 for t in tau)
+        pairs = tuple((a * 0.9, a * 1.1) for a in adev)
+        axes[name] = AxisResult(quantity.value, quantity.unit, float(0.01 * rng.normal()), None,
+                                (), coefficients, GoodnessOfFit(0.5, 0.0, True),
+                                Curve(tau, adev, adev, pairs, pairs, adev))
+    return Result('0.1.0', Source('recording', 'unit', '/imu', 'imu', None, 'header'),
+                  Timeline(100.0, 360_000, 3600.0), axes)
+
+
+@pytest.fixture
+def fleet():
+    """Forty units, of which unit7 has a noisy gyro_y and unit23 a constant accel_x."""
+    rng = np.random.default_rng(8)
+    results = {f'unit{number}': unit(rng, **({'gyro_y': 1.6} if number == 7 else {}))
+               for number in range(1, 41)}
+    results['unit23'] = with_axes(results['unit23'], 'accel_x', curve=lambda axis: replace(
+        axis.curve, adev=(0.0,) * 14))
+    return results
+
+
+def six(lift=1.0):
+    """Make six units that differ by 2 %, all gyroscope axes of unit2 noisier by a factor."""
+    rng = np.random.default_rng(3)
+    made = {f'unit{number}': unit(rng) for number in range(1, 7)}
+    for name, result in made.items():
+        for axis in AXES:
+            density = result.axes[axis].coefficients['noise_density']
+            value = 1e-4 * float(np.exp(0.02 * rng.normal())) * (
+                lift if name == 'unit2' and axis.startswith('gyro') else 1.0)
+            result.axes[axis].coefficients['noise_density'] = replace(
+                density, value=value, ci95=(0.99 * value, 1.01 * value))
+    return made
+
+
+def traits_of(fleet):
+    return {(trait.axis, trait.key): trait for trait in population(fleet).traits}
+
+
+def outliers_of(fleet, axis=''):
+    return [(one.unit, one.axis, one.key, one.fault) for one in population(fleet).outliers
+            if one.axis.startswith(axis)]
 
 
 def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
@@ -13,15 +86,14 @@ def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
     assert found.units[:3] == ('unit1', 'unit2', 'unit3')
     assert found.outlier_units == ['unit7', 'unit23']
     noisy, *_ = (outlier for outlier in found.outliers if outlier.unit == 'unit7')
-    assert (noisy.axis, noisy.key, noisy.fault) == ('gyro_y', 'noise_density', None)
     assert noisy.value / noisy.median == pytest.approx(1.6, rel=0.15)
     assert noisy.spreads > 5
-    dead, = (outlier for outlier in found.outliers if outlier.unit == 'unit23')
-    assert (dead.axis, dead.key, dead.fault) == ('accel_x', None, 'constant')
+    assert outliers_of(fleet) == [('unit7', 'gyro_y', 'noise_density', None),
+                                  ('unit23', 'accel_x', None, 'constant')]
 
 
 def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
-    traits = {(trait.axis, trait.key): trait for trait in population(fleet).traits}
+    traits = traits_of(fleet)
     for axis in ('gyro_x', 'accel_z'):
         density = traits[axis, 'noise_density']
         assert density.median == pytest.approx(1e-4, rel=0.03)
@@ -34,8 +106,7 @@ def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
         assert percentiles == sorted(percentiles)
         assert instability.tolerance > percentiles[-1]
     assert traits['gyro_x', 'mean'].unit == 'rad/s'
-    assert ('accel_x', 'mean') not in traits
-    assert ('gyro_x', 'rate_random_walk') not in traits
+    assert not traits.keys() & {('accel_x', 'mean'), ('gyro_x', 'rate_random_walk')}
 
 
 def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
@@ -45,10 +116,9 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
     odd = {unit: with_axes(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
                            high_passed_hz=corner_hz)
            for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
-    found = population({**fleet, **odd})
-    traits = {(trait.axis, trait.key): trait for trait in found.traits}
-    assert traits['gyro_x', 'mean'].observable == len(fleet) - len(odd)
-    assert not odd.keys() & set(found.outlier_units)
+    fleet |= odd
+    assert traits_of(fleet)['gyro_x', 'mean'].observable == len(fleet) - len(odd)
+    assert not odd.keys() & set(population(fleet).outlier_units)
 
 
 def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
@@ -60,19 +130,17 @@ def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
     fleet['unit2'] = with_coefficient(
         with_axes(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
         **UNSEEN, upper95=3e-5)
-    found = population(fleet)
-    assert [outlier for outlier in found.outliers if outlier.axis == 'gyro_x'] == []
+    assert outliers_of(fleet, 'gyro_x') == []
     fleet['unit1'] = with_axes(fleet['unit1'], 'gyro_x', mean=20 * drift)
-    assert [(outlier.unit, outlier.key) for outlier in population(fleet).outliers
-            if outlier.axis == 'gyro_x'] == [('unit1', 'mean')]
+    assert outliers_of(fleet, 'gyro_x') == [('unit1', 'gyro_x', 'mean', None)]
 
 
-def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(six):
+def test_a_unit_is_judged_by_all_axes_of_a_sensor_together():
     assert population(six()).outlier_units == []
     found = population(six(1.095))
     assert found.outlier_units == ['unit2']
-    assert [(outlier.axis, outlier.key) for outlier in found.outliers] == [
-        (f'gyro_{letter}', 'noise_density') for letter in 'xyz']
+    assert outliers_of(six(1.095)) == [
+        ('unit2', f'gyro_{letter}', 'noise_density', None) for letter in 'xyz']
     assert {round(outlier.value / outlier.median, 1) for outlier in found.outliers} == {1.1}
 
 
@@ -80,10 +148,43 @@ def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(flee
     several = {name: with_coefficient(fleet[name], 'gyro_x', 'noise_density', value=value,
                                       ci95=(0.99 * value, 1.01 * value))
                for name, value in (('unit1', 1e-4), ('unit2', 3e-3), ('unit3', 0.1))}
-    traits = {(trait.axis, trait.key): trait for trait in population(several).traits}
-    assert traits['gyro_x', 'noise_density'].tolerance is None
-    assert traits['gyro_y', 'noise_density'].tolerance > traits['gyro_y', 'noise_density'].median
+    spread, usual = (traits_of(several)[axis, 'noise_density'] for axis in ('gyro_x', 'gyro_y'))
+    assert spread.tolerance is None
+    assert usual.tolerance > usual.median
     found = population({name: fleet[name] for name in ('unit1', 'unit2')})
     assert found.units == ('unit1', 'unit2')
-    assert not found.traits
-    assert not found.outliers
+    assert not found.traits + found.outliers
+
+
+def test_a_unit_is_called_like_its_recording_its_folder_or_what_a_pattern_finds(tmp_path):
+    paths = [str(tmp_path / f'sn{number}' / 'night.mcap') for number in (7, 12)]
+    for source, names in (('file', ['night', 'night']), ('folder', ['sn7', 'sn12']),
+                          (r'sn(\d+)', ['7', '12']), (r'sn\d+', ['sn7', 'sn12'])):
+        assert [unit_name(path, name_pattern(source)) for path in paths] == names
+    # A folder has no suffix.
+    (tmp_path / 'unit.7').mkdir()
+    assert unit_name(str(tmp_path / 'unit.7')) == 'unit.7'
+
+
+def test_a_pattern_that_finds_nothing_or_is_none_is_refused():
+    with refused('a/b.csv: --name-from sn([0-9]+) finds no name in this path'):
+        unit_name('a/b.csv', name_pattern('sn([0-9]+)'))
+    with refused(Varying('--name-from: ( is neither folder nor file nor a regular expression '
+                         '(<words>)')):
+        name_pattern('(')
+
+
+def test_units_stand_in_the_order_of_their_numbers():
+    assert sorted(['unit10', 'Unit2', 'unit1', '3', 'a', 'unit10b2', 'unit10b12'], key=natural) \
+        == ['3', 'a', 'unit1', 'Unit2', 'unit10', 'unit10b2', 'unit10b12']
+
+
+@pytest.mark.parametrize(('names', 'shown'), [
+    (['unit1', 'unit2'], ['unit1', 'unit2']),
+    (['bench_of_monday_1', 'bench_of_monday_2'], ['bench_…nday_1', 'bench_…nday_2']),
+    ([f'imu_bench_{unit}_monday_night' for unit in 'ab'], ['imu_bench_a…', 'imu_bench_b…']),
+    ([f'monday_night_{unit}_adis16405' for unit in (9, 10)], ['…day_night_9…', '…day_night_10…']),
+    ([f'{unit}_monday_{night}_imu_{unit}' for unit in 'ab' for night in 'xy'], list('1234')),
+    ([], [])])
+def test_shortened_names_of_two_units_differ(names, shown):
+    assert distinct_labels(names, 14) == shown
