@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether acceleration is in g: the same however the messages come."""
+"""Values that are in another unit: acceleration in g however it comes, what no sensor has."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -8,9 +8,10 @@ from itertools import pairwise
 from characterized import messages
 from hypothesis import given, settings, strategies as st
 from imu_allan.block import ImuBlock
-from imu_allan.characterization import Characterization
+from imu_allan.characterization import Characterization, characterize
 from imu_allan.node.run import Lane
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
+from imu_allan.sensor.plausible import implausible
 import numpy as np
 import pytest
 
@@ -48,9 +49,7 @@ def test_node_and_recording_find_the_same_unit_whatever_comes_first(fault):
     expected = block.samples.copy()
     expected[:, 3:] *= 9.80665
     np.testing.assert_array_equal(whole, expected)
-    lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
-    for part in in_parts(block, 100):
-        lane.update([part])
+    lane = lane_of(block, 100)
     recorded = Characterization(kind='topic', topic='/imu')
     for part in AccelerationUnit().each(in_parts(block, 5000)):
         recorded.update(part)
@@ -110,14 +109,51 @@ def test_messages_without_acceleration_do_not_wait(value):
     assert [len(part) for part in AccelerationUnit()(block)] == [100]
 
 
-def test_messages_that_wait_are_in_the_result():
-    block = at_rest_in_g(count=20)
+def lane_of(block: ImuBlock, size: int) -> Lane:
     lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
-    for part in in_parts(block, 1):
+    for part in in_parts(block, size):
         lane.update([part])
+    return lane
+
+
+def test_messages_that_wait_are_in_the_result():
+    lane = lane_of(at_rest_in_g(count=20), 1)
     for _ in range(2):
         characterization, _, remarks = lane.snapshot()
         result, _ = characterization.fitted(remarks)
         assert result.timeline.samples == 20
         assert result.axes['accel_z'].mean == pytest.approx(9.80665, rel=2e-3)
         assert 'unit_g' in {remark.code for remark in result.warnings}
+
+
+def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, tuple[str, str]]:
+    """Characterize 100 s at 100 Hz with noise of a sample and a bias; what is reported by axis."""
+    samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
+    samples += [gyro_bias, gyro_bias, gyro_bias, 0.0, 0.0, 9.81]
+    run = Characterization(kind='recording', path='x', topic='/imu')
+    run.take([messages(samples, 100.0)])
+    return {axis: (found.values['what'], found.values['likely'])
+            for found in run.result().warnings if found.code == 'implausible'
+            for axis in found.axes}
+
+
+@pytest.mark.parametrize(('gyro', 'bias', 'accel', 'said'), [
+    (0.005, 0.02, 0.05, {}),
+    # A poor one of 17 deg/h beside the turn of the Earth, and a quiet one.
+    (1e-6, 7.3e-5, 1e-3, {}),
+    (0.03, 2.0, 0.02, {'gyro': ('mean', 'deg/s')}),
+    (13.0, 40.0, 0.02, {'gyro': ('noise_density', 'counts')}),
+    (0.001, 0.0, 3.0, {'accel': ('noise_density', 'mg')}),
+    # A gyroscope of 20,000 deg/s, and the zero rate of another, beside an accelerometer of 100 g.
+    (0.0436, 1.31, 1.47, {}),
+])
+def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
+    found = implausible_axes(gyro, bias, accel)
+    assert found == {f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
+
+
+def test_a_spread_is_reported_where_the_noise_density_is_not_known():
+    # What alternates is a line, and no noise beside it.
+    swing = np.tile([0.7, -0.7], 500) + np.random.default_rng(0).normal(size=1000) * 1e-3
+    [found] = implausible({'gyro_x': characterize(swing, 100.0)})
+    assert (found.values['what'], found.values['likely']) == ('spread', 'deg/s')

@@ -1,14 +1,87 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""Datasheets and noise models: their units, their text, and a simulated IMU."""
+
+import contextlib
 from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
 from imu_allan.result import GaussMarkov
+from imu_allan.sensor import units
 from imu_allan.sensor.noise_model import load_model, parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks, SimulatedImu
+from imu_allan.sensor.units import parse, STANDARD_GRAVITY
+import numpy as np
 import pytest
 from whole_lines import refused, Varying
+
+DEG, DEG_H, DEG_H2, DEG_ROOT_H = (
+    0.017453292519943295, 4.848136811e-6, 1.346704670e-9, 2.908882087e-4)
+UG = 9.80665e-6
+GYRO_N = 'rad/s/sqrt(Hz)'
+ACCEL_N = 'm/s^2/sqrt(Hz)'
+COMMA = 'has a decimal comma where a point belongs'
+NO_NUMBER = 'does not begin with a number'
+NO_RATE = 'is not in a unit that can be turned into rad/s'
+RIGHT = "write a number with its unit, such as '1 deg/h' or '1 rad/s'"
+
+
+@pytest.mark.parametrize(('text', 'unit', 'expected'), [
+    ('1 deg/h', 'rad/s', DEG_H), ('1 deg/sqrt(h)', GYRO_N, DEG_ROOT_H),
+    ('1 deg/h/sqrt(h)', 'rad/s^2/sqrt(Hz)', 8.080228018e-8),
+    ('1 deg/h^2', 'rad/s^2', DEG_H2), ('1 ug', 'm/s^2', UG),
+    ('60 m/s/sqrt(h)', ACCEL_N, 1.0), ('100 ug/sqrt(Hz)', ACCEL_N, 100 * UG),
+    ('2 min', 's', 120.0), *((text, GYRO_N, 5.235987756e-4) for text in (
+        '0.03deg/s/sqrt(Hz)', '0.03 °/s/√Hz', '0.03 deg/s/rtHz', '30 mdps/sqrt(Hz)',
+        '3e-2 deg/s/Hz^0.5', '0.03 deg/(s*sqrt( Hz ))', '.03 degrees sec^-1/sqrt(Hz)'))])
+def test_units_of_datasheets_in_any_spelling_have_their_textbook_value(text, unit, expected):
+    assert parse(text, unit) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(('text', 'complaint'), [
+    ('0,005 deg/h', COMMA), ('0.03', 'has no unit'), ('deg/h', NO_NUMBER),
+    ('nan deg/h', NO_NUMBER), ('1e999 deg/h', 'is too large'), ('1e308 rad/us', 'is too large'),
+    *((text, NO_RATE) for text in (
+        '3 deg', '3 1/s', '3 kg', '3 deg/h^99', '3 deg//h', '3 (((h^9)^9)^9)^9',
+        '3 __import__("os")', '3 deg/h 5', '1 rad/s)', '1 (rad/s', '1 rad/', '1 rad/s^'))])
+def test_what_is_not_an_angular_rate_is_refused_with_an_example(text, complaint):
+    with refused(f'{text!r} {complaint}; {RIGHT}'):
+        parse(text, 'rad/s')
+
+
+def test_an_angular_rate_is_no_noise_density_and_a_long_text_is_shown_in_part():
+    with refused(f"'18 deg/h' is not in a unit that can be turned into {GYRO_N}; write a number "
+                 f"with its unit, such as '1 deg/sqrt(h)' or '1 {GYRO_N}'"):
+        parse('18 deg/h', GYRO_N)
+    text = '1 ' + 'rad/' * 200 + 's'
+    with refused(f"'{text[:80]}...' {NO_RATE}; {RIGHT}"):
+        parse(text, 'rad/s')
+
+
+@given(st.text(max_size=60)
+       | st.text(alphabet='degsqrthHzmuradg/^*()0123456789. -√°', max_size=40).map('1 '.__add__))
+def test_any_text_gives_a_number_or_the_known_error(text):
+    for unit in ('rad/s', ACCEL_N):
+        with contextlib.suppress(ImuAllanError):
+            assert isinstance(parse(text, unit), float)
+
+
+@given(st.sampled_from(sorted(units.ENGINEERING_UNITS)),
+       st.floats(1e-12, 1e6, allow_nan=False, allow_infinity=False))
+def test_engineering_units_convert_back_to_the_same_value(unit, value):
+    shown, name = units.engineering(value, unit)
+    assert parse(f'{shown!r} {name}', unit) == pytest.approx(value, rel=1e-12)
+
+
+def test_the_unit_of_a_value_is_what_follows_the_number_and_is_typeset():
+    unit = 'rad/s^2/sqrt(Hz)'
+    assert units.typeset(unit) == 'rad/s²/√Hz'
+    assert units.unit_of(f'0.03 {unit}') == unit
+    with refused(f'{unit!r} does not begin with a number'):
+        units.unit_of(unit)
+
 
 CONFIG = Path(__file__).parents[2] / 'config'
 KEYS = ('quantization_noise, noise_density, bias_instability, rate_random_walk, rate_ramp, '
@@ -16,14 +89,27 @@ KEYS = ('quantization_noise, noise_density, bias_instability, rate_random_walk, 
         'x, y, z')
 NEITHER = ("names neither 'gyro' nor 'accel'; write for instance "
            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
-RIGHT = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
+OF_DENSITY = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
 
 
-def test_what_stands_under_a_sensor_holds_for_its_three_axes():
-    model = parse_model('gyro: {noise_density: 1 deg/sqrt(h)}')
-    assert list(model.axes) == ['gyro_x', 'gyro_y', 'gyro_z']
-    for axis in model.axes.values():
-        assert axis == {'noise_density': pytest.approx(2.908882087e-4)}
+N, B = 'noise_density', 'bias_instability'
+
+
+@pytest.mark.parametrize(('text', 'axes'), [
+    ('gyro: {noise_density: 1 deg/sqrt(h)}',
+     {axis: {N: DEG_ROOT_H} for axis in ('gyro_x', 'gyro_y', 'gyro_z')}),
+    # An axis goes before its sensor.
+    ('accel: {noise_density: 100 ug/sqrt(Hz), bias_instability: 40 ug, '
+     'z: {noise_density: 200 ug/sqrt(Hz)}}',
+     {f'accel_{letter}': {N: density * UG, B: 40 * UG}
+      for letter, density in (('x', 100), ('y', 100), ('z', 200))}),
+    ('accel: {x: {noise_density: 100 ug/sqrt(Hz)}}', {'accel_x': {N: 100 * UG}}),
+    ('gyro: {z: {rate_ramp: -5 deg/h^2}}', {'gyro_z': {'rate_ramp': -5 * DEG_H2}})])
+def test_what_stands_under_a_sensor_holds_for_its_axes_and_one_that_is_not_named_is_missing(
+        text, axes):
+    model = parse_model(f'name: Mine\n{text}')
+    assert model.name == 'Mine'
+    assert model.axes == {axis: pytest.approx(values) for axis, values in axes.items()}
 
 
 @pytest.mark.parametrize(('name', 'key', 'value'), [
@@ -41,33 +127,21 @@ def test_a_datasheet_may_limit_what_is_no_noise():
     model = parse_model('gyro: {zero_bias: 0.5 deg/s, temperature_drift: 36 deg/h/°C}\n'
                         'accel: {gravity_error: 20 mg, band_limit: 10 ms, lines: 1 mg,\n'
                         '        z: {turn_on_bias: 2 mg}}')
-    assert model.limits['gyro_x'] == {'zero_bias': pytest.approx(0.5 * 0.017453292519943295),
-                                      'temperature_drift': pytest.approx(36 * 4.848136811e-6)}
+    assert model.limits['gyro_x'] == {'zero_bias': pytest.approx(0.5 * DEG),
+                                      'temperature_drift': pytest.approx(36 * DEG_H)}
+    assert model.limits['accel_z'] == pytest.approx({
+        'gravity_error': 20e3 * UG, 'band_limit': 0.01, 'lines': 1e3 * UG,
+        'turn_on_bias': 2e3 * UG})
     assert set(model.limits['accel_x']) == {'gravity_error', 'band_limit', 'lines'}
-    assert model.limits['accel_z']['turn_on_bias'] == pytest.approx(2e-3 * 9.80665)
-    assert model.limits['accel_z']['band_limit'] == pytest.approx(0.01)
     assert model.as_written['accel_y']['gravity_error'] == '20 mg'
     assert model.axes['accel_x'] == {}
 
 
-def test_an_axis_goes_before_its_sensor_and_one_that_is_not_named_is_missing():
-    model = parse_model('accel:\n  noise_density: 100 ug/sqrt(Hz)\n  bias_instability: 40 ug\n'
-                        '  z: {noise_density: 200 ug/sqrt(Hz)}\n')
-    assert model.axes['accel_y']['noise_density'] == pytest.approx(9.80665e-4)
-    assert model.axes['accel_z'] == pytest.approx({
-        'noise_density': 2 * 9.80665e-4, 'bias_instability': 40 * 9.80665e-6})
-    model = parse_model('name: One axis\naccel: {x: {noise_density: 100 ug/sqrt(Hz)}}')
-    assert (model.name, list(model.axes)) == ('One axis', ['accel_x'])
-    assert model.as_written['accel_x']['noise_density'] == '100 ug/sqrt(Hz)'
-
-
 def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
-    model = parse_model(
-        'gyro:\n  z:\n    mean: -1 deg/s\n    rate_ramp: -5 deg/h^2\n'
-        '    gauss_markov: {sigma: 1 rad/s, correlation_time: 2 min}')
+    model = parse_model('gyro: {z: {mean: -1 deg/s, '
+                        'gauss_markov: {sigma: 1 rad/s, correlation_time: 2 min}}}')
     assert model.gauss_markov == {'gyro_z': GaussMarkov(1.0, 120.0)}
-    assert model.mean['gyro_z'] == pytest.approx(-0.017453292519943295)
-    assert model.axes['gyro_z']['rate_ramp'] == pytest.approx(-5 * 1.346704670e-9)
+    assert model.mean['gyro_z'] == pytest.approx(-DEG)
 
 
 @pytest.mark.parametrize(('text', 'message'), [
@@ -84,9 +158,9 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
     ('gyr: {noise_density: 1 deg/sqrt(h)}', NEITHER),
     ('gyro: [', 'line 1 is not YAML (<words>)'),
     ('{' * 5000, 'cannot be read as YAML; give a noise model or datasheet YAML file'),
-    ('gyro: {noise_density: 0.03}', f"gyro.noise_density: '0.03' has no unit; {RIGHT}"),
+    ('gyro: {noise_density: 0.03}', f"gyro.noise_density: '0.03' has no unit; {OF_DENSITY}"),
     ('gyro: {noise_density: }',
-     f"gyro.noise_density: '' does not begin with a number; {RIGHT}"),
+     f"gyro.noise_density: '' does not begin with a number; {OF_DENSITY}"),
     ('accel: {x: {bias_instability: 18 deg/h}}', "accel.x.bias_instability: '18 deg/h' is not "
      "in a unit that can be turned into m/s^2; write a number with its unit, such as '1 ug' or "
      "'1 m/s^2'"),
@@ -131,21 +205,58 @@ def test_any_text_gives_a_model_or_the_known_error(text):
         assert set(model.axes) <= set(AXES)
 
 
-def test_every_shipped_model_is_read():
-    shipped = sorted(path for path in CONFIG.glob('*.yaml')
-                     if 'ros__parameters' not in path.read_text())
+def test_every_shipped_model_is_read_and_table_2_has_the_values_of_the_paper():
+    shipped = {path.stem: load_model(path) for path in CONFIG.glob('*.yaml')
+               if 'ros__parameters' not in path.read_text()}
     assert len(shipped) >= 5
-    for path in shipped:
-        model = load_model(path)
-        assert model.name
-        assert model.axes
+    assert all(model.name and model.axes for model in shipped.values())
+    assert shipped['allan_variance_table2'].axes['gyro_x'] == pytest.approx({
+        'quantization_noise': 2e-4 * DEG, N: 8e-3 * DEG_ROOT_H, B: 0.1 * DEG_H,
+        'rate_random_walk': 8.080228018e-8, 'rate_ramp': 5 * DEG_H2})
 
 
-def test_the_shipped_table_2_has_the_values_of_the_paper():
-    axis = load_model(CONFIG / 'allan_variance_table2.yaml').axes['gyro_x']
-    assert axis == {
-        'quantization_noise': pytest.approx(2e-4 * 0.017453292519943295),
-        'noise_density': pytest.approx(8e-3 * 2.908882087e-4),
-        'bias_instability': pytest.approx(0.1 * 4.848136811e-6),
-        'rate_random_walk': pytest.approx(8.080228018e-8),
-        'rate_ramp': pytest.approx(5 * 1.346704670e-9)}
+MODEL = parse_model("""
+gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}
+accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, correlation_time: 30 s}}
+""")
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(0, 2500), min_size=1, max_size=5))
+def test_samples_do_not_depend_on_the_sizes_they_are_drawn_in(sizes: list[int]) -> None:
+    at_once = SimulatedImu(MODEL, 200.0, seed=5).draw(sum(sizes))
+    imu = SimulatedImu(MODEL, 200.0, seed=5)
+    np.testing.assert_array_equal(np.concatenate([imu.draw(size) for size in sizes]), at_once)
+
+
+def test_every_axis_has_noise_of_its_own_and_another_seed_gives_other_noise() -> None:
+    samples = SimulatedImu(MODEL, 100.0, seed=1).draw(20_000)
+    other = SimulatedImu(MODEL, 100.0, seed=2).draw(20_000)
+    correlation = np.corrcoef(np.diff(np.concatenate((samples, other), axis=1), axis=0).T)
+    np.testing.assert_array_less(np.abs(correlation - np.eye(12)), 0.05)
+
+
+def test_accelerometer_at_rest_measures_gravity_unless_the_model_names_a_mean() -> None:
+    lying = parse_model('accel: {noise_density: 100 ug/sqrt(Hz), x: {mean: 1 g}}')
+    for model, expected in ((MODEL, [0, 0, STANDARD_GRAVITY]), (lying, [STANDARD_GRAVITY, 0, 0])):
+        accel = SimulatedImu(model, 100.0).draw(5000)[:, 3:].mean(axis=0)
+        np.testing.assert_allclose(accel, expected, atol=0.02)
+
+
+def test_blocks_cover_the_samples_with_even_stamps_and_a_sensor_left_out_is_absent() -> None:
+    blocks = list(simulated_blocks(MODEL, 300.0, 25_000, start_ns=10**18, frame_id='f'))
+    stamps = np.concatenate([block.header_ns for block in blocks])
+    assert len(stamps) == 25_000
+    assert all(block.frame_id == 'f' for block in blocks)
+    np.testing.assert_allclose(stamps - 10**18, np.arange(25_000) * (1e9 / 300), atol=0.6)
+    np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks]),
+                                  SimulatedImu(MODEL, 300.0).draw(25_000))
+    gyro_only = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
+    block = next(iter(simulated_blocks(gyro_only, 100.0, 10)))
+    np.testing.assert_array_equal(block.absent, np.tile([False, True], (10, 1)))
+
+
+def test_white_noise_has_the_density_of_the_model() -> None:
+    white = parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
+                        'accel: {noise_density: 0.01 m/s^2/sqrt(Hz)}')
+    np.testing.assert_allclose(SimulatedImu(white, 100.0).draw(50_000).std(axis=0), 0.1, rtol=0.02)
