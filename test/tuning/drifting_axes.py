@@ -6,6 +6,9 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.result import AxisResult, Curve, DriftModel, GaussMarkov, GoodnessOfFit, Tone
 import numpy as np
 
+FLICKER = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
+"""Processes that together are flicker of 3e-4."""
+
 
 def axis_of(
         noise_density=0.0, walk=0.0, processes=(), tones=(), known=(0.01, 3000.0),

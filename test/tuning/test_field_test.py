@@ -1,14 +1,19 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Filters with stated numbers over simulated recordings: as predicted, noisier, in stop and go."""
+"""What filters predict over recordings: of each half the other, of a field test the bench."""
 
-from drifting_axes import axis_of
+from characterized import covers, taken_in
+from drifting_axes import axis_of, FLICKER
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.axis import characterize
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
+from imu_allan.result import Backtest, Coast
+from imu_allan.tuning.backtest import backtest, bands_of
 from imu_allan.tuning.field_test import field_test
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.tune import tune
+from imu_allan.tuning.uncertainty import spread_of_forecast
 from imu_allan.tuning.verification import verify
 import numpy as np
 import pytest
@@ -16,7 +21,6 @@ from whole_lines import refused
 
 RATE = 20.0
 N, K = 1e-3, 1e-4
-FLICKER = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
 AXES = {'gyro_x': axis_of(N, K), 'gyro_y': axis_of(N, K, processes=((3e-4, 100.0),))}
 
 
@@ -32,20 +36,24 @@ def rest(seconds, noise=1.0, drift=1.0, seed=0):
     return rows
 
 
-def means_of(*blocks):
-    means = Means()
-    means.take(blocks, 1e9 / RATE)
+def means_of(*blocks, rate=RATE, axes=None):
+    means = Means(axes) if axes else Means()
+    means.take(blocks, 1e9 / rate)
     return means
 
 
-def met_in(rows, **times):
-    return field_test(AXES, means_of(EvenBlock(rows, 0)), 1.0, **times)
+def met_in(rows):
+    return field_test(AXES, means_of(EvenBlock(rows, 0)), 1.0)
+
+
+def factors_hold(one, noise, drift):
+    assert covers(one.noise_ci95, noise)
+    assert covers(one.random_walk_ci95, drift)
 
 
 def test_the_same_sensor_is_met_as_predicted():
     for one in met_in(rest(7200)).values():
-        assert one.stops == 1
-        assert one.tested_s == pytest.approx(7200)
+        assert (one.stops, one.tested_s) == (1, pytest.approx(7200))
         assert [row.interval_s for row in one.full.innovations] == [1, 10, 60]
         for row in one.full.innovations:
             assert row.nis == pytest.approx(1, abs=5 * np.sqrt(2 / row.steps))
@@ -53,25 +61,22 @@ def test_the_same_sensor_is_met_as_predicted():
             assert low < coast.predicted_sigma < high
             assert low < coast.observed_rms < high
         assert [coast.horizon_s for coast in one.tuned.coasts] == [10, 60, 300]
-        assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
-        assert one.random_walk_ci95[0] < 1 < one.random_walk_ci95[1]
+        factors_hold(one, 1, 1)
         assert one.random_walk_ci95[1] / one.random_walk_ci95[0] < 2
 
 
 def test_threefold_noise_is_a_factor_of_the_noise_and_fourfold_drift_of_the_random_walk():
     for one in met_in(rest(7200, noise=3.0)).values():
         assert one.tuned.innovations[0].nis == pytest.approx(8, abs=1.5)
-        assert one.noise_ci95[0] < 3 < one.noise_ci95[1]
         assert one.noise_factor == pytest.approx(3, rel=0.1)
-        assert one.random_walk_ci95[0] < 1 < one.random_walk_ci95[1]
+        factors_hold(one, 3, 1)
     # However far.
     for one in met_in(rest(600, noise=3000.0)).values():
         assert 2000 < one.noise_ci95[0] < one.noise_factor < one.noise_ci95[1] < 4000
     for one in met_in(rest(7200, drift=4.0)).values():
         assert one.full.innovations[1].nis > 2
-        assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
         assert one.random_walk_factor == pytest.approx(4, rel=0.3)
-        assert one.random_walk_ci95[0] < 4 < one.random_walk_ci95[1]
+        factors_hold(one, 1, 4)
 
 
 def test_a_recording_without_a_stop_is_reported_and_other_axes_are_left_out():
@@ -100,11 +105,9 @@ def test_factors_hold_where_the_numbers_are_stated_or_come_from_a_recording(
         stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 108_000, 3600)]
         [one] = field_test({'gyro_x': axis}, means_of(*stops), 1.0).values()
         own = tune(axis, 1.0)
-        noise, drift = (right.noise_density / own.noise_density,
-                        right.random_walk / own.random_walk)
-        found.append((one.noise_ci95[0] < noise < one.noise_ci95[1],
-                      one.random_walk_ci95[0] < drift < one.random_walk_ci95[1],
-                      one.random_walk_factor / drift))
+        drift = right.random_walk / own.random_walk
+        found.append((covers(one.noise_ci95, right.noise_density / own.noise_density),
+                      covers(one.random_walk_ci95, drift), one.random_walk_factor / drift))
     inside, off = np.mean(found, axis=0)[:2], np.median(found, axis=0)[2]
     print(f'{terms}, {fitted_min} min: factors of N and K in their intervals {inside}; K {off:g}')
     assert np.all(inside > 0.89)
@@ -115,15 +118,9 @@ def test_factors_hold_where_the_numbers_are_stated_or_come_from_a_recording(
 ROWS = np.random.default_rng(1).normal(size=(1050, 6))
 
 
-def taken(*blocks):
-    means = Means()
-    means.take(blocks, 1e8)
-    return means
-
-
 def test_the_blocks_they_came_in_make_no_difference():
-    whole = taken(EvenBlock(ROWS, 0))
-    batched = taken(*(EvenBlock(ROWS[i:i + 7], i) for i in range(0, 1050, 7)))
+    whole = means_of(EvenBlock(ROWS, 0), rate=10.0)
+    batched = means_of(*(EvenBlock(ROWS[i:i + 7], i) for i in range(0, 1050, 7)), rate=10.0)
     np.testing.assert_allclose(batched.series.means, whole.series.means, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(whole.series.means[:, :100].T, ROWS[:1000].reshape(
         100, 10, 6).mean(axis=1), rtol=1e-12, atol=1e-15)
@@ -134,8 +131,8 @@ def test_the_blocks_they_came_in_make_no_difference():
 def test_an_axis_that_comes_late_or_drops_out_leaves_a_gap(size):
     rows = ROWS.copy()
     rows[:200, 1] = rows[400:450, 1] = np.nan
-    means = Means(['gyro_x', 'gyro_y'])
-    means.take([EvenBlock(rows[i:i + size], i) for i in range(0, 1050, size)], 1e8)
+    means = means_of(*(EvenBlock(rows[i:i + size], i) for i in range(0, 1050, size)), rate=10.0,
+                     axes=['gyro_x', 'gyro_y'])
     assert means.columns.tolist() == [0, 1]
     places = means.series.keys & (2**44 - 1)
     assert places.tolist() == [*range(20, 40), *range(45, 105)]
@@ -143,13 +140,11 @@ def test_an_axis_that_comes_late_or_drops_out_leaves_a_gap(size):
     np.testing.assert_allclose(means.series.means[:, 20], ROWS[450:460, :2].mean(axis=0))
 
 
-HERE = axis_of(1e-3, 5e-5)
-
-
 @pytest.mark.parametrize(('noise', 'drift'), [(1, 1), (3, 1), (1, 4)],
                          ids=['the same', 'more noise in motion', 'more drift in motion'])
 def test_more_noise_or_drift_is_a_factor_of_its_number_alone(noise, drift):
-    found = verify(HERE, axis_of(noise * 1e-3, drift * 5e-5), tune(HERE, 1.0))
+    here = axis_of(1e-3, 5e-5)
+    found = verify(here, axis_of(noise * 1e-3, drift * 5e-5), tune(here, 1.0))
     assert found.noise_factor == pytest.approx(noise, rel=0.05 if drift > 1 else 0.02)
     assert found.random_walk_factor == pytest.approx(drift, rel=0.15)
     assert found.excess[0].ratio == pytest.approx(noise, rel=0.01)
@@ -176,3 +171,48 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     factor = found.random_walk_factor
     assert np.log([factor / low, high / factor]) == pytest.approx([half, half], rel=0.05)
     assert found.noise_ci95 == (found.noise_factor, found.noise_factor)
+
+
+TERMS = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1e-5}
+
+
+def predictions(estimator):
+    finished = estimator.finished().periodogram
+    return backtest(finished.series, finished.cell, 1 / RATE)
+
+
+def test_a_steady_sensor_is_predicted_as_well_as_it_predicts():
+    hours = simulate(TERMS, round(4 * 3600 * RATE), RATE, seed=2)
+    [found] = predictions(taken_in(hours))
+    assert found.trained_s == found.tested_s == pytest.approx(7200, rel=0.01)
+    assert [row.interval_s for row in found.innovations] == pytest.approx([3.2, 9.6, 60.8])
+    for row in found.innovations:
+        assert row.nis == pytest.approx(1, abs=5 * np.sqrt(2 / row.steps) + 0.05)
+    assert [row.horizon_s for row in found.coast] == pytest.approx([10, 60, 300], rel=0.1)
+    for row in found.coast:
+        assert 0.6 < row.observed_rms / row.predicted_sigma < 1.6
+    # What is too short or nothing is not tested.
+    assert predictions(taken_in(hours[:round(500 * RATE)])) == [None]
+    assert predictions(Estimator(2)) == [None, None]
+
+
+def test_a_sensor_that_changes_half_way_is_caught():
+    quiet, loud = (simulate({'noise_density': n}, round(3600 * RATE), RATE, seed)
+                   for n, seed in ((1e-3, 1), (3e-3, 2)))
+    [found] = predictions(taken_in(np.concatenate((quiet, loud))))
+    # One direction sees nine times, the other a ninth of what it predicts.
+    assert found.innovations[0].nis == pytest.approx((9 + 1 / 9) / 2, rel=0.1)
+    assert found.innovations[0].of_halves == pytest.approx((1 / 9, 9), rel=0.1)
+
+
+@pytest.mark.parametrize(('tested_s', 'horizon', 'outages'), [
+    # Two halves of 1000 s: 99 outages of 10 s and 2 of 300 s in each, the first only learns.
+    (1000.0, 10.0, 198), (1000.0, 300.0, 4),
+    # Multiples of a horizon, whose quotient may be rounded down.
+    *((count * 60.8, 60.8, 2 * (count - 1)) for count in (10, 11, 12, 13))])
+def test_the_band_of_the_observed_drift_is_that_of_its_outages(tested_s, horizon, outages):
+    axis = axis_of(1e-3, backtest=Backtest(tested_s, tested_s, (), (Coast(horizon, 2.0, 2.0),)))
+    [(low, high)] = bands_of(axis)
+    spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0], np.sqrt(0.5 / outages))
+    assert np.log(high / 2) == np.log(2 / low) == pytest.approx(1.96 * spread, rel=1e-4)
+    assert bands_of(axis_of(1e-3)) == ()

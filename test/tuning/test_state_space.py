@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The state space against numerical integrals of the processes, and in a Kalman filter."""
+"""State space and predicted drift against integrals of the processes, and in a Kalman filter."""
 
 from dataclasses import replace
 
 from drifting_axes import axis_of
 from imu_allan.noise.simulate import simulate
+from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.kalman import run_filters, steady_covariance, unaided_variance
 from imu_allan.tuning.state_space import state_space
 import numpy as np
@@ -35,7 +36,7 @@ def test_a_process_has_the_moments_of_its_integral_over_the_step(step, time):
     assert space.initial[0, 0] == sigma**2
 
 
-def test_the_random_walk_has_the_moments_of_its_integral_over_the_step():
+def test_the_random_walk_has_the_moments_of_its_integral_and_the_measurement_the_rest():
     step, walk = 4.0, 3.0
     mean, start, end = integrated(lambda u, v: walk**2 * np.minimum(u, v), step)
     space = state_space(axis_of(0.0, walk), step)
@@ -44,36 +45,25 @@ def test_the_random_walk_has_the_moments_of_its_integral_over_the_step():
     assert space.cross[0, 0] == pytest.approx(end, rel=1e-3)
     assert space.process[0, 0] == pytest.approx(walk**2 * step)
     assert space.transition[0, 0] == space.observation[0, 0] == 1
-
-
-def test_white_noise_and_lines_stand_in_the_measurement():
+    # White noise and a line, of which sinc^2(1/2) = (2/pi)^2 is left.
     space = state_space(axis_of(2.0, tones=((0.25, 3.0),)), 2.0)
-    # sinc^2(1/2) = (2/pi)^2
     assert space.measurement[0, 0] == pytest.approx(4 / 2 + 9 / 2 * (2 / np.pi) ** 2)
 
 
-@pytest.mark.parametrize(('step', 'line'), [
-    (0.1, 'step_s 0.1 s is below 0.4 s, the band edge. This recording does not know how the '
-     'sensor drifts faster; choose a longer step'),
-    (3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording. It does not know how the '
-     'sensor drifts over longer; choose a shorter step')])
-def test_a_step_that_is_not_known_is_refused(step, line):
-    axis = axis_of(1.0, known=(0.4, 100.0))
-    assert state_space(axis, 100.0).step_s == 100.0
+KNOWN = axis_of(1.0, known=(0.4, 100.0))
+
+
+@pytest.mark.parametrize(('axis', 'step', 'line'), [
+    (KNOWN, 0.1, 'step_s 0.1 s is below 0.4 s, the band edge. This recording does not know how '
+     'the sensor drifts faster; choose a longer step'),
+    (KNOWN, 3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording. It does not know '
+     'how the sensor drifts over longer; choose a shorter step'),
+    (replace(KNOWN, drift_model=None), 1.0, 'this axis has no drift model (it is constant, too '
+     'short, or from a result of an older version): analyze the recording again')])
+def test_a_step_or_a_drift_that_is_not_known_is_refused(axis, step, line):
+    assert state_space(KNOWN, 100.0).step_s == 100.0
     with refused(line):
         state_space(axis, step)
-
-
-def test_an_axis_without_a_drift_model_is_reported():
-    axis = replace(axis_of(1.0), drift_model=None)
-    with refused('this axis has no drift model (it is constant, too short, or from a result of '
-                 'an older version): analyze the recording again'):
-        state_space(axis, 1.0)
-
-
-def innovations(space, means):
-    found = run_filters([space], [means])
-    return found.innovation[0], found.variance[0]
 
 
 def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():
@@ -81,8 +71,8 @@ def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():
              'gauss_markov': {'sigma': 4e-4, 'correlation_time_s': 20.0}}
     samples = simulate(terms, 200_000, 10.0, seed=5)
     space = state_space(axis_of(1e-3, 2e-5, ((4e-4, 20.0),)), 1.0)
-    innovation, variance = innovations(space, samples.reshape(-1, 10).mean(axis=1))
-    z = (innovation / np.sqrt(variance))[1:]
+    found = run_filters([space], [samples.reshape(-1, 10).mean(axis=1)])
+    z = (found.innovation[0] / np.sqrt(found.variance[0]))[1:]
     assert np.mean(z**2) == pytest.approx(1, abs=0.03)
     for lag in (1, 2, 5, 20):
         assert abs(np.mean(z[lag:] * z[:-lag])) < 0.03
@@ -102,7 +92,7 @@ def test_the_steady_covariance_solves_the_riccati_equation_where_the_filter_arri
     np.testing.assert_allclose(after, p, rtol=1e-9, atol=1e-12 * np.trace(p))
     if more:
         assert (np.linalg.eigvalsh(p) > 0).all()
-        _, variance = innovations(s, np.zeros(3000))
+        variance = run_filters([s], [np.zeros(3000)]).variance[0]
         assert unaided_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(
             variance[-1], rel=1e-9)
 
@@ -120,3 +110,48 @@ def test_many_filters_run_as_each_does_alone():
         np.testing.assert_allclose(both.variance[lane], alone.variance[0], rtol=1e-14)
         np.testing.assert_allclose(both.state[lane, :, :n], alone.state[0], rtol=1e-12)
         assert not both.state[lane, :, n:].any()
+
+
+BEFORE, AFTER, POINTS = 7.0, 20.0, 2700
+
+
+def by_quadrature(kernel, position=False):
+    """Root of the variance of what is integrated after zero, calibrated before."""
+    step = (BEFORE + AFTER) / POINTS
+    u = -BEFORE + (np.arange(POINTS) + 0.5) * step
+    weight = np.where(u > 0, AFTER - u if position else 1.0,
+                      -(AFTER**2 / 2 if position else AFTER) / BEFORE)
+    return float(np.sqrt(weight @ kernel(u[:, None], u[None, :]) @ weight) * step)
+
+
+def white(u, v):
+    return (u == v) * 4.0 * POINTS / (BEFORE + AFTER)
+
+
+def walk(u, v):
+    return 0.09 * np.where(u * v > 0, np.minimum(np.abs(u), np.abs(v)), 0)
+
+
+def markov(time):
+    return lambda u, v: 0.25 * np.exp(-np.abs(u - v) / time)
+
+
+@pytest.mark.parametrize(('terms', 'kernel'), [
+    ({'noise_density': 2.0}, white), ({'walk': 0.3}, walk),
+    *(({'processes': ((0.5, time),)}, markov(time)) for time in (0.8, 15.0, 300.0, 1e4))])
+def test_angle_and_position_are_those_of_the_integrated_covariance(terms, kernel):
+    axis = axis_of(**terms, quantity='linear_acceleration')
+    forecast = predicted_drift(axis, [AFTER], BEFORE)
+    assert forecast.integral[0] == pytest.approx(by_quadrature(kernel), rel=2e-3)
+    assert forecast.position[0] == pytest.approx(by_quadrature(kernel, True), rel=2e-3)
+
+
+def test_the_band_holds_the_value_and_widens_with_the_horizon():
+    forecast = predicted_drift(axis_of(1e-3, 1e-5), [1.0, 60.0, 2000.0])
+    widths = [high / low for low, high in forecast.integral_ci95]
+    assert widths == sorted(widths)
+    for value, (low, high) in zip(forecast.integral, forecast.integral_ci95, strict=True):
+        assert low < value < high
+    # A gyroscope has no position.
+    assert forecast.position is forecast.position_ci95 is None
+    assert predicted_drift(axis_of(1e-3)).horizons_s == (1.0, 10.0, 60.0, 600.0)

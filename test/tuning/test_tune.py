@@ -4,12 +4,15 @@
 
 from dataclasses import replace
 
-from drifting_axes import axis_of
+from drifting_axes import axis_of, FLICKER
+import imu_allan
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone
+from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.tuning.kalman import unaided_variance
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
+from imu_allan.writers.filters import ExportOptions
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -19,8 +22,6 @@ HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
 WALKING = np.array([4e-6]), np.array([9e-10])
 MARKOV = np.array([4e-6]), np.array([5e-4]), np.array([40.0])
 PROCESS = {'processes': ((5e-4, 40.0),)}
-FLICKER = {'processes': tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k)
-                              for k in range(16))}
 DECADES = {'walk': 1e-7, 'processes': ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0))}
 
 
@@ -51,18 +52,16 @@ def happened(samples, filters, horizon):
     return float(np.mean((mean - weight * state[:len(mean)])[5000:] ** 2))
 
 
-DRIFTING = {'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
-SEEN = {'processes': ((5e-4, 30.0),)}
-
-
-@pytest.mark.parametrize(('filters', 'terms', 'drift'), [
-    (Filters.with_random_walk(one(2e-6), one(1e-9), 1.0), DRIFTING, SEEN),
-    (Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0), DRIFTING, SEEN),
-    (Filters.with_random_walk(one(4e-6), one(1e-9), 1.0), {'rate_random_walk': 1e-4},
-     {'walk': 1e-4})], ids=['walking', 'markov', 'on a random walk'])
-def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, terms, drift):
-    samples = simulate({'noise_density': 1e-3, **terms}, 2_000_000, 1.0, seed=8)
-    truth = Truth(axis_of(1e-3, **drift))
+@pytest.mark.parametrize(('filters', 'walk'), [
+    (Filters.with_random_walk(one(2e-6), one(1e-9), 1.0), 0.0),
+    (Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0), 0.0),
+    (Filters.with_random_walk(one(4e-6), one(1e-9), 1.0), 1e-4)],
+    ids=['walking', 'markov', 'on a random walk'])
+def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, walk):
+    drift = {'rate_random_walk': walk} if walk else {
+        'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
+    samples = simulate({'noise_density': 1e-3, **drift}, 2_000_000, 1.0, seed=8)
+    truth = Truth(axis_of(1e-3, walk, () if walk else ((5e-4, 30.0),)))
     for horizon in (1, 10, 60):
         expected = truth.expected(filters, one(float(horizon)))[0, 0]
         assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.02)
@@ -160,7 +159,8 @@ def test_what_cannot_be_tuned_is_refused(asked, line):
     ({}, {}), ({'rate_random_walk': 5e-5}, {'walk': 5e-5}),
     *(({'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': time}},
        {'processes': ((5e-4, time),)}) for time in (30.0, 100.0)),
-    ({'bias_instability': 3e-4}, FLICKER)], ids=['N', 'N+K', 'N+30 s', 'N+100 s', 'N+B'])
+    ({'bias_instability': 3e-4}, {'processes': FLICKER})],
+    ids=['N', 'N+K', 'N+30 s', 'N+100 s', 'N+B'])
 def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes, terms, drift):
     """Fitted on so many minutes; what happens is computed from the truth."""
     truth, horizons = Truth(axis_of(1e-3, **drift)), np.geomspace(1.0, 60.0, 7)
@@ -192,3 +192,66 @@ def test_axes_that_are_equal_for_a_filter_are_tuned_once_and_others_anew():
     louder = replace(axis, weaker_tones=(Tone(5.0, 1e-2, 40),))
     assert tune(louder).noise_density > 1.1 * first.noise_density
     assert tune(axis_of(2e-3, 3e-5, tones=((4.0, 1e-2),))).noise_density > first.noise_density
+
+
+AXIS = axis_of(1e-3, 1e-5)
+NO_NUMBERS = [(None, 'None'), ('1', "'1'"), (True, 'True'), (np.ones(2), 'array([1., 1.])'),
+              ('x\n' * 10_000, "'" + 9 * 'x\\n' + 'x…n' + 9 * 'x\\n' + "'")]
+NOT_POSITIVE = [(0, '0'), (float('nan'), 'nan'), (10**400, 'inf')]
+OUT_OF_RANGE = [(1e-31, '1e-31'), (1e31, '1e+31')]
+
+TIMES = {
+    'aiding_interval_s': [lambda time: imu_allan.tune(AXIS, time, 1e9),
+                          lambda time: optimum(AXIS, time, 1e9),
+                          lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, time, 1e9)],
+    'coast_s': [lambda time: imu_allan.tune(AXIS, 1e-6, time),
+                lambda time: optimum(AXIS, 1e-6, time),
+                lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, 1e-6, time)],
+    'correlation_time_s': [
+        lambda time: imu_allan.assess(AXIS, 1e-3, 1e-5, correlation_time_s=time),
+        lambda time: imu_allan.tune(AXIS, bias='gauss_markov', correlation_time_s=time)],
+    'step_s': [lambda time: imu_allan.state_space(AXIS, time)],
+    'horizons_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0, time])],
+    'calibration_s': [lambda time: imu_allan.predicted_drift(AXIS, [1.0], time)],
+    'aiding_s': [lambda time: ExportOptions(aiding_s=time)],
+}
+NUMBERS = {
+    'noise_density': [lambda number: imu_allan.assess(AXIS, number, 1e-5)],
+    'random_walk': [lambda number: imu_allan.assess(AXIS, 1e-3, number)],
+    'inflate N': [lambda number: ExportOptions(inflate={'N': number})],
+    'rate_hz': [lambda number: ExportOptions(rate_hz=number)],
+}
+# These may be left out.
+OPTIONAL = {'correlation_time_s', 'aiding_s', 'rate_hz'}
+
+
+@pytest.mark.parametrize('name', [*TIMES, *NUMBERS])
+def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
+    positive, between, unit = (
+        ('a positive time', 'between a microsecond and a hundred years', ' s') if name in TIMES
+        else ('above zero', 'between 1e-30 and 1e+30', ''))
+    said = [*((value, f'{positive}, not {shown}') for value, shown in NO_NUMBERS),
+            *((value, f'{positive}, not {shown}{unit}') for value, shown in NOT_POSITIVE),
+            *((value, f'{between}, not {shown}{unit}') for value, shown in OUT_OF_RANGE)]
+    for value, line in said:
+        for takes in (TIMES | NUMBERS)[name] if value is not None or name not in OPTIONAL else ():
+            with refused(f'{name} must be {line}'):
+                takes(value)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('known_s', [200.0, 1e4])
+def test_the_ends_of_what_is_taken_give_numbers(known_s):
+    """A filter that is corrected every microsecond forgets less than a double shows beside 1."""
+    axis = axis_of(1e-3, 1e-5, ((3e-4, 30.0),), known=(0.1, known_s),
+                   quantity='linear_acceleration')
+    for aiding, coast in ((SHORTEST_S, LONGEST_S), (SHORTEST_S, SHORTEST_S),
+                          (LONGEST_S, LONGEST_S)):
+        for bias in ('random_walk', 'gauss_markov'):
+            for conservative in (False, True):
+                found = imu_allan.tune(axis, aiding, coast, bias, conservative)
+                assert np.isfinite(found.consistency).all()
+        assert np.isfinite(optimum(axis, aiding, coast)).all()
+        forecast = imu_allan.predicted_drift(axis, [aiding, coast], coast)
+        assert np.isfinite([*forecast.integral, *forecast.position]).all()
+        assert np.isfinite([*forecast.integral_ci95, *forecast.position_ci95]).all()
