@@ -77,7 +77,11 @@ def ends(coefficient):
     return coefficient.ci95 or (0.0, coefficient.upper95)
 
 
+def covers(interval, truth):
+    """Whether an interval holds a true value."""
+    return interval[0] <= truth <= interval[1]
+
+
 def holds(coefficient, truth):
     """Whether the interval, or the bound, of a coefficient holds its true value."""
-    low, high = ends(coefficient)
-    return low <= truth <= high
+    return covers(ends(coefficient), truth)

@@ -1,30 +1,133 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""The likelihood of a spectrum, its maximum and its evidence, alone and over records."""
 
-from characterized import shown
+from collections import defaultdict
+
+from characterized import covers, holds, joint_fits, shown, together
+from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.evidence import maximise_rows, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
+from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.prepared import prepared
+from imu_allan.noise.posterior.regression import mean, regressors
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.groups import FLICKER, grouped, RANDOM_WALK, WHITE
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import nnls
+
+
+def bins_of_record(samples, dt):
+    return bins_of(shown(samples).periodogram.sections(), dt)
+
+
+@pytest.mark.parametrize('known', ['mean', 'mean and ramp'])
+def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(known):
+    dt, place = 0.1, np.arange(48)
+    record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, len(place), 1 / dt, 5)
+    groups = grouped(bins_of_record(record, dt), 0)
+    # Of a random walk from zero, averaged over each interval.
+    walk = dt * (np.minimum.outer(place, place) + 0.5 - np.eye(len(place)) / 6)
+    columns = np.vander(place, len(known.split(' and ')))
+    free = np.linalg.svd(columns)[0][:, columns.shape[1]:]
+
+    def exact(density, walking):
+        covariance = free.T @ (density / dt * np.eye(len(place)) + walking * walk) @ free
+        rest = free.T @ record
+        return 0.5 * (np.linalg.slogdet(covariance)[1]
+                      + rest @ np.linalg.solve(covariance, rest))
+
+    def found(density, walking):
+        theta = np.array([0.0, density, 0.0, walking])
+        weight = groups.dof / (groups.design @ theta)
+        gain = mean(regressors([groups]), 1, weight[None])[0][0] if 'ramp' in known else 0.0
+        return maximise(groups, fixed=dict(enumerate(theta))).loss - gain
+
+    for other in ((2.0, 0.3), (0.1, 5.0), (1.0, 1e-6)):
+        assert found(*other) - found(1.0, 1.0) == pytest.approx(exact(*other) - exact(1.0, 1.0),
+                                                                rel=1e-6)
+
+
+def test_columns_are_the_spectra_of_the_means_of_every_stage():
+    dt = 0.5
+    sections = shown(simulate({'noise_density': 1.0}, 100_000, 1 / dt)).periodogram.sections()
+    bins = bins_of(sections, dt)
+    assert {section.step for section in sections} == {1, 16}
+    for number, section in enumerate(sections):
+        here = bins.section == number
+        step, nu = section.step * dt, bins.index[here] / (2 * section.length)
+        np.testing.assert_allclose(bins.frequency[here], nu / step)
+        for column, expected in (
+                (WHITE, spectrum.white(nu, step)), (RANDOM_WALK, spectrum.random_walk(nu, step)),
+                (FLICKER, spectrum.flicker(nu, step)
+                 * spectrum.flicker_dct_factor(bins.index[here]))):
+            np.testing.assert_allclose(bins.design[here, column], expected, rtol=1e-12)
+        # A ramp has a mean in the whole-record part, whose signs are known; in blocks a square.
+        ramp = spectrum.ramp_dct(section.length, step)[bins.index[here] - 1]
+        whole = section.coefficients is not None
+        np.testing.assert_allclose(bins.ramp[here], ramp**2 if whole else -ramp**2)
+        np.testing.assert_array_equal(bins.dof[here], section.blocks)
+        assert (bins.whole[here] == whole).all()
+
+
+def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
+    groups = grouped(bins_of_record(simulate(
+        {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 2e-4}, 144_000,
+        20.0, 3), 0.05), 0)
+    best = maximise(groups)
+    assert np.all(best.theta >= 0)
+
+    def loss(theta):
+        expected = groups.design @ theta
+        return 0.5 * groups.dof @ (np.log(expected) + groups.power / expected)
+
+    assert loss(best.theta) == pytest.approx(best.loss)
+    for column in (WHITE, RANDOM_WALK):
+        for factor in (0.98, 1.02):
+            other = best.theta.copy()
+            other[column] *= factor
+            assert loss(other) > best.loss
+    # From so far away whole steps lead astray.
+    afar = maximise(groups, start=np.array([1e-3, 0.0, 0.0, 0.0]))
+    assert afar.loss == pytest.approx(best.loss, abs=1e-6)
+    behind = maximise(groups, tolerance=-np.inf)
+    # A loss of 1e-6 is a thousandth of a standard error.
+    np.testing.assert_allclose(behind.theta, best.theta, rtol=1e-3, atol=1e-15)
+    assert best.loss - 1e-6 < behind.loss <= best.loss
+
+
+def test_small_non_negative_least_squares_agrees_with_scipy():
+    rng = np.random.default_rng(1)
+    problems = [(rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4),
+                 rng.standard_normal(12)) for _ in range(200)]
+    # Columns that cannot be distinguished share what they explain.
+    same = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [3.0, 3.0, 1.0]])
+    problems += [(same, np.array([sign, 2 * sign, last])) for sign, last in (
+        (1.0, 3.0), (1.0, 9.0), (-1.0, -3.0), (1.0, -9.0))]
+    for a, b in problems:
+        part = non_negative(a.T @ a, a.T @ b)
+        assert (part >= 0).all()
+        np.testing.assert_allclose(a @ part, a @ nnls(a, b)[0], atol=1e-6)
+
 
 RATE = 100.0
-MODEL = {'noise_density': 1e-3, 'bias_instability': 4e-4}
+QUIET = {'noise_density': 1e-3, 'bias_instability': 4e-4}
 
 
-def estimates(*samples, rate=RATE):
-    """Return what is reported of the coefficients of axes that are fitted together."""
-    return [fit.fit.estimates for fit in fit_axes(shown(np.transpose(samples)), 1 / rate)]
+def fits_of(*samples):
+    """Return the fits of axes that are fitted together."""
+    return fit_axes(shown(np.transpose(samples)), 1 / RATE)
 
 
 @pytest.fixture(scope='module')
 def spectra():
-    fits = fit_axes(shown(np.transpose([simulate(MODEL, 90_000, RATE, seed)
-                                        for seed in range(2)])), 1 / RATE)
+    fits = fits_of(*(simulate(QUIET, 90_000, RATE, seed) for seed in range(2)))
     return prepared([fit.groups for fit in fits], 1 / RATE)
 
 
@@ -80,8 +183,79 @@ def test_evidence_of_white_noise_is_its_integral(spectra):
 
 
 def test_axes_have_the_same_posterior_together_as_alone():
-    samples = [simulate(MODEL, 30_000, RATE, seed) for seed in range(3)]
-    for one, own in zip(estimates(*samples), samples, strict=True):
-        [other] = estimates(own)
-        for key in MODEL:
-            assert one[key].value == pytest.approx(other[key].value, rel=1e-9)
+    samples = [simulate(QUIET, 30_000, RATE, seed) for seed in range(3)]
+    for fit, own in zip(fits_of(*samples), samples, strict=True):
+        [alone] = fits_of(own)
+        for key in QUIET:
+            assert fit.fit.estimates[key].value == pytest.approx(
+                alone.fit.estimates[key].value, rel=1e-9)
+
+
+MODEL = {'noise_density': 1e-3, 'bias_instability': 8e-4, 'rate_random_walk': 2e-4}
+
+
+def estimates(records):
+    return together(records, RATE)[0].coefficients
+
+
+@pytest.fixture(scope='module')
+def records():
+    return [simulate(MODEL, 60_000, RATE, seed) for seed in range(3)]
+
+
+def test_the_coefficients_of_three_records_lie_in_their_intervals(records):
+    found = estimates(records)
+    for key in MODEL:
+        assert found[key].observable
+        low, high = found[key].ci95
+        assert 0.7 * low < MODEL[key] < 1.3 * high
+
+
+def test_every_record_has_its_own_mean_and_its_own_ramp(records):
+    time = np.arange(60_000) / RATE
+    moved = [samples + offset + slope * time for samples, (offset, slope) in zip(
+        records, ((3.0, 1e-5), (-7.0, -4e-5), (0.0, 2e-5)), strict=True)]
+    still, sloping = estimates(records), estimates(moved)
+    for key in MODEL:
+        assert sloping[key].value == pytest.approx(still[key].value, rel=0.02)
+
+
+def test_a_record_too_short_or_in_which_the_axis_stood_still_is_left_out(records):
+    expected = estimates(records[1:])
+    died = records[0].copy()
+    died[len(died) // 3:] = 0.5
+    assert estimates([died, *records[1:]]) == expected
+    short = estimates([*records[1:], records[0][:50]])
+    assert short['noise_density'].value == pytest.approx(expected['noise_density'].value, rel=1e-9)
+    still = [shown(np.full(500, value)) for value in (1.0, 2.0)]
+    assert joint_fits(still, 0.01) == [None]
+
+
+def test_a_warm_up_in_every_record_is_no_random_walk():
+    time = np.arange(72_000) / 20
+    found, _ = together([simulate({'noise_density': 1e-3, 'bias_instability': 3e-4}, len(time),
+                                  20.0, 40 + part) + (-1)**part * 3e-3 * np.exp(-time / 400)
+                         for part in range(4)], 20.0)
+    assert not found.coefficients['rate_random_walk'].observable
+    warm = found.trend.warm_up
+    assert found.trend.second_warm_up is None
+    assert covers(warm.time_constant_ci95, 400)
+    assert covers(sorted(map(abs, warm.ci95)), 3e-3)
+
+
+@pytest.mark.slow
+def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
+    """Four records of 10 min, 150 times: errors against those of 40 min at once."""
+    values, whole, covered = (defaultdict(list) for _ in range(3))
+    for run in range(150):
+        found = estimates([simulate(MODEL, 60_000, RATE, 1000 + 5 * run + part)
+                           for part in range(4)])
+        once = estimates([simulate(MODEL, 240_000, RATE, 1004 + 5 * run)])
+        for key, truth in MODEL.items():
+            values[key].append(found[key].value / truth - 1)
+            whole[key].append(once[key].value / truth - 1)
+            covered[key].append(holds(found[key], truth))
+    for key in ('noise_density', 'bias_instability'):
+        # Two spreads of 150 each are known to 8 %.
+        assert np.std(values[key]) / np.std(whole[key]) < 1.25
+        assert sum(covered[key]) > 0.88 * 150

@@ -1,15 +1,20 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of each term holds beside slow noise that may pass for another, or moves once."""
+"""Slow noise of any exponent: what is said of it and beside it, and what may pass for it."""
 
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
 from characterized import characterized, ends, holds, several
+from imu_allan.characterization.axis import characterize
+from imu_allan.noise.curve import edf
+from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.simulate import flicker, simulate
+from imu_allan.noise.terms import power_law_avar
+from imu_allan.result import PowerLaw
 import numpy as np
 import pytest
 from repeated import slow
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 RATE = 10.0
@@ -27,11 +32,48 @@ def width_over_bound(coefficient, terms, samples, key, rate=RATE):
     return (high - low) / reference_widths(Sensor(rate, samples / rate, terms))[key]
 
 
-def passing_for_flicker(samples, exponent, crossing_hz, seed):
-    """Fifty samples a second of white noise and a power law that is as strong at a frequency."""
-    size = DENSITY * (2 * np.pi * crossing_hz / 50.0) ** (exponent / 2) * np.sqrt(50.0)
-    return simulate({N: DENSITY}, samples, 50.0, seed) + size * flicker(
+def crossed(exponent, crossing_hz, samples, rate, seed):
+    """Draw white noise and a power law that is as strong at a frequency."""
+    size = DENSITY * (2 * np.pi * crossing_hz / rate) ** (exponent / 2) * np.sqrt(rate)
+    return simulate({N: DENSITY}, samples, rate, seed) + size * flicker(
         samples, np.random.default_rng([seed, 77]), exponent)
+
+
+@pytest.mark.parametrize('exponent', [0.5, 1.3, 1.7])
+def test_a_drawn_power_law_has_its_allan_variance(exponent):
+    phase = np.concatenate(([0.0], np.cumsum(flicker(1 << 18, np.random.default_rng(1),
+                                                     exponent))))
+    for m in (1, 2, 32):
+        second = phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]
+        expected = float(power_law_avar(1.0, exponent, m))
+        assert np.mean(second**2) / (2 * m**2) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize(('exponent', 'key'), [(1.0, B), (2.0, K)])
+def test_a_power_law_with_the_exponent_of_a_term_has_its_curve_and_spectrum(exponent, key):
+    law, terms, dt = PowerLaw(exponent, (exponent, exponent), 1e-4 / (2 * np.pi)**exponent), {
+        N: DENSITY, key: 1e-2}, 0.01
+    for size in (1, 8, 1024):
+        assert edf({N: DENSITY}, size, 1, 5000, dt, law) == pytest.approx(
+            edf(terms, size, 1, 5000, dt))
+    model, same = FittedModel({N: DENSITY}, power_law=law), FittedModel(terms)
+    np.testing.assert_allclose(model.density([0.01, 1, 40], dt), same.density([0.01, 1, 40], dt))
+    np.testing.assert_allclose(model.allan_variance([1, 99], dt), same.allan_variance([1, 99], dt))
+
+
+@pytest.mark.parametrize(('exponent', 'crossing_hz'), [(0.5, 5), (0.7, 1), (0.7, 5), (1.3, 5)])
+def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
+        exponent, crossing_hz):
+    axis = characterize(crossed(exponent, crossing_hz, 360_000, 100.0, 1), 100.0)
+    assert holds(axis.coefficients[N], DENSITY)
+    assert np.diff(axis.coefficients[N].ci95) < 0.08 * DENSITY
+    assert axis.power_law.exponent == pytest.approx(exponent, abs=0.04)
+    assert axis.band_limit_s is None
+    assert axis.goodness_of_fit.acceptable
+    # That of the last octaves may lie anywhere.
+    sure = np.array(axis.curve.edf) > 50
+    np.testing.assert_allclose(np.array(axis.curve.model_adev)[sure],
+                               np.array(axis.curve.adev)[sure], rtol=0.25)
 
 
 @pytest.mark.thorough
@@ -39,10 +81,53 @@ def passing_for_flicker(samples, exponent, crossing_hz, seed):
     (5, 0.7, 1.0), slow(20, 0.7, 0.1)])
 def test_the_density_holds_in_records_too_short_to_know_the_exponent(minutes, exponent,
                                                                      crossing_hz):
-    found = each([passing_for_flicker(3000 * minutes, exponent, crossing_hz, seed)
+    found = each([crossed(exponent, crossing_hz, 3000 * minutes, 50.0, seed)
                   for seed in range(20)], N, 50.0)
     # Of nine in ten that hold, fewer than 14 of 20 are as rare as 1 in 100.
     assert sum(holds(density, DENSITY) for density in found) >= 14
+
+
+@pytest.mark.parametrize(('time', 'seed'), [(0.05, 0), (0.1, 1)])
+def test_white_noise_that_is_level_again_above_a_band_has_the_level_of_that_band(time, seed):
+    # At the slow end the process is as strong as the white noise.
+    process = {'sigma': DENSITY / np.sqrt(2 * time), 'correlation_time_s': time}
+    axis, words = characterized(
+        simulate({N: DENSITY, 'gauss_markov': process}, 360_000, 100.0, seed), 100.0)
+    assert axis.goodness_of_fit.acceptable
+    assert 'band_limited' in words
+    density = axis.coefficients[N]
+    assert holds(density, np.sqrt(2) * DENSITY)
+    assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)
+
+
+SLOW = {N: DENSITY, B: 3e-4}
+
+
+@pytest.mark.parametrize(('terms', 'low_pass'), [
+    ({**SLOW, K: 6e-5}, None), (SLOW, butter(1, 20, fs=100)), (SLOW, ([0.967, 0.033], [1.0])),
+    ({N: DENSITY, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 2.0}}, None)],
+    ids=['flicker and a random walk', 'low-pass of the first order',
+         'low-pass that takes an eighth', 'correlated over seconds'])
+def test_nothing_else_is_taken_for_a_power_law(terms, low_pass):
+    record = simulate(terms, 360_000, 100.0, 6)
+    if low_pass is not None:
+        record = lfilter(*low_pass, record)[1000:]
+    axis = characterize(record, 100.0)
+    assert axis.power_law is None
+    assert (axis.band_limit_s is not None) == (low_pass is not None)
+    assert (axis.gauss_markov is not None) == ('gauss_markov' in terms)
+
+
+@pytest.mark.parametrize(('rate_hz', 'duration_s', 'crossing_hz', 'share'), [
+    (20.0, 300, 0.7, 0.26), slow(20.0, 1800, 0.7, 0.26), slow(20.0, 300, 0.1, 0.26),
+    slow(50.0, 300, 5, 0.12), slow(100.0, 60, 2, 0.2), (100.0, 300, 5, 0.12)])
+def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
+        rate_hz, duration_s, crossing_hz, share):
+    terms = {N: DENSITY, B: DENSITY * np.sqrt(2 * np.pi * crossing_hz)}
+    records = [simulate(terms, int(rate_hz * duration_s) + 500, rate_hz, seed)
+               for seed in range(4)]
+    filtered = lfilter([1 - share], [1, -share], records)[:, 500:]
+    assert [axis.power_law for axis in several(filtered, rate_hz)] == [None] * 4
 
 
 @pytest.mark.parametrize('terms', [
@@ -54,9 +139,6 @@ def test_beside_flicker_the_interval_is_at_most_twice_that_of_the_bound(terms):
     assert 0.9 < np.median(widths) < 2.2
     # An exponent that the record hardly knows is no reason for more.
     assert max(widths) < 3
-
-
-SLOW = {N: DENSITY, B: 3e-4}
 
 
 def test_a_process_is_seldom_reported_as_a_random_walk_and_makes_no_flicker_too_large():
@@ -80,18 +162,19 @@ def test_a_random_walk_that_goes_on_is_known_nearly_as_well_as_by_the_bound():
 FLICKER = 3e-5
 
 
-def bias_instability(hours, sigma, time_s, seeds):
-    """Return B of records with a process of so many B."""
-    samples, records = round(hours * HOUR), []
-    for seed in seeds:
-        record = simulate({N: 1e-4, B: FLICKER}, samples, RATE, seed)
+def beside_a_process(hours, sigma, time_s, records):
+    """Return B of records with a process of so many B, and in how many it is too large."""
+    samples, drawn, kept = round(hours * HOUR), [], np.exp(-1 / (time_s * RATE))
+    for seed in range(records):
+        drawn.append(simulate({N: 1e-4, B: FLICKER}, samples, RATE, seed))
         if sigma:
-            kept = np.exp(-1 / (time_s * RATE))
             white = np.random.default_rng([seed, 1]).normal(
                 0, sigma * FLICKER * np.sqrt(1 - kept**2), 2 * samples)
-            record += lfilter([1.0], [1.0, -kept], white)[samples:]
-        records.append(record)
-    return each(records, B)
+            drawn[-1] += lfilter([1.0], [1.0, -kept], white)[samples:]
+    found = each(drawn, B)
+    above = sum(one.observable and one.ci95[0] > FLICKER for one in found)
+    print(f'{hours} h, {sigma:g} B, {time_s:g} s: too large in {above} of {records}')
+    return found, above
 
 
 # Without the uncertainty about a process: nine of ten; of 40, 36, 10 and 27.
@@ -100,19 +183,13 @@ def bias_instability(hours, sigma, time_s, seeds):
     slow(3, 1.0, 60.0, 40, 18)])
 def test_flicker_beside_a_process_too_weak_to_be_reported_is_seldom_too_large(
         hours, sigma, time_s, records, most):
-    found = bias_instability(hours, sigma, time_s, range(records))
-    above = sum(one.observable and one.ci95[0] > FLICKER for one in found)
-    print(f'{hours} h, {sigma:g} B, {time_s:g} s: too large in {above} of {records}')
-    assert above <= most
+    assert beside_a_process(hours, sigma, time_s, records)[1] <= most
 
 
 @pytest.mark.slow
 def test_flicker_alone_keeps_its_value():
-    found = bias_instability(1, 0, 0.0, range(200))
-    bounds = sum(not one.observable for one in found)
-    covered = sum(holds(one, FLICKER) for one in found if one.observable)
-    print(f'flicker alone, 1 h: a bound in {bounds} of 200, {covered} of the others hold')
-    assert bounds <= 8
+    found, _ = beside_a_process(1, 0, 1.0, 200)
+    assert sum(not one.observable for one in found) <= 8
 
 
 WALK = 3e-4
@@ -123,8 +200,8 @@ def walked(steps, seed):
     return simulate({N: DENSITY}, len(steps), RATE, seed) + np.cumsum(steps)
 
 
-def even(seed, n=HOUR):
-    return walked(WALK / np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(n), seed)
+def even(seed):
+    return walked(WALK / np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(HOUR), seed)
 
 
 def jumping(seed):
@@ -151,8 +228,7 @@ def test_even_random_walks_are_known_as_well_as_they_can_be_and_a_few_jumps_less
 
 TIME = np.arange(2 * HOUR) / RATE
 STILL = {N: 7.9e-5, B: 2.4e-5}
-WALKING = {**STILL, K: 4.4e-6}
-TRENDS = {
+MOVES = {
     'warms up evenly': np.maximum(1 - TIME / 1000, 0),
     'is switched on in two stages': (
         np.exp(-TIME / 700) + 0.5 * np.expm1(-np.maximum(TIME - 2800, 0) / 700)),
@@ -160,26 +236,22 @@ TRENDS = {
     'turns round': np.abs(TIME - 3600) / 7200}
 
 
-def coefficients(terms, seed, trend=None, size=0.0):
-    """Characterize two hours of a mean that moves once, by so many B."""
-    moves = size * STILL[B] * TRENDS[trend] if trend else 0.0
-    return characterized(simulate(terms, len(TIME), RATE, seed) + moves, RATE)[0].coefficients
-
-
-@pytest.mark.parametrize(('trends', 'sizes', 'seeds', 'most', 'fewest'), [
+@pytest.mark.parametrize(('moves', 'sizes', 'seeds', 'most', 'fewest'), [
     (['warms up evenly'], [30], range(3, 9), 1, 4),
     (['goes over from one level to another'], [300], range(3, 9), 1, 4),
     slow(['turns round'], [30], range(3, 9), 1, 4),
     # Forty records of each: binomial bounds of 99.9 % on 3 % and 95 %.
-    slow(TRENDS, [30, 300], range(40), 22, 288)])
-def test_a_mean_that_moves_once_is_seldom_a_random_walk(trends, sizes, seeds, most, fewest):
-    found = [coefficients(STILL, seed, trend, size)
-             for trend in trends for size in sizes for seed in seeds]
+    slow(MOVES, [30, 300], range(40), 22, 288)])
+def test_a_mean_that_moves_once_is_seldom_a_random_walk(moves, sizes, seeds, most, fewest):
+    found = [characterized(simulate(STILL, len(TIME), RATE, seed)
+                           + size * STILL[B] * MOVES[move], RATE)[0].coefficients
+             for move in moves for size in sizes for seed in seeds]
     assert sum(one[K].observable for one in found) <= most
     assert sum(holds(one[B], STILL[B]) for one in found) >= fewest
 
 
 def test_a_random_walk_that_an_hour_just_shows_is_reported():
-    found = each([simulate(WALKING, HOUR, RATE, seed) for seed in range(40, 50)], K)
+    terms = {**STILL, K: 4.4e-6}
+    found = each([simulate(terms, HOUR, RATE, seed) for seed in range(40, 50)], K)
     assert sum(one.observable for one in found) >= 8
-    assert sum(holds(one, WALKING[K]) for one in found) >= 9
+    assert sum(holds(one, terms[K]) for one in found) >= 9

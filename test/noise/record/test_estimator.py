@@ -1,5 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""A record as it comes in, and the spectrum that is kept of it."""
+
 from functools import cache
 from itertools import pairwise
 
@@ -7,20 +9,28 @@ from characterized import ends, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import octaves
+from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.estimator import CHUNK, Estimator
+from imu_allan.noise.record.part_of_record import Part
+from imu_allan.noise.record.periodogram import Periodogram, SERIES, SHORTEST
+from imu_allan.noise.record.segments import BLOCK
 from imu_allan.noise.record.signal_over_time import COLUMNS
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
+from scipy.fft import dct
 
 SENSOR = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 5e-5}
 
 
-def same_state(one, other):
+def same_state(one, other, rtol=0.0):
     a, b = one.to_state(), other.to_state()
     assert a.keys() == b.keys()
     for key in a:
-        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+        if rtol and a[key].dtype.kind != 'U':
+            np.testing.assert_allclose(a[key], b[key], rtol=rtol, err_msg=key)
+        else:
+            np.testing.assert_array_equal(a[key], b[key], err_msg=key)
 
 
 def lived(samples, *gaps):
@@ -114,9 +124,7 @@ def test_merged_records_and_what_follows_stay_apart():
 
 
 def test_memory_does_not_grow_with_the_record():
-    rng = np.random.default_rng(0)
-    estimator = Estimator(6)
-    sizes = []
+    rng, estimator, sizes = np.random.default_rng(0), Estimator(6), []
     for _ in range(120):
         estimator.update(rng.standard_normal((CHUNK, 6)))
         sizes.append(sum(array.nbytes for array in estimator.to_state().values()))
@@ -143,15 +151,8 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
     for part in np.array_split(rows[40_000:], 3):
         taken.update(part[:, [1, 4]])
         alone.update(part[:, [1, 4]])
-    state, expected = taken.finished().to_state(), alone.finished().to_state()
-    assert state.keys() == expected.keys()
-    for key, value in expected.items():
-        if value.dtype.kind == 'U':
-            assert state[key] == value
-        else:
-            np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
-    assert together.axes == 5
-    assert together.samples == 40_000
+    same_state(taken.finished(), alone.finished(), rtol=1e-12)
+    assert (together.axes, together.samples) == (5, 40_000)
 
 
 def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
@@ -195,3 +196,76 @@ def test_columns_hold_the_mean_and_extremes_of_their_samples(cuts, length):
     for found, of in ((columns.low, np.min), (columns.high, np.max), (columns.mean, np.mean)):
         np.testing.assert_allclose(found + level, np.transpose([of(part, axis=1)
                                                                 for part in parts]), rtol=1e-12)
+
+
+def periodogram_of(rows):
+    """Absorb samples in the chunks in which an estimator does."""
+    spectrum = Periodogram(len(rows))
+    for first in range(0, rows.shape[1], CHUNK):
+        spectrum.absorb(rows[:, first:first + CHUNK], 0, first)
+    spectrum.finish()
+    return spectrum
+
+
+@pytest.mark.parametrize('samples', [16, 1000, SERIES, SERIES + 1, 300_001, 2_500_000])
+def test_all_degrees_of_freedom_are_used_once_and_the_band_has_no_hole(samples):
+    sections = periodogram_of(np.random.default_rng(0).normal(size=(1, samples))).sections()
+    used = sum(section.blocks * (section.last - section.first) for section in sections)
+    # What the rest of less than a shortest block leaves out, and every block's own mean.
+    assert samples - SHORTEST - samples / 500 < used < samples
+    fastest = 1 / (2 * samples)
+    for step in sorted({section.step for section in sections}, reverse=True):
+        section = max((p for p in sections if p.step == step), key=lambda p: p.length)
+        assert section.first / (2 * section.length * step) == pytest.approx(
+            fastest, abs=0.51 / (section.length * step))
+        fastest = section.last / (2 * section.length * step)
+    assert fastest == pytest.approx(0.5, abs=1 / BLOCK if samples > SERIES else 1 / samples)
+
+
+@pytest.mark.parametrize(('samples', 'expected'), [
+    (1000, {(1, 1000)}), (SERIES, {(1, SERIES)}),
+    (600_000, {(128, 4688), (64, BLOCK), (1, BLOCK), (1, BLOCK // 8)})])
+def test_every_stage_holds_the_transforms_of_its_means(samples, expected):
+    rows = np.random.default_rng(2).normal(size=(2, samples)) + np.array([[0.0], [3.0]])
+    sections = periodogram_of(rows).sections()
+    assert {(section.step, section.length) for section in sections} >= expected
+    assert len(sections) == 1 or samples > SERIES
+    for section in sections:
+        means = rows[:, :samples // section.step * section.step].reshape(
+            2, -1, section.step).mean(axis=2)
+        part = slice(section.first, section.last)
+        if section.coefficients is not None:
+            # The last mean is of the half of a cell that there is.
+            rest = rows[:, means.shape[1] * section.step:]
+            if rest.size:
+                means = np.column_stack((means, rest.mean(axis=1)))
+            exact = dct(means, norm='ortho')[:, part]
+            np.testing.assert_allclose(section.coefficients[:, part], exact, atol=1e-10)
+            np.testing.assert_allclose(section.power[:, part], exact**2, atol=1e-8)
+        elif section.length == BLOCK:
+            assert section.blocks == means.shape[1] // BLOCK
+            blocks = means[:, :section.blocks * BLOCK].reshape(2, -1, BLOCK)
+            exact = (dct(blocks, norm='ortho')**2).mean(axis=1)[:, part]
+            np.testing.assert_allclose(section.power[:, part], exact, rtol=1e-9)
+
+
+LOUDER = {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 1e-4}
+
+
+def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():
+    finished = shown(simulate(LOUDER, 600_000, 100, 4)).periodogram
+    used = finished.segments.used
+    assert used <= 16
+    for first, last in ((0, used), (0, used // 2), (used // 2, used), (3, 5)):
+        groups = Part(finished, 0.01, first, last).groups(0)
+        assert (np.diff(groups.frequency) > 0).all()
+        _, density, flicker, _ = np.sqrt(maximise(groups, moving_mean=True).theta)
+        assert density == pytest.approx(LOUDER['noise_density'], rel=0.03)
+        assert flicker == pytest.approx(LOUDER['bias_instability'], rel=0.35)
+        # In bands of an eighth of an octave.
+        fast = groups.frequency[groups.frequency > 1]
+        np.testing.assert_allclose(np.diff(np.log2(fast)), 1 / 8, atol=0.01)
+    # Bands of lines are left out.
+    groups = Part(finished, 0.01, 0, 4).groups(0, lines_hz=[17.0])
+    assert not ((groups.frequency > 15.5) & (groups.frequency < 18.5)).any()
+    assert ((groups.frequency > 13) & (groups.frequency < 15)).any()
