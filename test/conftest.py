@@ -23,9 +23,7 @@ use_one_thread()
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 # No node of a test leaves anything in the home of whoever runs it.
-_ROS_HOME = tempfile.TemporaryDirectory(
-    prefix='imu_allan_test_ros_home_', ignore_cleanup_errors=True)
-os.environ['ROS_HOME'] = _ROS_HOME.name
+os.environ['ROS_HOME'] = tempfile.mkdtemp(prefix='imu_allan_test_ros_home_')
 # Workers of pytest-xdist are given 80 columns; what is tested is a pipe.
 os.environ.pop('COLUMNS', None)
 # Hundreds of commands and nodes are started; each would compile the whole package again.
@@ -36,11 +34,6 @@ os.unsetenv('COLUMNS')
 # is shared that says nothing. Who must be fast has a test of its own.
 settings.register_profile('unhurried', deadline=None)
 settings.load_profile('unhurried')
-
-
-def pytest_unconfigure() -> None:
-    """Remove what the nodes have left, in a worker of pytest-xdist, too."""
-    _ROS_HOME.cleanup()
 
 
 @pytest.fixture

@@ -1,25 +1,35 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Disks that are full or read-only and kills in the middle of writing; the table of faults."""
+"""Disks that are full, devices, links of others, kills while writing; the table of faults."""
 
-import contextlib
+from contextlib import contextmanager
+import json
 import os
 from pathlib import Path
 from random import Random
 import re
+import shutil
 import signal
+import socket
+import stat
 import subprocess
 import sys
 import time
 
 from imu_allan import analyze
+from imu_allan.analysis import Choice
+from imu_allan.cli.main import main
+from imu_allan.cli.tasks import characterize, Task
+from imu_allan.errors import ImuAllanError
+from imu_allan.writers import output_path
+from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.output_path import folder_lock
 from imu_allan.writers.result_file import load_result, save_result
 import pytest
 from repeated import slow
 from whole_lines import unwritable, Varying
 
 ROOT = Path(__file__).parents[1]
-MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
 
 
 @pytest.fixture(scope='module')
@@ -29,7 +39,7 @@ def result(short_recording, tmp_path_factory):
     return path
 
 
-@contextlib.contextmanager
+@contextmanager
 def mounted(folder, options):
     """Mount a file system in memory; skip where that is not allowed."""
     if not sys.platform.startswith('linux') or os.geteuid() != 0:
@@ -45,45 +55,37 @@ def mounted(folder, options):
         subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
-def assert_one_line(done, line):
-    assert done.returncode == 1, done.stderr
-    assert done.stderr == Varying(f'imu_allan: {line}\n')
-
-
-def files_in(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob('*') if path.is_file())
-
-
 def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file(
         tmp_path, short_recording, fails_with):
     with mounted(tmp_path / 'small', 'size=160k') as disk:
         fails_with(unwritable(disk / 'out' / '<words>', 'No space left on device'),
                    'analyze', short_recording, '--output', disk / 'out')
         # What was complete before the disk was full is there and whole.
-        assert set(files_in(disk / 'out')) <= {'result.json', 'curve.csv', 'allan_deviation.png'}
+        assert {path.name for path in (disk / 'out').iterdir()} <= {
+            'result.json', 'curve.csv', 'allan_deviation.png'}
         assert load_result(disk / 'out' / 'result.json').axes
 
 
-@pytest.mark.parametrize('verb', ['analyze', 'simulate', 'report', 'export', 'check'])
+READ_ONLY = 'Read-only file system'
+
+
+@pytest.mark.parametrize(('command', 'line'), [
+    ('analyze {recording} --output {disk}/out', '{disk}/out: cannot be written ({disk} lies on a '
+     f'{READ_ONLY}); choose a folder that may be written to'),
+    ('simulate {model} --duration 1s --output {disk}/rec', '{disk}/rec: cannot be created '
+     f'({READ_ONLY}: {{disk}}/.rec.unfinished); choose a folder that may be written to'),
+    ('report {result} --output {disk}/out', unwritable('{disk}/out/report.html', READ_ONLY)),
+    ('export {result} --for kalibr --output {disk}/x', unwritable('{disk}/x', READ_ONLY)),
+    ('check {result} --spec {model} --json {disk}/x', unwritable('{disk}/x', READ_ONLY))],
+    ids=['analyze', 'simulate', 'report', 'export', 'check'])
 def test_a_read_only_disk_is_one_line_for_every_verb(
-        tmp_path, short_recording, result, verb, fails_with):
+        tmp_path, short_recording, result, command, line, fails_with):
     model = tmp_path / 'm.yaml'
-    model.write_text(MODEL)
+    model.write_text('gyro: {noise_density: 0.3 deg/sqrt(h)}\n')
     with mounted(tmp_path / 'disk', 'size=1m,ro') as disk:
-        reason = 'Read-only file system'
-        fails_with({
-            'analyze': f'{disk}/out: cannot be written ({disk} lies on a {reason}); choose a '
-                       'folder that may be written to',
-            'simulate': f'{disk}/rec: cannot be created ({reason}: {disk}/.rec.unfinished); '
-                        'choose a folder that may be written to',
-            'report': unwritable(disk / 'out' / 'report.html', reason),
-            'export': unwritable(disk / 'x.yaml', reason),
-            'check': unwritable(disk / 'x.json', reason)}[verb], *{
-            'analyze': ['analyze', short_recording, '--output', disk / 'out'],
-            'simulate': ['simulate', model, '--duration', '1s', '--output', disk / 'rec'],
-            'report': ['report', result, '--output', disk / 'out'],
-            'export': ['export', result, '--for', 'kalibr', '--output', disk / 'x.yaml'],
-            'check': ['check', result, '--spec', model, '--json', disk / 'x.json']}[verb])
+        words = [word.format(disk=disk, recording=short_recording, result=result, model=model)
+                 for word in command.split()]
+        fails_with(line.format(disk=disk), *words)
 
 
 def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
@@ -93,7 +95,8 @@ def test_a_terminal_that_takes_no_more_is_no_traceback(short_recording):
         done = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(short_recording)],
                               stdout=full, stderr=subprocess.PIPE, text=True, timeout=60,
                               check=False)
-    assert_one_line(done, 'standard output: No space left on device')
+    assert (done.returncode, done.stderr) == (
+        1, 'imu_allan: standard output: No space left on device\n')
 
 
 WRITER = """
@@ -125,6 +128,178 @@ def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path, kills, fe
             assert content == content[:9] * 200_000
             written += 1
     assert written > fewest
+
+
+def special_file(path: Path, kind: str) -> Path:
+    """Make a pipe, a socket or a device; skip where that is not allowed."""
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'socket':
+        socket.socket(socket.AF_UNIX).bind(str(path))
+    else:
+        try:
+            os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(1, {'null': 3, 'full': 7}[kind]))
+            path.open('rb').close()
+        except OSError:
+            pytest.skip('making a device that can be opened needs root')
+    return path
+
+
+def test_a_device_is_written_to_and_stays_a_device(tmp_path, short_recording):
+    null = special_file(tmp_path / 'null', 'null')
+    before = null.stat()
+    assert main(['analyze', str(short_recording), '--json', str(null)]) == 0
+    assert (null.stat().st_ino, null.stat().st_mode) == (before.st_ino, before.st_mode)
+
+
+@pytest.mark.parametrize(('kind', 'reason'), [
+    ('full', 'No space left on device'), ('pipe', 'No such device or address'),
+    ('socket', 'No such device or address')])
+def test_what_takes_no_bytes_is_one_line_and_stays(
+        tmp_path, short_recording, fails_with, kind, reason):
+    target = special_file(tmp_path / 'x', kind)
+    before = target.lstat().st_mode
+    fails_with(unwritable(target, reason), 'analyze', short_recording, '--json', target)
+    assert target.lstat().st_mode == before
+
+
+@pytest.mark.parametrize('output', ['pipe', 'file'])
+def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, short_recording, output):
+    command = [sys.executable, '-m', 'imu_allan', 'analyze', str(short_recording), '--json',
+               '/dev/stdout']
+    if output == 'pipe':
+        text = subprocess.run(command, capture_output=True, text=True, timeout=60,
+                              check=True).stdout
+    else:
+        with (tmp_path / 'out').open('wb') as file:
+            subprocess.run(command, stdout=file, timeout=60, check=True)
+        text = (tmp_path / 'out').read_text()
+    document, end = json.JSONDecoder().raw_decode(text)
+    assert document['schema'] == 'imu_allan.result/1'
+    # The table follows; neither of the two is lost.
+    assert '3,000 samples at 100 Hz, 30 s' in text[end:].splitlines()
+
+
+SOMEBODY_ELSE = 12345
+
+
+def shared_folder(folder: Path) -> Path:
+    """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
+    folder.mkdir()
+    folder.chmod(0o1777)
+    return folder
+
+
+def planted(link: Path, target: Path) -> Path:
+    """Make a link of another user; skip where that is not allowed."""
+    link.symlink_to(target)
+    try:
+        os.lchown(link, SOMEBODY_ELSE, SOMEBODY_ELSE)
+    except PermissionError:
+        pytest.skip('acting as another user needs root')
+    return link
+
+
+def test_a_link_planted_in_a_shared_folder_is_not_followed(tmp_path, short_recording, fails_with):
+    precious = tmp_path / 'precious' / 'result.json'
+    precious.parent.mkdir()
+    precious.write_text('mine')
+    shared = shared_folder(tmp_path / 'shared')
+    file, folder = (planted(shared / name, target) for name, target in (
+        ('file', precious), ('folder', precious.parent)))
+    why = 'is a link that another user put into a folder that everybody may write to'
+    for option, link, output in (('--json', file, file),
+                                 ('--output', folder, folder / 'result.json')):
+        fails_with(unwritable(output, f'{link} {why}'), 'analyze', short_recording, option, link)
+    for output in (folder / 'sim', folder / 'deeper' / 'sim'):
+        fails_with(f'{output}: cannot be created ({folder} {why}); choose a folder that may be '
+                   'written to',
+                   'simulate', 'consumer_mems', '--duration', '1s', '--output', output)
+    assert [*precious.parent.iterdir()] == [precious]
+    assert precious.read_text() == 'mine'
+
+
+def test_the_way_through_ones_own_links_and_dots_is_that_of_the_system(tmp_path):
+    (tmp_path / 'deep' / 'er').mkdir(parents=True)
+    (tmp_path / 'absolute').symlink_to(tmp_path / 'deep' / 'er')
+    (tmp_path / 'relative').symlink_to('deep')
+    for path, written in (('absolute/../one', 'deep/one'), ('relative/two', 'deep/two')):
+        write_atomically(tmp_path / path, b'content')
+        assert (tmp_path / written).read_bytes() == b'content'
+
+
+def test_a_private_file_is_read_by_nobody_else_and_the_umask_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, 'umask', lambda _: pytest.fail('the umask belongs to all threads'))
+    (tmp_path / 'file').write_bytes(b'')
+    (tmp_path / 'file').chmod(0o644)
+    write_atomically(tmp_path / 'file', b'content')
+    assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o644
+    write_atomically(tmp_path / 'file', b'content', private=True)
+    assert (tmp_path / 'file').read_bytes() == b'content'
+    assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o600
+
+
+SWAPS_A_LINK = """
+import os, random, sys, time
+os.setuid(int(sys.argv[1]))
+link, target = sys.argv[2:]
+print('ready', flush=True)
+while True:
+    try:
+        os.symlink(target, link)
+        time.sleep(random.random() * 0.003)
+        os.unlink(link)
+        time.sleep(random.random() * 0.003)
+    except OSError:
+        pass
+"""
+
+
+def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path):
+    # 3 in 1000 writes went to the other folder before.
+    if os.name != 'posix' or os.geteuid() != 0:
+        pytest.skip('acting as another user needs root')
+    shared, precious = shared_folder(tmp_path / 'shared'), tmp_path / 'precious'
+    # The other user has to get there.
+    for above in shared.parents:
+        above.chmod(above.stat().st_mode | 0o111)
+    precious.mkdir()
+    (precious / 'result.json').write_text('mine')
+    written = refusals = 0
+    line = Varying(unwritable(shared / 'out' / 'result.json', '<words>'))
+    with subprocess.Popen([sys.executable, '-I', '-c', SWAPS_A_LINK, str(SOMEBODY_ELSE),
+                           str(shared / 'out'), str(precious)], stdout=subprocess.PIPE) as other:
+        try:
+            other.stdout.readline()
+            # On a busy computer the other user seldom comes to its turn.
+            end = time.monotonic() + 2.0
+            while time.monotonic() < end or (
+                    min(written, refusals) <= 10 and time.monotonic() < end + 60):
+                try:
+                    write_atomically(shared / 'out' / 'result.json', b'x')
+                except ImuAllanError as error:
+                    assert str(error) == line
+                    refusals += 1
+                else:
+                    written += 1
+                    shutil.rmtree(shared / 'out', ignore_errors=True)
+                assert [path.name for path in precious.iterdir()] == ['result.json']
+                assert (precious / 'result.json').read_text() == 'mine'
+        finally:
+            other.kill()
+    assert written > 10
+    assert refusals > 10
+
+
+def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording, monkeypatch):
+    monkeypatch.setattr(output_path, 'LOCK_TIMEOUT_S', 0.1)
+    with folder_lock(tmp_path / 'out'):
+        result, error = characterize(Task(str(short_recording), Choice(), folder=tmp_path / 'out'))
+    assert result.axes
+    assert str(error) == (
+        f'{tmp_path}/out: cannot be written (another process writes to it); choose another '
+        'folder, or wait until it has ended')
+    assert not list((tmp_path / 'out').iterdir())
 
 
 def test_every_fault_of_the_page_names_a_test_that_exists():

@@ -1,0 +1,96 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""ROS 1 bags, whole and damaged."""
+
+import bz2
+import struct
+
+from bags import (
+    assert_same,
+    block,
+    chunk_starts,
+    figures,
+    read,
+    refusal,
+    ROS1_COMPRESSIONS,
+    ros1_record,
+    said,
+    write_bag,
+)
+from imu_allan.recordings import open_recording
+import lz4.frame
+from measured_command import run
+import pytest
+from repeated import combined
+
+MESSAGES = block(3000)
+
+
+@pytest.mark.parametrize('compression', ROS1_COMPRESSIONS)
+@pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 5 * (n % 70 == 0)],
+                         ids=['alone', 'alternating', 'bursts'])
+def test_every_bit_of_what_rosbags_wrote_is_read(tmp_path, compression, others):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression, others)
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 3000)]
+        assert recording.other_topics == {'/chatter': 'std_msgs/String'}
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, 'lz4', lambda n: n % 2)
+    whole = path.read_bytes()
+    places = chunk_starts(path)
+    assert len(places) > 5
+    path.write_bytes(whole[:places[4] + 100])
+    with open_recording(path) as recording:
+        [topic] = recording.topics
+    after, [remark] = read(path)
+    assert_same(block(len(after)), after)
+    assert topic.count == len(after) > 300
+    assert remark == said(path, 'truncated_recording', fault='ends', whole_chunks=4,
+                          end=remark.values['end'])
+    assert figures(remark.values['end']) == [100, places[4]]
+
+
+@pytest.mark.parametrize(('content', 'reason'), [
+    (b'#ROSBAG V1.2\nsomething else',
+     'ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix'),
+    (b'#ROSBAG V2.0', 'cut short within its first line; copy it again'),
+    (b'#ROSBAG V2.0\n' + ros1_record(op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
+     'encrypted; decrypt it with: rosbag decrypt')])
+def test_other_versions_and_encrypted_bags_are_refused(tmp_path, content, reason):
+    assert refusal(tmp_path / 'a.bag', content) == reason
+
+
+TINY = {
+    'messages of 20 connections': b''.join(
+        ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
+        for number in range(7, 27)),
+    'connections': ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
+    'others': ros1_record(op=b'\4')}
+
+
+COMPRESS = {'lz4': lz4.frame.compress, 'bz2': bz2.compress}
+
+
+@pytest.mark.parametrize(('compression', 'tiny'), combined(
+    [*COMPRESS], [*TINY], everyday=zip(['lz4', 'bz2', 'lz4'], TINY, strict=True)))
+def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compression, tiny):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
+    plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
+    packed = COMPRESS[compression](plain)
+    chunk = ros1_record(packed, op=b'\5', compression=compression.encode(),
+                        size=struct.pack('<I', len(plain)))
+    content, place = path.read_bytes(), chunk_starts(path)[2]
+    assert len(packed) < 500_000
+    # Cut short behind it, so that the bag has no index and all of its chunks are gone through.
+    path.write_bytes(content[:place] + chunk)
+    status, shown, complaint, seconds, kilobytes = run('info', path, '--no-progress')
+    assert (status, complaint) == (0, '')
+    assert seconds < 10
+    assert kilobytes < 400_000
+    assert (f'warning: {path}: left out 1 damaged chunk of 3 (the first at byte {place}: more '
+            'records than its bytes can hold)') in shown.splitlines()
