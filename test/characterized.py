@@ -20,6 +20,14 @@ def messages(rows, rate_hz, places=0, *, gyro_alone=False):
     return ImuBlock(stamps, stamps, rows, np.tile([False, gyro_alone], (len(rows), 1)), 'imu_link')
 
 
+def in_blocks(rows, rate_hz, places=None, size=3001, **more):
+    """Wrap samples of six axes into several blocks."""
+    places = np.arange(len(rows)) if places is None else places
+    for begin in range(0, len(rows), size):
+        part = slice(begin, begin + size)
+        yield messages(rows[part], rate_hz, places[part], **more)
+
+
 def characterized(samples, rate_hz, thermometer=None):
     """Return the result of a record, and its warnings; `thermometer` is a TemperatureSeries."""
     estimator = taken_in(samples)

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from characterized import messages
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.sensor.simulated_imu import SimulatedImu
 from imu_allan.writers.datasheet import check
 import numpy as np
 import pytest
@@ -16,40 +17,25 @@ from whole_lines import refused, Varying
 
 RATE_HZ = 50.0
 SAMPLES = 10_000
+DENSITY = 0.005 * np.pi / 180
 
 
-def recorded(path, seed, *, model='noise_density: 0.005 deg/s/sqrt(Hz)', rate_hz=RATE_HZ,
-             samples=SAMPLES, changed=lambda block: block, gyro_alone=False, axes=(0, 1, 3)):
+def recorded(path, seed, change=None, *, model='noise_density: 0.005 deg/s/sqrt(Hz)',
+             rate_hz=RATE_HZ, samples=SAMPLES, gyro_alone=False, **fields):
     """
     Take in a gyroscope, its accelerometer, if it has one, being noise about gravity.
 
     Nearly all of the time goes into the fits of the axes: only some have values.
     """
-    stream = Characterization(kind='recording', path=path, topic='/imu')
     whole = parse_model(f'gyro: {{{model}}}\n' + (
         '' if gyro_alone else 'accel: {noise_density: 100 ug/sqrt(Hz), z: {mean: 1 g}}'))
-    there = np.isin(np.arange(6), axes)
-    for block in simulated_blocks(whole, rate_hz, samples, seed=seed):
-        stream.update(changed(replace(block, samples=np.where(there, block.samples, np.nan))))
+    rows = SimulatedImu(whole, rate_hz, seed).draw(samples)
+    rows[:, [2, 4, 5]] = np.nan
+    if change is not None:
+        change(rows)
+    stream = Characterization(kind='recording', path=path, topic='/imu')
+    stream.take([replace(messages(rows, rate_hz, gyro_alone=gyro_alone), **fields)])
     return stream
-
-
-def altered(change):
-    """Give what changes the samples of a block, which it gets with the stamps."""
-    def changed(block):
-        samples = block.samples.copy()
-        change(samples, block.header_ns)
-        return replace(block, samples=samples)
-
-    return changed
-
-
-def in_first_axis(change):
-    """Give what changes the samples of the first axis of a block."""
-    def of_rows(rows, _):
-        rows[:, 0] = change(rows[:, 0])
-
-    return altered(of_rows)
 
 
 @pytest.fixture(scope='module')
@@ -79,14 +65,12 @@ def test_four_recordings_know_twice_as_well_as_one(nights, joint):
     assert width(joint, 'noise_density') == pytest.approx(width(single, 'noise_density') / 2,
                                                           rel=0.25)
     low, high = joint.axes['gyro_x'].coefficients['noise_density'].ci95
-    assert low < 0.005 * 0.017453292519943295 < high
+    assert low < DENSITY < high
     assert joint.timeline.samples == 4 * SAMPLES
     assert joint.timeline.duration_s == pytest.approx(4 * SAMPLES / RATE_HZ, rel=1e-3)
     assert said(joint, 'recordings_disagree') == []
     assert joint.axes['gyro_x'].coefficients['noise_density'].between < 1e-6
-
-
-def test_the_result_holds_what_it_was_made_of(nights, joint):
+    # The result holds what it was made of.
     assert [part.path for part in joint.recordings] == [f'night{seed}' for seed in range(1, 5)]
     assert joint.recordings[1].means['gyro_y'] == nights[1].result().axes['gyro_y'].mean
     assert joint.source.path == 'night1 + night2 + night3 + night4'
@@ -122,13 +106,20 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
     assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
 
 
-@pytest.mark.parametrize(('changed', 'fault', 'code'), [
-    (lambda x: np.minimum(x, 0.0), 'saturated', 'saturated'),
-    (lambda x: np.where(np.arange(len(x)) < SAMPLES // 4, x, x[0]), 'dead', 'stood_still')])
+def cut_off(rows):
+    rows[:, 0] = np.minimum(rows[:, 0], 0.0)
+
+
+def die(rows):
+    rows[SAMPLES // 4:, 0] = rows[0, 0]
+
+
+@pytest.mark.parametrize(('change', 'fault', 'code'), [
+    (cut_off, 'saturated', 'saturated'), (die, 'dead', 'stood_still')])
 def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_the_others(
-        changed, fault, code):
+        change, fault, code):
     good = recorded('good', 1, gyro_alone=True)
-    bad = recorded('bad', 2, changed=in_first_axis(changed), gyro_alone=True)
+    bad = recorded('bad', 2, change, gyro_alone=True)
     found = joint_result([bad, good])
     axis, alone = found.axes['gyro_x'], good.result().axes['gyro_x']
     assert axis.fault == fault
@@ -147,19 +138,18 @@ def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_th
     assert {one.axis for one in verdicts if one.verdict == 'fail'} == {'gyro_x'}
 
 
-@altered
-def smoothed(rows, _):
+def smooth(rows):
     rows[1:] = (rows[1:] + rows[:-1]) / 2
 
 
 @pytest.mark.parametrize(('other', 'complaint'), [
     ({'rate_hz': 60.0}, 'other: sampled at 60 Hz, night1 at 50 Hz; analyze recordings of '
      'different rates apart'),
-    ({'changed': lambda block: replace(block, frame_id='imu_2')},
+    ({'frame_id': 'imu_2'},
      "other: frame 'imu_2', but 'imu_link' in night1; analyze different IMUs apart"),
-    ({'changed': lambda block: replace(block, absent=block.absent | np.array([False, True]))},
+    ({'gyro_alone': True},
      'other: axes gyro_x, gyro_y, but gyro_x, gyro_y, accel_x in night1; analyze them apart'),
-    ({'changed': smoothed}, Varying(
+    ({'change': smooth}, Varying(
         'other: gyro_x falls by another low-pass than in night1 (noise at the fast end -<number> '
         '%); analyze different settings apart'))])
 def test_what_cannot_be_one_series_is_refused(nights, other, complaint):
@@ -167,21 +157,15 @@ def test_what_cannot_be_one_series_is_refused(nights, other, complaint):
         joint_result([nights[0], recorded('other', 5, **other)])
 
 
-def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000, **more):
+def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000):
     """Record white noise and a power law that is as strong at a frequency, in all gyroscopes."""
-    density = 0.005 * np.pi / 180
-    size = density * np.sqrt(RATE_HZ * (2 * np.pi * crossing_hz / RATE_HZ)**exponent)
-    slow = size * np.stack([flicker(samples, np.random.default_rng([seed, axis]), exponent)
-                            for axis in range(3)], axis=1)
-    begin = 0
+    def change(rows):
+        size = DENSITY * np.sqrt(RATE_HZ * (2 * np.pi * crossing_hz / RATE_HZ)**exponent)
+        for axis in range(3):
+            rows[:, axis] += size * flicker(
+                samples, np.random.default_rng([seed, axis]), exponent)
 
-    @altered
-    def changed(rows, _):
-        nonlocal begin
-        rows[:, :3] += slow[begin:begin + len(rows)]
-        begin += len(rows)
-
-    return recorded(path, seed, samples=samples, changed=changed, **more)
+    return recorded(path, seed, change, samples=samples)
 
 
 def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_reported():
@@ -193,7 +177,7 @@ def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_report
     for axis in ('gyro_x', 'gyro_y'):
         found = joint.axes[axis]
         low, high = found.coefficients['noise_density'].ci95
-        assert low < 0.005 * np.pi / 180 < high
+        assert low < DENSITY < high
         assert found.power_law is None
         assert not found.goodness_of_fit.acceptable
         assert found.coefficients['bias_instability'].value is None
@@ -209,23 +193,13 @@ def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
         ((f'gyro_{letter}',), None) for letter in 'xy']
 
 
-def filtered(path, seed, gain, **more):
+def filtered(path, seed, gain):
     """Record behind imu_complementary_filter, which subtracts a bias that follows the rate."""
-    state = np.zeros((1, 3))
-
-    @altered
-    def subtracted(rows, _):
+    def change(rows):
         # bias += gain * (sample - bias), of the samples before.
-        bias, state[:] = lfilter([0, gain], [1, gain - 1], rows[:, :3], axis=0, zi=state)
-        rows[:, :3] -= bias
+        rows[:, :3] -= lfilter([0, gain], [1, gain - 1], rows[:, :3], axis=0)
 
-    return recorded(path, seed, changed=subtracted, **more)
-
-
-def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights):
-    with refused('behind: a filter has taken out the slow part of gyro_x, which is not certain in '
-                 'night1; analyze the raw topic of each'):
-        joint_result([nights[0], filtered('behind', 5, 0.02)])
+    return recorded(path, seed, change)
 
 
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
@@ -239,9 +213,12 @@ def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
     assert set(result.turn_on_bias) == {'accel_x'}
 
 
-def test_one_recording_or_an_empty_one_is_no_joint_result(nights):
+def test_recordings_that_are_no_series_are_refused(nights):
     with refused('a joint result needs at least two recordings'):
         joint_result(nights[:1])
+    with refused('behind: a filter has taken out the slow part of gyro_x, which is not certain in '
+                 'night1; analyze the raw topic of each'):
+        joint_result([nights[0], filtered('behind', 5, 0.02)])
     empty = Characterization(kind='recording', path='empty', topic='/imu')
     with refused('empty: holds no usable sample; leave it out'):
         joint_result([nights[0], empty])

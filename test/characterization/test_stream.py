@@ -4,9 +4,8 @@
 
 import json
 
-from characterized import ends, messages
+from characterized import ends, in_blocks
 from imu_allan import analyze
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
@@ -35,16 +34,9 @@ def still_imu(samples):
     return np.stack(columns, axis=1)
 
 
-def blocks(rows, index, *, gyro_alone=False):
-    """Wrap rows that were sampled at places `index` of the grid into blocks of messages."""
-    for begin in range(0, len(rows), 3001):
-        part = slice(begin, begin + 3001)
-        yield messages(rows[part], RATE, index[part], gyro_alone=gyro_alone)
-
-
 def characterized(rows, index=None):
     stream = Characterization(kind='recording', path='bag', topic='/imu')
-    stream.take(blocks(rows, np.arange(len(rows)) if index is None else index))
+    stream.take(in_blocks(rows, RATE, index))
     return stream.result()
 
 
@@ -81,8 +73,7 @@ def test_drops_gaps_and_knocks_leave_the_coefficients_alone(hours):
         for key in ('bias_instability', 'rate_random_walk'):
             # What each knows of it is not contradicted by the other.
             (low, high), (lowest, highest) = ends(one[key]), ends(other[key])
-            assert low < highest, (name, key)
-            assert lowest < high, (name, key)
+            assert max(low, lowest) < min(high, highest), (name, key)
             if other[key].observable and one[key].observable:
                 assert low <= other[key].value <= high, (name, key)
 
@@ -91,7 +82,7 @@ def test_looking_saving_and_loading_do_not_disturb_the_stream():
     """A node has a state written by another thread, while samples come in."""
     rows = still_imu(30_000)
     whole, part = (Characterization(kind='topic', topic='/imu') for _ in range(2))
-    for number, block in enumerate(blocks(rows, np.arange(len(rows)), gyro_alone=True)):
+    for number, block in enumerate(in_blocks(rows, RATE, gyro_alone=True)):
         whole.update(block)
         part.update(block)
         if number % 4 == 0:
@@ -114,7 +105,8 @@ def test_an_interruption_begins_a_new_run_and_loses_nothing():
     rows = still_imu(20_000)
     rows[:, 1] = 0.0
     for first, place in ((0, 0), (10_000, 10_000_000)):
-        stream.take(blocks(rows[first:first + 10_000], np.arange(10_000) + place, gyro_alone=True))
+        stream.take(in_blocks(rows[first:first + 10_000], RATE, np.arange(10_000) + place,
+                              gyro_alone=True))
         stream.break_run()
     result = stream.result()
     assert result.timeline.samples == 20_000
@@ -192,7 +184,7 @@ def test_moving_recording_is_refused_in_one_line():
     lambda s: s.update({'memory/groups/0/estimator/chunk': np.zeros((2, 0))})])
 def test_damaged_state_is_refused(damage):
     stream = Characterization(kind='topic', topic='/imu')
-    stream.take(blocks(still_imu(20_000), np.arange(20_000)))
+    stream.take(in_blocks(still_imu(20_000), RATE))
     state = dict(stream.to_state())
     damage(state)
     with refused(Varying('saved <words> is damaged: <words>')):
@@ -202,8 +194,8 @@ def test_damaged_state_is_refused(damage):
 def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
         tmp_path, monkeypatch):
     # Most of the time goes into the fits: one axis has values.
-    sent = list(blocks(np.where(np.arange(6) == 2, still_imu(30_000), np.nan),
-                       np.arange(30_000), gyro_alone=True))
+    rows = np.where(np.arange(6) == 2, still_imu(30_000), np.nan)
+    sent = list(in_blocks(rows, RATE, gyro_alone=True))
     expected = None
     for beside in (False, True):
         # Read by a thread in blocks as they come, or by a process in blocks of another size.
@@ -217,9 +209,5 @@ def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
             expected = expected or document
             assert document == expected
     stream = Characterization(kind='recording', topic='/imu/data_raw')
-    for block in sent:
-        for at in range(0, len(block), 777):
-            part = slice(at, at + 777)
-            stream.update(ImuBlock(block.header_ns[part], block.receive_ns[part],
-                                   block.samples[part], block.absent[part], block.frame_id))
+    stream.take(in_blocks(rows, RATE, size=777, gyro_alone=True))
     assert with_words(stream.result()).to_dict() == expected

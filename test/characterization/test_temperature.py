@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thermometer beside the samples: how its readings find them, whatever the clock does."""
 
+from dataclasses import replace
 
-from imu_allan.block import ImuBlock
+from characterized import in_blocks, START_NS
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
@@ -12,10 +13,8 @@ import numpy as np
 import pytest
 
 RATE = 10.0
-SAMPLES = 36_000
-START = 1_700_000_000_000_000_000
+SECONDS = np.arange(36_000) / RATE
 PER_KELVIN = 2e-3
-LONG = {'noise_density': 1e-3, 'bias_instability': 1e-4}
 
 
 def celsius_at(seconds):
@@ -23,40 +22,26 @@ def celsius_at(seconds):
     return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
 
 
-def still(seconds):
+@pytest.fixture(scope='module')
+def rows():
     """Draw six axes at rest of which gyro_x follows the temperature."""
-    rows = np.stack([simulate(LONG, len(seconds), RATE, seed) for seed in range(6)], axis=1)
-    rows[:, 0] += PER_KELVIN * celsius_at(seconds)
+    terms = {'noise_density': 1e-3, 'bias_instability': 1e-4}
+    rows = np.stack([simulate(terms, len(SECONDS), RATE, seed) for seed in range(6)], axis=1)
+    rows[:, 0] += PER_KELVIN * celsius_at(SECONDS)
     rows[:, 5] += 9.81
     return rows
 
 
-def take(stream, stamps, rows, size=3001, *, received=None, gyro_alone=True):
-    received = stamps if received is None else received
-    for begin in range(0, len(rows), size):
-        part = slice(begin, begin + size)
-        absent = np.tile([False, gyro_alone], (len(rows[part]), 1))
-        stream.update(ImuBlock(stamps[part], received[part], rows[part], absent, 'imu_link'))
+def stamps_of(seconds):
+    return START_NS + np.rint(seconds * 1e9).astype(np.int64)
 
 
-def stamps_of(seconds, offset=START):
-    return offset + np.rint(seconds * 1e9).astype(np.int64)
-
-
-@pytest.fixture(scope='module')
-def hour():
-    seconds = np.arange(SAMPLES) / RATE
-    return seconds, still(seconds)
-
-
-def taken(seconds, rows, readings=None, celsius=None, *, path=None, **more):
-    """Return a stream that has taken in samples, and readings of a thermometer."""
-    stream = Characterization(kind='topic', path=path)
-    take(stream, stamps_of(seconds), rows, **more)
-    if readings is not None:
-        stream.take_temperature(stamps_of(readings),
-                                celsius_at(readings) if celsius is None else celsius)
-    return stream
+def result_of(rows, readings, celsius, *, gyro_alone=True):
+    """Return the result of samples and of the readings of a thermometer."""
+    stream = Characterization(kind='topic')
+    stream.take(in_blocks(rows, RATE, gyro_alone=gyro_alone))
+    stream.take_temperature(stamps_of(readings), celsius)
+    return stream.result()
 
 
 def axis_of(result):
@@ -68,17 +53,15 @@ def remarks(result):
             if remark.code in ('temperature', 'thermometer')]
 
 
-def test_the_mean_follows_the_temperature_of_the_readings(hour):
-    seconds, rows = hour
-    reading = seconds[::20]
-    result = taken(seconds, rows, reading, gyro_alone=False).result()
+def test_the_mean_follows_the_temperature_of_the_readings(rows):
+    celsius = celsius_at(SECONDS[::20])
+    result = result_of(rows, SECONDS[::20], celsius, gyro_alone=False)
     found = {name: axis.trend.temperature for name, axis in result.axes.items()}
     # Of five axes that do not follow it one may seem to, by chance.
     assert sum(one is not None for one in found.values()) <= 2
     one = found['gyro_x']
     assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
-    assert (one.lowest_c, one.highest_c) == pytest.approx(
-        (celsius_at(reading).min(), celsius_at(reading).max()), abs=0.1)
+    assert (one.lowest_c, one.highest_c) == pytest.approx((celsius.min(), celsius.max()), abs=0.1)
     assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
     said = remarks(result)[0]
     assert (said.code, said.axes) == ('temperature', ('gyro_x',))
@@ -94,15 +77,14 @@ def test_the_mean_follows_the_temperature_of_the_readings(hour):
         shown.low, shown.mean, shown.high, strict=True))
 
 
-def test_readings_may_come_in_any_order_and_through_a_state(hour):
-    seconds, rows = hour
-    reading = seconds[::20]
+def test_readings_may_come_in_any_order_and_through_a_state(rows):
+    readings = SECONDS[::20]
     first, second = Characterization(kind='topic'), Characterization(kind='topic')
-    first.take_temperature(stamps_of(reading), celsius_at(reading))
-    take(first, stamps_of(seconds), rows)
-    shuffled = np.random.default_rng(0).permutation(reading)
+    first.take_temperature(stamps_of(readings), celsius_at(readings))
+    first.take(in_blocks(rows, RATE, gyro_alone=True))
+    shuffled = np.random.default_rng(0).permutation(readings)
     for number, part in enumerate(np.array_split(np.arange(len(rows)), 7)):
-        take(second, stamps_of(seconds[part]), rows[part], 501)
+        second.take(in_blocks(rows[part], RATE, part, 501, gyro_alone=True))
         some = shuffled[number::7]
         second.take_temperature(stamps_of(some), celsius_at(some))
         second = Characterization.from_state(second.to_state())
@@ -123,18 +105,18 @@ def test_memory_does_not_grow_with_the_readings():
     assert len(thermometer) == 2_000_000
 
 
-def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
-    seconds, rows = hour
-    keep = (seconds < 500) | (seconds > 900)
-    late = seconds > 2500
-    stamps = stamps_of(seconds)
-    # The driver's clock is set by a day; the receive clock goes on.
-    stamps[late] += 86_400_000_000_000
+def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(rows):
+    kept = np.flatnonzero((SECONDS < 500) | (SECONDS > 900))
+
+    def set_by_a_day(stamps):
+        return stamps + np.where(stamps > stamps_of(2500.0), 86_400_000_000_000, 0)
+
     stream = Characterization(kind='topic')
-    take(stream, stamps[keep], rows[keep], received=stamps_of(seconds)[keep])
-    stream.take_temperature(stamps[::20], celsius_at(seconds[::20]))
-    one = axis_of(stream.result())
-    assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
+    # The driver's clock is set by a day; the receive clock goes on.
+    stream.take(replace(block, header_ns=set_by_a_day(block.header_ns)) for block in in_blocks(
+        rows[kept], RATE, kept, gyro_alone=True))
+    stream.take_temperature(set_by_a_day(stamps_of(SECONDS[::20])), celsius_at(SECONDS[::20]))
+    assert axis_of(stream.result()).per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
 
 
 def with_a_gap(seconds):
@@ -149,10 +131,9 @@ def with_a_gap(seconds):
     (with_a_gap, lambda s: np.round(celsius_at(s) / 2) * 2, [
         {'fault': 'coarse', 'step_k': pytest.approx(2), 'range_k': pytest.approx(12, abs=1)},
         {'fault': 'gaps', 'gaps': 1}])], ids=['short', 'constant', 'elsewhere', 'coarse, a gap'])
-def test_readings_that_are_little_or_no_use_are_reported(hour, at, celsius, expected):
-    seconds, rows = hour
-    readings = at(seconds[::20])
-    result = taken(seconds, rows, readings, celsius(readings)).result()
+def test_readings_that_are_little_or_no_use_are_reported(rows, at, celsius, expected):
+    readings = at(SECONDS[::20])
+    result = result_of(rows, readings, celsius(readings))
     found = [one.values for one in remarks(result) if one.code == 'thermometer']
     assert [{key: values[key] for key in wanted} for values, wanted in zip(
         found, expected, strict=True)] == expected
