@@ -4,7 +4,7 @@
 
 from functools import partial
 
-from characterized import characterized, ends, holds
+from characterized import characterized, covers, ends, holds
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.trends.temperature import TemperatureSeries
 import numpy as np
@@ -16,8 +16,6 @@ DURATION = 7200.0
 TIME = np.arange(round(DURATION * RATE)) / RATE
 NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
 RANDOM_WALK = {**NOISE, 'rate_random_walk': 3e-5}
-RECORDS = 3
-"""Each takes a tenth of a second."""
 
 
 def warm_up_and_cycle(seed=0):
@@ -45,35 +43,24 @@ def lagging(celsius, seconds):
     return lfilter([share], [1, share - 1], celsius, zi=[(1 - share) * celsius[0]])[0]
 
 
-def axes_at(model, celsius, mean=None, records=RECORDS, first=0):
+def axes_at(model, celsius, mean=None, records=3):
     """Characterize records that have a mean, each with the temperature of a thermometer."""
-    found = []
-    for seed in range(first, first + records):
-        samples = simulate(model, len(TIME), RATE, seed) + (0.0 if mean is None else mean(seed))
-        heat = None if celsius is None else TemperatureSeries(TIME, celsius(seed))
-        found.append(characterized(samples, RATE, heat)[0])
-    return found
+    return [characterized(simulate(model, len(TIME), RATE, seed) + (mean(seed) if mean else 0.0),
+                          RATE, celsius and TemperatureSeries(TIME, celsius(seed)))[0]
+            for seed in range(records)]
 
 
 def walk_of(axis):
     return axis.coefficients['rate_random_walk']
 
 
-def inside(interval, truth):
-    return interval[0] < truth < interval[1]
-
-
-def share(flags):
-    return np.mean(list(flags))
-
-
 def test_a_mean_that_follows_the_temperature_is_no_random_walk():
     without, beside = (axes_at(NOISE, celsius, lambda seed: 1e-3 * warm_up_and_cycle(seed))
                        for celsius in (None, warm_up_and_cycle))
     heat = [one.trend.temperature for one in beside]
-    assert share(walk_of(one).observable for one in beside) <= 0.1
+    assert np.mean([walk_of(one).observable for one in beside]) <= 0.1
     assert all(one is not None for one in heat)
-    assert share(inside(one.ci95, 1e-3) for one in heat) > 0.7
+    assert np.mean([covers(one.ci95, 1e-3) for one in heat]) > 0.7
     widths = [np.mean([np.diff(ends(one.coefficients['bias_instability'])) for one in some])
               for some in (beside, without)]
     assert widths[0] < widths[1]
@@ -98,9 +85,9 @@ def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_reported(lag
     assert all(one is not None for one in heat)
     late = [one for one in heat if one.lag_s is not None]
     assert len(late) >= 3 if lag else not late
-    assert not late or share(inside(one.lag_ci95, lag) for one in late) > 0.7
-    assert share(inside(one.ci95, 1e-3) for one in heat) > 0.7
-    assert share(walk_of(one).observable for one in found) <= 0.25
+    assert not late or np.mean([covers(one.lag_ci95, lag) for one in late]) > 0.7
+    assert np.mean([covers(one.ci95, 1e-3) for one in heat]) > 0.7
+    assert np.mean([walk_of(one).observable for one in found]) <= 0.25
 
 
 def test_what_a_lag_does_to_a_temperature_is_undone():
@@ -127,5 +114,5 @@ def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
                                 lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
     print(f'unrelated, named: {sum(named)} of {len(named)}; '
           f'a random walk beside a lag: {sum(walks)} of {len(walks)}')
-    assert share(named) <= 0.05
-    assert share(walks) <= 0.05
+    assert np.mean(named) <= 0.05
+    assert np.mean(walks) <= 0.05

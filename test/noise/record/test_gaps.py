@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that are missing: how they are filled in, and what that does to noise."""
 
-from characterized import axes_of, holds
+from characterized import axes_of, holds, taken_in
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.gaps import filled, noise_through_gaps
@@ -25,9 +25,9 @@ def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
 
 
 def test_what_is_known_stays_and_what_is_missing_lies_on_straight_lines():
-    rng = np.random.default_rng(2)
     keys = np.array([0, 1, 2, 5, 6, 7, 8, 9, 13, 14, 20])
-    cells = Cells(keys, rng.standard_normal((2, len(keys))), np.arange(1, len(keys) + 1))
+    cells = Cells(keys, np.random.default_rng(2).standard_normal((2, len(keys))),
+                  np.arange(1, len(keys) + 1))
     grid = filled(cells)
     assert grid.shape == (2, 21)
     np.testing.assert_array_equal(grid[:, keys], cells.means)
@@ -80,22 +80,26 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
             assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
 
 
+def false_terms(estimator):
+    """Count the axes of white noise that are said to have a slow term."""
+    axes = axes_of(estimator, 100.0)
+    for axis in axes:
+        assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
+    return sum(any(axis.coefficients[key].observable for key in SLOW) for axis in axes)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(('samples', 'pattern'), [
     slow(20_000, (12, 8)), (20_000, (80, 20)), (6000, (60, 40))])
 def test_repeated_gaps_invent_no_slow_term(samples, pattern):
     on, off = pattern
-    rng = np.random.default_rng(2)
-    false = 0
+    rng, false = np.random.default_rng(2), 0
     for _ in range(2):
-        estimator = Estimator(6)
-        rows = rng.standard_normal((samples, 6))
+        estimator, rows = Estimator(6), rng.standard_normal((samples, 6))
         for first in range(0, samples, on + off):
             estimator.update(rows[first:first + on])
             estimator.skip(off)
-        for axis in axes_of(estimator, 100.0):
-            false += any(axis.coefficients[key].observable for key in SLOW)
-            assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
+        false += false_terms(estimator)
     # Of twelve axes.
     assert false <= 1
 
@@ -103,17 +107,14 @@ def test_repeated_gaps_invent_no_slow_term(samples, pattern):
 @pytest.mark.parametrize(('alone', 'where'), combined(
     [1, 2, 5], ['start', 'end'], everyday=[(1, 'start'), (5, 'end')]))
 def test_samples_alone_beyond_a_gap_invent_no_slow_term(alone, where):
-    rng = np.random.default_rng(3)
-    false = 0
+    rng, false = np.random.default_rng(3), 0
     for _ in range(4):
-        estimator = Estimator(6)
         parts = [rng.standard_normal((alone, 6)), rng.standard_normal((6000, 6))]
         first, second = parts if where == 'start' else parts[::-1]
-        estimator.update(first)
+        estimator = taken_in(first)
         estimator.skip(40)
         estimator.update(second)
-        false += sum(any(axis.coefficients[key].observable for key in SLOW)
-                     for axis in axes_of(estimator, 100.0))
+        false += false_terms(estimator)
     assert false <= 2
 
 
@@ -138,19 +139,15 @@ def with_interpolation(rows, there):
     return full
 
 
-def shares_of(there):
-    """Give the weight of every sample (columns) in every place (rows)."""
-    eye = np.eye(SAMPLES)
-    return np.hstack([with_interpolation(eye[:, at:at + 6], there) for at in range(0, SAMPLES, 6)])
-
-
 @pytest.mark.parametrize(('pattern', 'step'), combined(
     [0.02, 0.4, 0.6, '110', '11100'], [1, 2, 16],
     everyday=[(0.02, 16), (0.4, 1), (0.6, 2), ('110', 1), ('11100', 16)]))
 def test_white_noise_that_the_timeline_interpolates_has_the_power_that_is_worked_out(
         pattern, step):
     there = received(pattern)
-    weights = shares_of(there)
+    # The weight of every sample (columns) in every place (rows).
+    weights = np.hstack([with_interpolation(np.eye(SAMPLES)[:, at:at + 6], there)
+                         for at in range(0, SAMPLES, 6)])
     covariance = weights @ weights.T
     sums = InterpolationSums()
     sums.add(np.flatnonzero(~there).tolist(), SAMPLES)
