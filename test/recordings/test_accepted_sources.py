@@ -15,17 +15,10 @@ from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.imus_in import imu_messages
 import numpy as np
+import other_types
 from other_types import full_definition, stamped, store_with, vector, write_ros1
 import pytest
 from repeated import slow
-from test_known_types import (
-    PX4_COMBINED,
-    PX4_FIFO,
-    PX4_GYRO,
-    PX4_VEHICLE_IMU,
-    UNITREE_IMU,
-    vectors,
-)
 
 COUNT, RATE_HZ = 1000, 250.0
 STEP_US = 4000
@@ -36,6 +29,20 @@ SAMPLES = (MEAN + SIGMA * np.random.default_rng(11).normal(size=(COUNT, 6))).ast
     np.float32).astype(float)
 GYRO, ACCEL = SAMPLES[:, :3], SAMPLES[:, 3:]
 F32 = np.float32
+PX4_COMBINED = (
+    'uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\n'
+    'int32 accelerometer_timestamp_relative\nfloat32[3] accelerometer_m_s2\n'
+    'uint32 accelerometer_integral_dt\nuint8 accelerometer_clipping\n')
+PX4_VEHICLE_IMU = (
+    'uint64 timestamp\nuint64 timestamp_sample\nuint32 accel_device_id\nuint32 gyro_device_id\n'
+    'float32[3] delta_angle\nfloat32[3] delta_velocity\nuint32 delta_angle_dt\n'
+    'uint32 delta_velocity_dt\nuint8 delta_angle_clipping\n')
+PX4_GYRO = ('uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 x\nfloat32 y\n'
+            'float32 z\nfloat32 temperature\nuint32 error_count\n')
+PX4_FIFO = ('uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 dt\n'
+            'float32 scale\nuint8 samples\nint16[32] x\nint16[32] y\nint16[32] z\n')
+UNITREE_IMU = ('float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\n'
+               'float32[3] rpy\nint8 temperature\n')
 
 
 @dataclass
@@ -56,11 +63,8 @@ def header(store: Any, number: int) -> Any:
 
 
 def imu(store: Any, number: int, gyro: bool = True, accel: bool = True) -> Any:
-    unknown = np.zeros(9)
-    return store.types['sensor_msgs/msg/Imu'](
-        header(store, number), store.types['geometry_msgs/msg/Quaternion'](0., 0., 0., 1.),
-        unknown, vector(store, GYRO[number] * gyro), unknown,
-        vector(store, ACCEL[number] * accel), unknown)
+    return other_types.imu(store, number, header(store, number),
+                           SAMPLES[number] * np.repeat([gyro, accel], 3))
 
 
 def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], Any]],
@@ -88,10 +92,11 @@ def typed(kind: str, text: str, make: Callable[[Any, int], Iterable[Any]],
                  lambda store, n: store.types[kind](*make(store, n))), **more)
 
 
-def flat(kind: str, names: str, more: str = '', scales: tuple[float, float] = (1.0, 1.0),
+def flat(kind: str, names: str, scales: tuple[float, float] = (1.0, 1.0)
          ) -> Callable[[Path], Source]:
     """Make messages of a header, an acceleration and a rate."""
-    return typed(kind, vectors(names.split(), more), lambda store, n: (
+    text = ''.join(f'geometry_msgs/Vector3 {name}\n' for name in names.split())
+    return typed(kind, f'std_msgs/Header header\n{text}', lambda store, n: (
         header(store, n), vector(store, ACCEL[n] * scales[1]), vector(store, GYRO[n] * scales[0])))
 
 
@@ -166,15 +171,12 @@ def ardupilot(folder: Path) -> Source:
         for n in range(COUNT)]))
 
 
-def table(head: str, row: Callable[[int], Iterable[Any]], **options: Any
-          ) -> Callable[[Path], Source]:
-    def make(folder: Path) -> Source:
-        path = folder / 'a.csv'
-        path.write_text('\n'.join([head, *(
-            ','.join(str(value) for value in row(n)) for n in range(COUNT))]) + '\n')
-        return Source(path, options)
-
-    return make
+def named_columns(folder: Path) -> Source:
+    path = folder / 'a.csv'
+    rows = np.column_stack([TIMES_US / 1e6, np.degrees(GYRO), ACCEL]).tolist()
+    path.write_text('\n'.join(['t,a,b,c,d,e,f', *(','.join(map(str, row)) for row in rows), '']))
+    return Source(path, {'gyro': ':deg/s', 'columns':
+                         'time=t,gyro_x=a,gyro_y=b,gyro_z=c,accel_x=d,accel_y=e,accel_z=f'})
 
 
 SOURCES: dict[str, Callable[[Path], Source]] = {
@@ -217,12 +219,7 @@ SOURCES: dict[str, Callable[[Path], Source]] = {
     'px4 halves': px4('SensorGyro SensorAccel', PX4_GYRO, one_of(GYRO), one_of(ACCEL)),
     'px4 fifo': px4('SensorGyroFifo SensorAccelFifo', PX4_FIFO, fifo_of(GYRO, 2.0**-14),
                     fifo_of(ACCEL, 2.0**-11), coarseness=2.0**-11),
-    'ULog': ulog, 'ArduPilot': ardupilot,
-    'named columns': table('t,a,b,c,d,e,f',
-                           lambda n: (TIMES_US[n] / 1e6, *np.degrees(GYRO[n]), *ACCEL[n]),
-                           gyro=':deg/s',
-                           columns='time=t,gyro_x=a,gyro_y=b,gyro_z=c,accel_x=d,accel_y=e,'
-                                   'accel_z=f'),
+    'ULog': ulog, 'ArduPilot': ardupilot, 'named columns': named_columns,
 }
 
 
@@ -233,12 +230,12 @@ CHECKED = {'bare', 'halves', 'named fields', 'px4 fifo', 'ULog', 'named columns'
 @pytest.mark.parametrize(('name', 'checked'), [
     *((name, name in CHECKED) for name in SOURCES),
     *(slow(name, True) for name in SOURCES if name not in CHECKED)])
-def test_info_analyze_check_and_the_node_read_a_source_equally(name, checked, tmp_path, capsys):
+def test_info_analyze_check_and_the_node_read_a_source_equally(
+        name, checked, tmp_path, output_of):
     source = SOURCES[name](tmp_path)
     words = [word for key, value in source.options.items()
              for word in (f'--{key.replace("_", "-")}', value)]
-    assert main(['info', str(source.path), *words]) == 0
-    shown = capsys.readouterr().out
+    shown = output_of('info', source.path, *words)
     assert 'unusable' not in shown
     rates = [float(rate) for rate in re.findall(r'^  rate +([\d.]+) Hz', shown, re.MULTILINE)]
     assert rates == pytest.approx(source.rates, rel=1e-4)

@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
@@ -18,17 +19,14 @@ import pytest
 from whole_lines import refused
 
 NOISE = np.random.default_rng(5)
-GRAVITY = np.array([0, 0, 9.8])
 
 
 def block(rate_hz: float, count: int, gyro: bool, accel: bool) -> ImuBlock:
     """Return white noise of the halves that are there; the other is exactly zero."""
     stamps = START_NS + np.rint(np.arange(count) / rate_hz * 1e9).astype(np.int64)
-    samples = np.zeros((count, 6))
-    if gyro:
-        samples[:, :3] = NOISE.normal(0, 0.01, (count, 3))
-    if accel:
-        samples[:, 3:] = NOISE.normal(0, 0.1, (count, 3)) + GRAVITY
+    there = np.repeat([gyro, accel], 3)
+    samples = there * (NOISE.normal(size=(count, 6)) * np.repeat([0.01, 0.1], 3)
+                       + [0, 0, 0, 0, 0, 9.8])
     return ImuBlock(stamps, stamps + 1000, samples, np.zeros((count, 2), np.bool_), 'imu')
 
 
@@ -57,13 +55,15 @@ def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> Non
             sigma / rate**0.5, rel=0.1)
 
 
-def repeated_half(path: Path, topic: str, half: str | None) -> list[Finding]:
-    return [finding('repeated_half', recording=str(path), topic=topic, half=half)]
+def repeated(result: Result) -> list[dict[str, Any]]:
+    return [found.values for found in result.warnings if found.code == 'repeated_half']
 
 
-def streams(path: Path, topic: str | None = None, **options: str) -> list[Stream]:
+def streams(path: Path, topic: str | None = None, **options: str
+            ) -> tuple[list[Stream], list[Finding]]:
+    """Return what is read of a recording, and the remarks on it."""
     with open_recording(path, options=RecordingOptions(**options)) as recording:
-        return choose_streams(recording, topic)
+        return choose_streams(recording, topic), recording.remarks
 
 
 def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path):
@@ -89,8 +89,7 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     path = write(tmp_path / 'a.mcap', {'/camera/imu': united})
     result = analyze(path)
     assert_characterized(result, 200, 250)
-    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == (
-        repeated_half(path, '/camera/imu', None))
+    assert repeated(result) == [{'recording': str(path), 'topic': '/camera/imu', 'half': None}]
 
 
 def test_info_says_what_is_joined(tmp_path, output_of):
@@ -107,11 +106,10 @@ def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path):
     sensor = block(400, 800, True, True)
     behind = replace(sensor, samples=sensor.samples - np.repeat([1e-3, 0], 3))
     path = write(tmp_path / 'a.mcap', {'/imu/data_raw': sensor, '/imu/data': behind})
-    for topic in ('/imu/data', '/imu/data_raw'):
-        with open_recording(path) as recording:
-            assert choose_streams(recording, topic) == [Stream(topic)]
-            heard = [(remark.code, remark.values['raw']) for remark in recording.remarks]
-        assert heard == ([('filtered', '/imu/data_raw')] if topic == '/imu/data' else [])
+    assert streams(path, '/imu/data_raw') == ([Stream('/imu/data_raw')], [])
+    filtered, [remark] = streams(path, '/imu/data')
+    assert filtered == [Stream('/imu/data')]
+    assert (remark.code, remark.values['raw']) == ('filtered', '/imu/data_raw')
 
 
 def test_what_cannot_be_known_is_asked_for(tmp_path):
@@ -121,8 +119,8 @@ def test_what_cannot_be_known_is_asked_for(tmp_path):
     with refused(f'{path}: 3 Imu topics; choose one with --topic: /a (200 messages), /b (200 '
                  'messages), /c (200 messages)'):
         streams(path)
-    assert streams(path, '/c') == [Stream('/c')]
-    assert streams(path, gyro_topic='/b', accel_topic='/c') == [
+    assert streams(path, '/c')[0] == [Stream('/c')]
+    assert streams(path, gyro_topic='/b', accel_topic='/c')[0] == [
         Stream('/b', 'gyro'), Stream('/c', 'accel')]
     with refused('--gyro-topic needs --accel-topic, too: an IMU on two topics has both'):
         streams(path, gyro_topic='/b')
@@ -137,10 +135,9 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path):
     held = np.searchsorted(slow.header_ns, both.header_ns, 'right') - 1
     both.samples[:, 3:] = slow.samples[held, 3:]
     path = write(tmp_path / 'a.mcap', {'/imu': both})
-    assert streams(path) == [Stream('/imu', 'gyro'), Stream('/imu', 'accel', only_new=True)]
+    assert streams(path)[0] == [Stream('/imu', 'gyro'), Stream('/imu', 'accel', only_new=True)]
     result = analyze(path)
-    assert [remark for remark in result.warnings if remark.code == 'repeated_half'] == (
-        repeated_half(path, '/imu', 'accel'))
+    assert repeated(result) == [{'recording': str(path), 'topic': '/imu', 'half': 'accel'}]
     assert_characterized(result, 400, 200)
     stated = analyze(path, options=TimelineOptions(rate_hz=401.0)).axes
     assert stated['gyro_x'].sample_rate_hz == 401.0
@@ -157,10 +154,8 @@ def test_a_half_that_is_interpolated_is_reported(tmp_path, rate_hz, phase):
         both.samples[:, column] = np.interp(
             both.header_ns, slow.header_ns, slow.samples[:, column])
     path = write(tmp_path / 'a.mcap', {'/imu': both})
-    with open_recording(path) as recording:
-        assert choose_streams(recording) == [Stream('/imu')]
-        [remark] = recording.remarks
-    assert remark == finding('interpolated', recording=str(path), topic='/imu', half='accel')
+    assert streams(path) == ([Stream('/imu')], [
+        finding('interpolated', recording=str(path), topic='/imu', half='accel')])
 
 
 @pytest.mark.parametrize('wander', [0, 0.03])
@@ -169,9 +164,8 @@ def test_coarse_and_vibrating_samples_are_neither_copied_nor_interpolated(tmp_pa
     messages.samples[:, :3] = np.round(messages.samples[:, :3] / 0.02) * 0.02
     phase = np.pi / 2 * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
     messages.samples[:, 3:] += 2 * np.sin(phase)[:, np.newaxis]
-    with open_recording(write(tmp_path / 'a.mcap', {'/imu': messages})) as recording:
-        assert choose_streams(recording) == [Stream('/imu')]
-        assert recording.remarks == []
+    path = write(tmp_path / 'a.mcap', {'/imu': messages})
+    assert streams(path) == ([Stream('/imu')], [])
 
 
 def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):

@@ -2,13 +2,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opening by what a file is, and the choice of a topic."""
 
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, closing
+from functools import partial
 import os
 from pathlib import Path
+from random import Random
 import subprocess
 import sys
+import tempfile
 
-from bags import assert_same, block, mcap_written, read, refusal, write_db3, write_mcap
-from imu_allan.errors import ImuAllanError, printable
+from bags import (
+    assert_same,
+    block,
+    database,
+    IMU,
+    insert,
+    joined,
+    mcap_written,
+    read,
+    refusal,
+    START_NS,
+    write_db3,
+    write_mcap,
+)
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu
+from imu_allan.errors import printable
+from imu_allan.finding import Finding
 from imu_allan.recordings import (
     choose_topic,
     ImuTopic,
@@ -19,24 +40,22 @@ from imu_allan.recordings import (
 )
 import pytest
 from whole_lines import refused
+import zstandard
 
 
-@pytest.mark.parametrize(('content', 'reason'), [
-    (b'', 'the file is empty'),
-    (b'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n',
+@pytest.mark.parametrize(('name', 'content', 'reason'), [
+    ('a.mcap', b'', 'the file is empty'),
+    ('a.mcap', b'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n',
      'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
-    (b'\x89PNG\r\n\x1a\n' + bytes(100),
+    ('a.mcap', b'\x89PNG\r\n\x1a\n' + bytes(100),
      'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin or CSV '
      'file'),
-    (b'\x89MCAP', 'not an MCAP file'),
+    ('a.mcap', b'\x89MCAP', 'not an MCAP file'),
+    ('metadata.yaml', b'rosbag2_bagfile_information:\n',
+     'describes the recording in its folder; name the folder'),
 ])
-def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason):
-    assert refusal(tmp_path / 'a.mcap', content) == reason
-
-
-def test_beside_metadata_the_folder_is_the_recording(tmp_path):
-    assert refusal(tmp_path / 'metadata.yaml', b'rosbag2_bagfile_information:\n') == (
-        'describes the recording in its folder; name the folder')
+def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, name, content, reason):
+    assert refusal(tmp_path / name, content) == reason
 
 
 def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp_path):
@@ -55,12 +74,9 @@ def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
     path = write_mcap(tmp_path / name, block(10))
     assert_same(block(10), read(path)[0])
     path.write_bytes(path.read_bytes()[:-60])
-    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
-        choose_topic(recording, '/n\none')
-    text = str(error.value)
-    assert text.isprintable()
-    assert text == (f'{printable(path)}: no topic /n\\none; its Imu topics are /imu '
-                    '(10 messages)')
+    assert printable(path).isprintable()
+    assert refusal(path, topic='/n\none') == (
+        'no topic /n\\none; its Imu topics are /imu (10 messages)')
 
 
 class Listed(Recording):
@@ -74,11 +90,6 @@ class Listed(Recording):
     def decoded(self, topic):
         del topic
         return iter([])
-
-
-def test_the_only_topic_need_not_be_named():
-    for name in (None, '/imu', 'imu'):
-        assert choose_topic(Listed({'/imu': 5}, {'/b': 'std_msgs/msg/String'}), name) == '/imu'
 
 
 @pytest.mark.parametrize(('topics', 'others', 'topic', 'reason'), [
@@ -95,19 +106,20 @@ def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
         choose_topic(Listed(topics, others), topic)
 
 
-def test_a_topic_that_holds_nothing_readable_is_reported_at_its_end():
-    with refused('bag: topic /a holds no readable message; --topic names another'):
-        list(read_blocks(Listed({'/a': None}, {}), '/a'))
+def test_the_only_topic_need_not_be_named_and_is_reported_if_it_holds_nothing_readable():
+    recording = Listed({'/imu': None}, {'/b': 'std_msgs/msg/String'})
+    for name in (None, '/imu', 'imu'):
+        assert choose_topic(recording, name) == '/imu'
+    with refused('bag: topic /imu holds no readable message; --topic names another'):
+        list(read_blocks(recording, '/imu'))
 
 
 def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):
     path = tmp_path / 'a.mcap'
     with mcap_written(path) as message:
         message('/json', 1, b'{}', encodings=('json', 'jsonschema'))
-    with open_recording(path) as recording, refused(
-            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
-            'encoded as json)'):
-        choose_topic(recording)
+    assert refusal(path) == ('no topic of type sensor_msgs/msg/Imu; it holds /json '
+                             '(sensor_msgs/msg/Imu encoded as json)')
 
 
 @pytest.mark.usefixtures('children_unmeasured')
@@ -144,3 +156,76 @@ def test_bag_files_without_metadata_are_one_recording_if_their_names_differ_in_a
         with refused(f'{tmp_path}: each of 2 files, such as {names[0]}, is a recording; name '
                      'one'):
             open_recording(tmp_path)
+
+
+Message = tuple[str, int, bytes]
+"""Topic, stamp, and what is in it."""
+
+
+def messages(topics: int, each: int) -> list[Message]:
+    """Interleave topics at random; some change their frame_id, some messages are none."""
+    choice = Random(topics)
+    order = [number for number in range(topics) for _ in range(each)]
+    choice.shuffle(order)
+    found = []
+    for place, number in enumerate(order):
+        stamp = START_NS + place * 1_000_000
+        frame = 'other_link' if number % 5 == 0 and place % 3 == 0 else 'imu_link'
+        data = encode_imu(stamp, block(1, first=place).samples[0], frame)
+        if number % 7 == 0 and place % 11 == 0:
+            data = data[:50]
+        found.append((f'/imu_{number}', stamp, data))
+    return found
+
+
+def write_packed_db3(path: Path, recorded: Sequence[Message]) -> Path:
+    plain = path.with_suffix('.plain')
+    topics = list(dict.fromkeys(topic for topic, *_ in recorded))
+    with closing(database(plain, [(topic, IMU) for topic in topics])) as opened:
+        for topic, *message in recorded:
+            insert(opened, [message], topics.index(topic) + 1)
+        opened.commit()
+    path.write_bytes(zstandard.compress(plain.read_bytes()))
+    return path
+
+
+def read_whole(opening: Callable[[], AbstractContextManager[Recording]], topic: str
+               ) -> tuple[ImuBlock, list[str], list[Finding]]:
+    """Return all messages, the frame_id of each, and the remarks."""
+    with opening() as recording:
+        blocks = list(read_blocks(recording, topic))
+        return (joined(blocks), [part.frame_id for part in blocks for _ in range(len(part))],
+                recording.remarks)
+
+
+def test_each_of_many_topics_is_read_as_if_by_itself(tmp_path):
+    path = write_packed_db3(tmp_path / 'a', messages(8, 40))
+    with open_recording(path) as recording:
+        for topic in [f'/imu_{number}' for number in range(8)]:
+            one, *more = read_whole(recording.for_another_topic, topic)
+            other, *expected = read_whole(partial(open_recording, path), topic)
+            assert_same(one, other)
+            assert more == expected
+            assert len(one) > 5
+
+
+def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(
+        tmp_path, monkeypatch, output_of):
+    unpacked = tmp_path / 'unpacked'
+    unpacked.mkdir()
+    monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))
+    made: list[int] = []
+    once = tempfile.mkdtemp
+
+    def counted(*args: str | None, **kwargs: str | None) -> str:
+        made.append(len(list(unpacked.iterdir())))
+        return once(*args, **kwargs)
+
+    monkeypatch.setattr(tempfile, 'mkdtemp', counted)
+    path = write_packed_db3(tmp_path / 'h.db3.zstd', [
+        message for message in messages(3, 200) if message[0] != '/imu_0'])
+    output_of('analyze', path, '--all-topics', '--no-progress', '--output', tmp_path / 'out')
+    assert len(list((tmp_path / 'out').glob('*/result.json'))) == 2
+    # One lists the topics, one serves them all.
+    assert made == [0, 0]
+    assert list(unpacked.iterdir()) == []

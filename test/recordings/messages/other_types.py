@@ -56,15 +56,14 @@ def vector(store: Any, values: Sequence[float]) -> Any:
     return store.types['geometry_msgs/msg/Vector3'](*map(float, values))
 
 
-def imu(store: Any, number: int, header: Any = None, absent: bool = False) -> Any:
-    """Make a sensor_msgs/Imu with sample `number`."""
+def imu(store: Any, number: int, header: Any = None, values: Sequence[float] | None = None) -> Any:
+    """Make a sensor_msgs/Imu, by default with sample `number`."""
     unknown = np.zeros(9)
-    given = np.full(9, -1.0) if absent else unknown
-    values = sample(number)
+    values = sample(number) if values is None else values
     return store.types['sensor_msgs/msg/Imu'](
         header or stamped(store, number),
         store.types['geometry_msgs/msg/Quaternion'](0., 0., 0., 1.), unknown,
-        vector(store, values[:3]), given, vector(store, values[3:]), unknown)
+        vector(store, values[:3]), unknown, vector(store, values[3:]), unknown)
 
 
 def write_mcap(path: Path, type_name: str, definition: str, messages: Iterable[bytes],

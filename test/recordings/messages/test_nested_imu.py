@@ -1,14 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""An Imu inside a message of another type, found through its definition."""
+"""Messages of other types: an Imu inside, found by the definition, or fields by their names."""
 
 from contextlib import closing
 from pathlib import Path
 
-from bags import database, figures, insert, joined, read, said
+from bags import database, figures, insert, read, refusal, said
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch
-from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
@@ -129,14 +129,12 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
     path = recorded(tmp_path, kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'},
                     lambda store, n: store.types[kind](
                         imu(store, n), [imu(store, n + 1), imu(store, n + 2)]), 20)
-    with open_recording(path) as recording:
-        with refused(
-                f'{path}: 3 Imu topics; choose one with --topic: /sensor.left (20 messages), '
-                '/sensor.others[0] (20 messages), /sensor.others[1] (20 messages)'):
-            choose_topic(recording)
-        for name, first in (('left', 0), ('others[0]', 1), ('others[1]', 2)):
-            blocks = joined(read_blocks(recording, choose_topic(recording, f'/sensor.{name}')))
-            assert blocks.samples.tobytes() == samples(22)[first:first + 20].tobytes()
+    assert refusal(path) == (
+        '3 Imu topics; choose one with --topic: /sensor.left (20 messages), /sensor.others[0] (20 '
+        'messages), /sensor.others[1] (20 messages)')
+    for name, first in (('left', 0), ('others[0]', 1), ('others[1]', 2)):
+        messages, _ = read(path, f'/sensor.{name}')
+        assert messages.samples.tobytes() == samples(22)[first:first + 20].tobytes()
 
 
 def without_definitions(folder: Path) -> Path:
@@ -149,29 +147,22 @@ def without_definitions(folder: Path) -> Path:
     return folder / 'a.db3'
 
 
-def test_a_bag_without_definitions_says_what_it_needs(tmp_path):
-    path = without_definitions(tmp_path)
-    with open_recording(path) as recording, refused(
-            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /sensor '
-            '(my_driver/msg/Vectornav); the definition of my_driver/msg/Vectornav is not in the '
-            'recording (sqlite3 bags before ROS 2 Iron carry none); name its .msg files with '
-            '--definitions'):
-        choose_topic(recording)
-
-
 @pytest.mark.parametrize('named', ['share', 'share/my_driver/msg/Vectornav.msg', None])
 def test_definitions_are_found_in_files_packages_and_workspaces_or_sourced(
         tmp_path, monkeypatch, named):
     path = without_definitions(tmp_path)
+    assert refusal(path) == (
+        'no topic of type sensor_msgs/msg/Imu; it holds /sensor (my_driver/msg/Vectornav); the '
+        'definition of my_driver/msg/Vectornav is not in the recording (sqlite3 bags before ROS 2 '
+        'Iron carry none); name its .msg files with --definitions')
     folder = tmp_path / 'share' / 'my_driver' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Vectornav.msg').write_text(TEXT)
     if named is None:
         monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    with open_recording(path, options=RecordingOptions(
-            definitions=(tmp_path / named,) if named else ())) as recording:
-        blocks = joined(read_blocks(recording, choose_topic(recording)))
-    assert blocks.samples.tobytes() == samples(COUNT).tobytes()
+    messages, _ = read(path, options=RecordingOptions(
+        definitions=(tmp_path / named,) if named else ()))
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
 
 
 def test_a_place_without_definitions_is_refused(tmp_path):
@@ -217,3 +208,75 @@ def test_a_few_lines_that_define_billions_of_messages_are_not_searched_for_ever(
         with refused('its type holds more than 1000 messages, too many to search for an IMU; name '
                      'the fields with --gyro and --accel'):
             found_by_shape(types, 'a/msg/A')
+
+
+def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
+    kind = 'geometry_msgs/msg/Vector3Stamped'
+    store = store_with({})
+    path = write_mcap(
+        tmp_path / 'a.mcap', kind, full_definition(store, kind),
+        [store.serialize_cdr(store.types[kind](stamped(store, n), vector(store, [1, 2, 3])), kind)
+         for n in range(3)], topic='/filter/free_acceleration')
+    assert refusal(path, topic='/filter/free_acceleration') == (
+        f'topic /filter/free_acceleration is of type {kind}, not sensor_msgs/msg/Imu; no raw data '
+        '(xsens_mti_driver: filtered, gravity removed)')
+
+
+@pytest.mark.parametrize(('kind', 'definition', 'reason'), [
+    ('px4_msgs/msg/SensorCombined', 'uint64 timestamp\nfloat32[3] gyro_rad\n',
+     'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that comes '
+     'with it; name the fields with --gyro and --accel'),
+    ('my_driver/msg/Two', 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n',
+     'type my_driver/msg/Two holds 2 IMUs (left, right); name the fields of one with --gyro and '
+     '--accel')])
+def test_a_type_that_is_no_single_imu_is_refused_with_the_reason(kind, definition, reason):
+    with refused(reason):
+        imu_messages(kind, full_definition(store_with({kind: definition}), kind))
+
+
+SINGLE = samples(COUNT).astype(np.float32)
+OWN = 'my_driver/msg/Frame'
+OWN_TEXT = ('float64 t\nfloat32[6] raw\nInner inner\nint16 gx\nint16 gy\nint16 gz\nstring name\n')
+INNER = {'my_driver/msg/Inner': 'geometry_msgs/Point[2] points\nbuiltin_interfaces/Time when\n'}
+
+
+def own(folder):
+    def make(store, number):
+        point = store.types['geometry_msgs/msg/Point']
+        inner = store.types['my_driver/msg/Inner'](
+            [point(1., 2., 3.), point(*map(float, SINGLE[number, 3:]))],
+            stamped(store, number).stamp)
+        return store.types[OWN](1.7e9 + number / 128, np.roll(SINGLE[number], 3), inner,
+                                number, -number, 7, 'x' * (number % 3))
+
+    return recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make, COUNT)
+
+
+def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
+    path = own(tmp_path)
+    messages, _ = read(path, options=RecordingOptions(
+        gyro='raw[3:6] deg/s', accel='inner.points[1] g', stamp='t s'))
+    np.testing.assert_allclose(messages.samples, SINGLE.astype(float) * np.repeat(
+        [np.pi / 180, 9.80665], 3), rtol=1e-15)
+    assert messages.header_ns.tolist() == [
+        round((1.7e9 + n / 128) * 1e9) for n in range(COUNT)]
+    messages, _ = read(path, options=RecordingOptions(gyro='gx,gy,gz', stamp='inner.when'))
+    assert messages.samples[:, :3].tolist() == [[n, -n, 7] for n in range(COUNT)]
+    assert messages.absent.all(axis=0).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(('options', 'reason'), [
+    ({'gyro': 'rate'}, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw, inner, '
+                       'gx, gy, gz, name'),
+    ({'gyro': 'inner.points[2]'}, '--gyro inner.points[2]: points has no such element'),
+    ({'gyro': 'raw'}, '--gyro raw: not three numbers in my_driver/msg/Frame; name a field with x, '
+                      'y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz'),
+    ({'gyro': 'raw[3:6] b c'}, '--gyro b c: b c cannot be turned into rad/s; write rad/s or '
+                               'deg/s'),
+    ({'gyro': 'raw[0:3]', 'stamp': 't'}, '--stamp t: name a number and its unit (s, ms, us or '
+                                         'ns), or a field with seconds and nanoseconds'),
+    ({'gyro': '..'}, '--gyro ..: not a field path such as imu.gyro[0:3]'),
+])
+def test_what_is_no_field_is_one_line(tmp_path, options, reason):
+    assert refusal(own(tmp_path), options=RecordingOptions(**options)) == (
+        f'no topic of type sensor_msgs/msg/Imu; it holds /sensor (my_driver/msg/Frame); {reason}')
