@@ -7,11 +7,12 @@ from pathlib import Path
 import shutil
 
 from bags import refusal
-from imu_allan.recordings import choose_topic, open_recording, read_blocks, recordings_in
+from imu_allan.recordings import open_recording, read_blocks, recordings_in
+from imu_messages import codes, run
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from whole_lines import refused, Varying
+from whole_lines import Varying
 
 DATA = Path(os.environ.get('IMU_ALLAN_DATA', 'IMU_ALLAN_DATA is not set'))
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason='IMU_ALLAN_DATA is not set')
@@ -54,9 +55,7 @@ def test_metadata_of_every_version_is_understood(tmp_path, path):
                        *DATA.glob('rosbag2_*/**/*.zstd'))
      for path in recordings_in(file.parent)}), ids=lambda path: path.name)
 def test_bags_of_rosbag2_itself_are_refused_for_what_they_are(path):
-    line = Varying(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds <words>')
-    with open_recording(path) as recording, refused(line):
-        choose_topic(recording)
+    assert refusal(path) == Varying('no topic of type sensor_msgs/msg/Imu; it holds <words>')
 
 
 @pytest.mark.parametrize('path', sorted(DATA.glob('mcap_fixtures/*.mcap')),
@@ -65,3 +64,29 @@ def test_fixtures_of_mcap_itself_are_named_for_what_they_are(path):
     assert refusal(path) in (
         'it holds no topics at all: the recording is empty',
         'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull')
+
+
+def test_repeated_and_backward_header_stamps_of_a_real_driver_are_counted():
+    with open_recording(DATA / 'robot_localization_test1_2imu_xsens') as recording:
+        summary, _ = run(read_blocks(recording, '/my_odometry2imu/imu_data'))
+    assert summary.messages == 13_333
+    assert (summary.header_repeats, summary.header_backward) == (347, 31)
+    assert (summary.timeline.duplicates, summary.timeline.out_of_order) == (347, 31)
+    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-4)
+    assert not summary.mostly_motion
+    assert 'gravity' in codes(summary)
+
+
+def test_a_real_sensor_at_rest_loses_nothing_but_one_knock_that_is_there():
+    with open_recording(DATA / 'adis16405_imu2') as recording:
+        summary, _ = run(read_blocks(recording, '/imu/data_raw'))
+    assert summary.timeline.sample_rate_hz == 100.0
+    assert summary.timeline.samples == 1_000_000
+    assert summary.timeline.missing == summary.timeline.rejected == 0
+    assert summary.timeline.gaps == ()
+    # Between 99.3 and 100.2 s all three accelerometers ring with eight times their usual power.
+    (knock,) = summary.timeline.motion
+    assert knock.start_s < 99.3
+    assert knock.start_s + knock.duration_s > 100.2
+    assert knock.duration_s <= 3.0
+    assert not summary.mostly_motion

@@ -1,15 +1,21 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""Knocks, turns and drives are cut out and listed, noise is not; what rests between is used."""
+
 from collections.abc import Callable
 from functools import partial
+from io import StringIO
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.timeline.motion import MotionDetector, MotionSummary
-from imu_messages import codes, rows_by_place, run, SIGMA, still
+from imu_allan.writers.table import print_result
+from imu_messages import codes, rows_by_place, run, said, SIGMA, still
 import numpy as np
 import pytest
 from repeated import slow
+from scenarios import at_rest, characterized, Messages, MOVES, Truth
+from whole_lines import refused
 
 N = 0.0045 * np.pi / 180
 B = 0.0014 * np.pi / 180
@@ -36,8 +42,7 @@ def test_knocks_of_twenty_sigma_over_50_ms_are_cut_out_and_listed(rate_hz, axes)
     time = times(block)
     for at in knocks:
         hit = (time >= at) & (time < at + 0.05)
-        block.samples[hit, axes] += 20 * SIGMA * rng.normal(
-            size=(np.count_nonzero(hit), len(range(6)[axes])))
+        block.samples[hit, axes] += 20 * SIGMA * rng.normal(size=block.samples[hit, axes].shape)
     summary, even = run(block)
     assert summary.motions == len(summary.timeline.motion) == len(knocks)
     for at in knocks:
@@ -193,3 +198,58 @@ def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(rate_hz, 
         (span,) = summary.timeline.motion
         assert span.start_s <= at / 100 <= span.start_s + span.duration_s
         assert summary.mostly_motion == (rows < 400)
+
+
+def driven(moving: str, times: float) -> tuple[Messages, Truth]:
+    """Give 400 s of messages that shake by `times` the noise, and sway, while they move."""
+    rng = np.random.default_rng(1)
+    messages, truth = at_rest(40_000, 100.0, rng)
+    time = messages.header
+    drives = {'take-off after 10 s': time > 10, 'stops every 40 s': np.floor(time / 20) % 2 == 1,
+              'drives first': (time < 120) | (np.floor(time / 20) % 4 != 1),
+              'stops at the end': time < 290, 'throughout': time >= 0}[moving]
+    messages.samples[drives] += rng.normal(size=(np.count_nonzero(drives), 6)) * times * SIGMA
+    messages.samples[drives] += 0.3 * np.sin(2 * np.pi * 0.3 * time[drives])[:, None]
+    return messages, truth
+
+
+@pytest.mark.parametrize('times', [slow(5), 20])
+@pytest.mark.parametrize(('moving', 'rest_s'), [
+    ('take-off after 10 s', 8.5), ('stops every 40 s', 158), ('drives first', 46.5),
+    ('stops at the end', 107)])
+def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
+    messages, truth = driven(moving, times)
+    result = characterized(messages)
+    for axis in result.axes.values():
+        density = axis.coefficients['noise_density']
+        low, high = density.ci95
+        assert low - (density.value - low) < truth.density < high + (high - density.value)
+    found = said(result, 'rest_within_motion').values
+    assert found['rest_s'] == pytest.approx(rest_s, rel=1e-3)
+    if moving == 'drives first':
+        assert found['starts_s'] == pytest.approx([183, 263, 343], abs=0.5)
+        assert found['durations_s'] == pytest.approx([15.5] * 3, abs=0.05)
+    assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
+        400 - rest_s, abs=0.6)
+
+
+def test_rest_is_the_same_whatever_the_blocks_and_saves():
+    messages, _ = driven('drives first', 20)
+    whole = characterized(messages).to_dict()
+    for seed in range(3):
+        assert characterized(messages, np.random.default_rng(seed)).to_dict() == whole
+
+
+def test_what_moves_throughout_is_refused():
+    with refused(MOVES):
+        characterized(driven('throughout', 20)[0])
+
+
+def test_less_than_a_minute_of_rest_is_never_called_good():
+    out = StringIO()
+    print_result(characterized(driven('take-off after 10 s', 20)[0]), to=out)
+    lines = out.getvalue().splitlines()
+    assert ('40,000 samples at 100 Hz, 6 min 40 s, 8.5 s at rest; '
+            '1 segment of motion (6 min 32 s)') in lines
+    assert lines[:2] == [
+        'Gyroscope: not usable: 8.5 s at rest.', 'Accelerometer: not usable: 8.5 s at rest.']

@@ -6,6 +6,7 @@ from functools import lru_cache
 from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.result import Timeline
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
 from imu_messages import codes, cut, pick, rows_by_place, run, said, START_NS, still
 import numpy as np
@@ -39,21 +40,9 @@ def test_clean_messages_come_out_as_they_went_in():
     assert np.array_equal(places, np.arange(10_000))
     assert np.array_equal(rows, block.samples)
     assert [b.new_run for b in even] == [True] + [False] * (len(even) - 1)
-    timeline = summary.timeline
-    assert timeline.sample_rate_hz == 100.0
-    assert timeline.duration_s == 100.0
-    assert (timeline.samples, timeline.missing, timeline.duplicates, timeline.out_of_order,
-            timeline.rejected) == (10_000, 0, 0, 0, 0)
-    assert (timeline.gaps, timeline.motion, summary.remarks) == ((), (), ())
-    assert (summary.clock, summary.frame_id) == ('header', 'imu_link')
-    assert summary.start_time == '2023-11-14T22:13:20Z'
-
-
-def assert_equal(some: list[EvenBlock], others: list[EvenBlock]) -> None:
-    for one, other in zip(some, others, strict=True):
-        assert np.array_equal(one.samples, other.samples)
-        assert np.array_equal(one.interpolated, other.interpolated)
-        assert (one.first_index, one.new_run) == (other.first_index, other.new_run)
+    assert summary.timeline == Timeline(100.0, 10_000, 100.0)
+    assert (summary.clock, summary.frame_id, summary.start_time, summary.remarks) == (
+        'header', 'imu_link', '2023-11-14T22:13:20Z', ())
 
 
 @settings(max_examples=15, deadline=None)
@@ -80,7 +69,10 @@ def test_however_messages_are_split_saved_and_looked_at_the_outcome_is_the_same(
             assert np.array_equal(rows_by_place(so_far)[1], rows_by_place(expected)[1])
     blocks += stage.flush()
     assert stage.summary() == summary
-    assert_equal(blocks, even)
+    for one, other in zip(blocks, even, strict=True):
+        assert np.array_equal(one.samples, other.samples)
+        assert np.array_equal(one.interpolated, other.interpolated)
+        assert (one.first_index, one.new_run) == (other.first_index, other.new_run)
 
 
 @settings(max_examples=30, deadline=None)
@@ -198,10 +190,8 @@ def test_a_clock_step_begins_a_new_run_and_no_gap(step_s):
     summary, even = run(block)
     assert 'clock_jumps' in codes(summary)
     assert summary.clock_jumps == 1
-    assert summary.timeline.gaps == ()
-    assert (summary.timeline.samples, summary.timeline.missing) == (12_000, 0)
-    assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
-    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
+    assert summary.timeline == Timeline(
+        pytest.approx(100.0, rel=1e-6), 12_000, pytest.approx(120.0, abs=0.1))
     assert [one.first_index for one in even if one.new_run] == [0, 7000]
 
 
@@ -297,29 +287,23 @@ def test_without_any_usable_stamps_a_stated_rate_counts_samples():
                  '(analyze --rate)'):
         run(replace(block, receive_ns=block.receive_ns + 5))
     summary, even = run(block, rate_hz=250.0)
-    assert summary.clock is None
-    assert summary.timeline.sample_rate_hz == 250.0
-    assert summary.timeline.duration_s == pytest.approx(40.0)
-    assert summary.measured_rate_hz is None
+    assert (summary.clock, summary.measured_rate_hz) == (None, None)
+    assert summary.timeline == Timeline(250.0, 10_000, pytest.approx(40.0))
     assert 'counted_samples' in codes(summary)
     assert np.array_equal(rows_by_place(even)[1], block.samples)
-
-
-OTHER_RATE = ('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave out the '
-              'rate, choose the other clock (analyze --clock), or force the stated rate '
-              '(analyze --clock none)')
 
 
 def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
     block, stage = still(5000), TimelineStage(TimelineOptions(rate_hz=200.0))
     for _ in range(2):
-        with refused(OTHER_RATE):
+        with refused('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave '
+                     'out the rate, choose the other clock (analyze --clock), or force the stated '
+                     'rate (analyze --clock none)'):
             stage.push(block)
-    summary, _ = run(block, rate_hz=200.0, force_rate=True)
-    assert summary.timeline.sample_rate_hz == 200.0
-    assert summary.measured_rate_hz == 100.0
-    summary, _ = run(block, rate_hz=101.0)
-    assert summary.timeline.sample_rate_hz == 101.0
+    for options in ({'rate_hz': 200.0, 'force_rate': True}, {'rate_hz': 101.0}):
+        summary, _ = run(block, **options)
+        assert summary.timeline.sample_rate_hz == options['rate_hz']
+        assert summary.measured_rate_hz == 100.0
 
 
 @pytest.mark.parametrize('other_hz', [110.0, 50.0])
@@ -340,10 +324,9 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
     one, other = still(6000), still(6000, seed=1)
     stage = TimelineStage()
     blocks = stage.push(one)
-    state = stage.to_state()
-    stage = TimelineStage.from_state(state)
+    stage = TimelineStage.from_state(stage.to_state())
     blocks += stage.break_run()
-    pause = 120_000_000_000 + 60_000_000_000
+    pause = 180_000_000_000
     blocks += stage.push(replace(other, header_ns=other.header_ns + pause,
                                  receive_ns=other.receive_ns + pause))
     blocks += stage.flush()
@@ -380,10 +363,8 @@ def test_short_streams_give_all_their_samples(count):
     block = still(count)
     summary, even = run(block)
     assert sum(map(len, even)) == summary.timeline.samples == count
-    if count > 1:
-        assert summary.timeline.sample_rate_hz == pytest.approx(100.0)
-    if count == 1:
-        assert summary.timeline.sample_rate_hz is None
+    if count:
+        assert summary.timeline.sample_rate_hz == (pytest.approx(100.0) if count > 1 else None)
 
 
 def test_state_stays_small_once_the_baseline_is_settled():
@@ -393,6 +374,83 @@ def test_state_stays_small_once_the_baseline_is_settled():
         sizes.append(sum(array.nbytes for array in stage.to_state().values())
                      if len(sizes) in (120, 399) else 0)
     assert sizes[399] < 700_000 < sizes[120]
+
+
+def paired(count: int, rate_hz: float) -> np.ndarray:
+    """Give stamps of a USB device that hands over two samples at a time, 23 Hz by the median."""
+    interval = 1e9 / rate_hz
+    stamps = np.arange(count) * interval
+    stamps[::2] += 0.74 * interval
+    return START_NS + np.rint(stamps).astype(np.int64)
+
+
+def bursts(count: int, rate_hz: float, length: int) -> np.ndarray:
+    """Give stamps of messages that arrive `length` at a time, 20 us apart."""
+    places = np.arange(count)
+    last = places // length * length + length - 1
+    return START_NS + np.rint(last * 1e9 / rate_hz).astype(np.int64) + places % length * 20_000
+
+
+def mostly_100_ms(resolution_s: float) -> np.ndarray:
+    """Give stamps in ticks of a sensor of 9.862 Hz: more than half of the steps are 100 ms."""
+    ticks = np.ceil(np.arange(8000) / 9.862 / resolution_s - 1e-9)
+    return START_NS + np.rint(ticks * resolution_s * 1e9).astype(np.int64)
+
+
+LATE_NOW_AND_THEN = np.where(np.random.default_rng(2).random(20_000) < 0.86, 0.100, 0.110)
+STALLS = np.maximum(40 - (np.arange(30_000) - 1000) % 1777, 0) * (np.arange(30_000) >= 1000)
+
+
+@pytest.mark.parametrize(('rate_hz', 'off', 'header', 'receive'), [
+    (40.0, 1e-4, paired(20_000, 40.0), None),
+    (40.0, 1e-4, None, paired(20_000, 40.0)),
+    *((9.862, 1e-4, mostly_100_ms(resolution_s), None) for resolution_s in (0.01, 0.1)),
+    (1 / LATE_NOW_AND_THEN.mean(), 1e-4,
+     START_NS + np.rint(np.cumsum(LATE_NOW_AND_THEN) * 1e9).astype(np.int64), None),
+    *((400.0, 2e-3, None, bursts(30_000, 400.0, length)) for length in (2, 25)),
+    (100.0, 2e-3, None, np.repeat(still(20_000).receive_ns[3::4], 4)),
+    (200.0, 1e-4, still(30_000, 200.0, late=STALLS).header_ns, None),
+], ids=['pairs', 'pairs received', *2 * ['ticks'], 'late now and then', *2 * ['bursts'],
+        'received together', 'stalls of the host'])
+def test_uneven_stamps_neither_invent_nor_lose_samples(rate_hz, off, header, receive):
+    block = still(len(receive if header is None else header))
+    block.header_ns[:] = 0 if header is None else header
+    if receive is not None:
+        block = replace(block, receive_ns=receive)
+    summary, _ = run(block)
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=off)
+    assert (summary.timeline.samples, summary.timeline.missing) == (len(block), 0)
+    assert summary.timeline.duplicates == 0
+    assert summary.clock == ('receive' if header is None else 'header')
+    assert run(cut(block, range(0, len(block), 997)))[0] == summary
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), rate_hz=st.floats(5.0, 5000.0), jitter=st.sampled_from([0.0, 0.02, 0.1]))
+def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):
+    count = data.draw(st.integers(300, 5000))
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    block = still(count, rate_hz, late=rng.uniform(0, jitter, count))
+    lost = set()
+    for _ in range(data.draw(st.integers(0, 12))):
+        at = data.draw(st.integers(30, count - 30))
+        lost |= set(range(at, min(at + data.draw(st.integers(1, 9)), count - 20)))
+    assert_counted(block, lost, rate_hz)
+
+
+def assert_counted(block: ImuBlock, lost: set[int], rate_hz: float) -> None:
+    places = np.arange(len(block.header_ns))
+    summary, _ = run(pick(block, np.setdiff1d(places, list(lost))), motion='keep')
+    assert summary.timeline.missing == len(lost)
+    assert summary.timeline.samples == len(places) - len(lost)
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-3)
+    assert 'rate_changed' not in codes(summary)
+
+
+@pytest.mark.parametrize('lost', [
+    [30, 32, 34, 36, 38, 40, 56, 128], [39, 40, 65, 85, 109, 110, 113, 175, 205, 252]])
+def test_few_losses_that_are_nearly_even_by_chance_are_no_ticks(lost):
+    assert_counted(still(300, 5.0), lost, 5.0)
 
 
 @settings(max_examples=60, deadline=None)
