@@ -4,14 +4,9 @@
 """
 Recordings with known truth and the faults of real ones, singly and together, and their oracle.
 
-A scenario is a rate, a duration and up to three faults, all drawn from one seed. It goes the way
-of every recording: blocks of random sizes, saves of the state, looks at the result on the way. The
-oracle then asks whether a number is wrong and nothing says so. ::
-
-    python test/timeline/scenarios.py 0 2000 [more]
-
-prints those of a range of seeds that are wrong, and how many they are; `more` draws the faults
-that were found later, too.
+A scenario is a rate, a duration and up to three faults, all drawn from one seed. The oracle asks
+whether a number is wrong and nothing says so. ``python test/timeline/scenarios.py 0 2000 [more]``
+prints those of a range of seeds, with `more` of the faults that were found later, too.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -41,18 +36,12 @@ SIGMA = 0.01
 
 @dataclass
 class Truth:
-    """
-    What is true of a scenario.
-
-    `said` are codes of which one at least must stand in the result for a number to be wrong;
-    `exact` whether missing samples can be counted to the last one.
-    """
+    """What is true of a scenario; a number may be wrong where one of the codes `said` stands."""
 
     rate_hz: float
     density: float
     said: set[str] = field(default_factory=set)
     missing: int = 0
-    exact: bool = True
     faults: list[str] = field(default_factory=list)
 
 
@@ -78,7 +67,8 @@ class Messages:
                         self.samples, self.absent, 'imu_link')
 
 
-Fault = Callable[[Messages, Truth, Generator], Messages]
+Fault = Callable[[Messages, Truth, Generator], Messages | None]
+"""Changes messages in place, or gives others; adds to the truth what may be said of them."""
 
 
 def at_rest(count: int, rate_hz: float, rng: Generator) -> tuple[Messages, Truth]:
@@ -159,119 +149,103 @@ def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return swapped
 
 
-def header_zero(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_zero(m: Messages, truth: Truth, rng: Generator) -> None:
     m.header = np.full(len(m.header), -START_NS / 1e9)
-    return m
 
 
-def header_tick(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_tick(m: Messages, truth: Truth, rng: Generator) -> None:
     tick = min((0.0001, 0.001, 0.004, 0.005, 0.01, 0.02),
                key=lambda tick: abs(np.log(tick * truth.rate_hz) + rng.uniform(0, 0.4)))
     # Ticks coarser than twice the interval lose too much to be a clock, and are seen as coarse.
     m.header = np.floor((m.header + START_NS / 1e9 % tick) / tick) * tick
-    return m
 
 
-def header_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
     """Let header stamps be late at random, in order."""
     late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz,
                                       len(m.header))
     m.header = np.maximum.accumulate(late + 2e-9 * np.arange(len(late)))
-    return m
 
 
-def header_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_batches(m: Messages, truth: Truth, rng: Generator) -> None:
     """Stamp a FIFO's samples when it is read, a few microseconds apart."""
     size = int(rng.choice([4, 10, 20]))
     batch = m.place // size
     m.header = (batch + 1) * size / truth.rate_hz + (m.place % size) * 3e-5 / size
-    return m
 
 
-def header_nominal_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_nominal_batches(m: Messages, truth: Truth, rng: Generator) -> None:
     """Stamp a FIFO's samples back from its reading by an interval that is not the true one."""
     size = int(rng.choice([4, 8, 16]))
     off = float(rng.choice([-0.08, -0.04, 0.04, 0.08]))
     batch = m.place // size
     m.header = ((batch + 1) * size
                 - (size - 1 - m.place % size) * (1 + off)) / truth.rate_hz
-    return m
 
 
-def header_drift(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_drift(m: Messages, truth: Truth, rng: Generator) -> None:
     """Let the header clock be off by some ten parts in a million, and change."""
     m.header = m.header * (1 + rng.uniform(-5e-5, 5e-5))
-    return m
 
 
-def clock_step(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def clock_step(m: Messages, truth: Truth, rng: Generator) -> None:
     at = int(rng.integers(len(m.header) // 10, len(m.header) * 9 // 10))
     step = rng.choice([-3600.0, -5.0, 5.0, 3600.0])
     m.header[at:] += step
-    return m
 
 
-def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
     late = rng.exponential(rng.choice([0.5, 3.0]) / truth.rate_hz, len(m.receive))
     m.receive = np.maximum.accumulate(m.receive + late)
-    return m
 
 
-def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> None:
     """Receive messages in pairs or batches."""
     size = int(rng.choice([2, 4, 10]))
     m.receive = ((m.place // size + 1) * size / truth.rate_hz + 1e-3
                  + (m.place % size) * 2e-5)
-    return m
 
 
-def header_speed(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_speed(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said.add('clock_speed')
     m.header = m.header * float(rng.choice([0.1, 0.5, 2.0, 10.0]))
-    return m
 
 
-def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def frozen(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said |= {'frozen', 'late_start'}
     n = len(m.place)
     lasts = int(n * rng.choice([0.1, 0.3, 0.6]))
     first = int(rng.choice([0, (n - lasts) // 2, n - lasts]))
     m.samples[first:first + lasts] = m.samples[max(first - 1, 0)]
-    return m
 
 
-def not_a_number(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def not_a_number(m: Messages, truth: Truth, rng: Generator) -> None:
     hit = rng.integers(0, len(m.place), max(len(m.place) // 500, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = np.nan
-    return m
 
 
-def knock(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def knock(m: Messages, truth: Truth, rng: Generator) -> None:
     if len(m.place) < _SHORT_S * truth.rate_hz:
         # A knock with its margins is the larger part of it.
         truth.said.add('refused')
     at = int(rng.integers(len(m.place) // 4, len(m.place) * 3 // 4))
     width = max(int(0.05 * truth.rate_hz), 1)
     m.samples[at:at + width] += rng.normal(size=m.samples[at:at + width].shape) * 60 * SIGMA
-    return m
 
 
-def coarse_output(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def coarse_output(m: Messages, truth: Truth, rng: Generator) -> None:
     step = SIGMA * float(rng.choice([0.1, 0.5]))
     m.samples = np.rint(m.samples / step) * step
     truth.density *= sqrt(1 + (step / SIGMA) ** 2 / 12)
-    return m
 
 
-def constant_axis(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def constant_axis(m: Messages, truth: Truth, rng: Generator) -> None:
     m.samples[:, int(rng.integers(0, 6))] = 0.123
-    return m
 
 
-def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said.add('field_vanished')
     m.absent[int(len(m.place) * rng.uniform(0.2, 0.8)):, 1] = True
-    return m
 
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
@@ -308,41 +282,35 @@ def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return twice
 
 
-def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def spikes(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said |= {'spikes'}
     hit = rng.random(len(m.place)) < 0.01
     m.samples[hit] += rng.choice([-1, 1], (np.count_nonzero(hit), 6)) * 30 * SIGMA
-    return m
 
 
-def header_whole_seconds(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_whole_seconds(m: Messages, truth: Truth, rng: Generator) -> None:
     """Leave the nanoseconds of header stamps at zero."""
     m.header = np.floor(m.header) - START_NS % 10**9 / 1e9
-    return m
 
 
-def header_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_constant(m: Messages, truth: Truth, rng: Generator) -> None:
     """Stamp every message with the time at which the driver started."""
     m.header = np.zeros(len(m.header))
-    return m
 
 
-def header_stray(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_stray(m: Messages, truth: Truth, rng: Generator) -> None:
     m.header[rng.integers(0, len(m.header), 3)] += 3600
-    return m
 
 
-def header_resets(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_resets(m: Messages, truth: Truth, rng: Generator) -> None:
     """Let the header clock begin anew, as that of a sensor which was switched off and on."""
     at = int(len(m.header) * rng.uniform(0.1, 0.9))
     m.header[at:] -= m.header[at]
-    return m
 
 
-def receive_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def receive_constant(m: Messages, truth: Truth, rng: Generator) -> None:
     """Note one time of reception for all messages, as some converters do."""
     m.receive = np.full(len(m.receive), m.receive[-1])
-    return m
 
 
 def heavy_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
@@ -362,15 +330,14 @@ def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return _lose(m, truth, keep)
 
 
-def noise_changes(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def noise_changes(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
     at = int(len(m.place) * rng.uniform(0.15, 0.85))
     level = m.samples.mean(axis=0)
     m.samples[at:] = level + (m.samples[at:] - level) * rng.choice([0.5, 2.0])
-    return m
 
 
-def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> None:
     """Let an axis, or all of a sensor, give one value first; or again later."""
     axes = [slice(0, 3), slice(3, 6), slice(2, 3)][int(rng.integers(3))]
     n = len(m.place)
@@ -378,35 +345,30 @@ def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
     if rng.random() < 0.3:
         at = int(n * rng.uniform(0.75, 0.8))
         m.samples[at:at + n // 10, axes] = m.samples[at, axes]
-    return m
 
 
-def infinite(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def infinite(m: Messages, truth: Truth, rng: Generator) -> None:
     hit = rng.integers(0, len(m.place), max(len(m.place) // 1000, 1))
     m.samples[hit, rng.integers(0, 6, len(hit))] = rng.choice([np.inf, -np.inf, 1e30], len(hit))
-    return m
 
 
-def axes_nan_for_a_while(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def axes_nan_for_a_while(m: Messages, truth: Truth, rng: Generator) -> None:
     first = int(len(m.place) * rng.choice([0.0, 0.3, 0.67]))
     m.samples[first:first + len(m.place) // 3, int(rng.integers(0, 6)):] = np.nan
-    return m
 
 
-def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> None:
     m.absent[:int(len(m.place) * rng.uniform(0.1, 0.6)), 0] = True
-    return m
 
 
-def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def tilt(m: Messages, truth: Truth, rng: Generator) -> None:
     truth.said |= {'motion', 'rest_within_motion'}
     at = m.place[0] + len(m.place) * rng.uniform(0.2, 0.8)
     turned = np.clip((m.place - at) / (2 * truth.rate_hz), 0, 1)
     m.samples[:, 3] += 2.0 * turned
-    return m
 
 
-def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def header_late(m: Messages, truth: Truth, rng: Generator) -> None:
     """Let header stamps be late with a heavy tail, as those of a loaded machine, in order."""
     tail = float(rng.choice([1.5, 2.0, 3.0]))
     scale = rng.choice([0.05, 0.15, 0.3]) / truth.rate_hz
@@ -415,7 +377,6 @@ def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
     behind = min(2e-5, 0.02 / truth.rate_hz) * m.place
     m.header = np.maximum.accumulate(m.header + late - behind) + behind
     m.receive = np.maximum.accumulate(np.maximum(m.receive, m.header + 1e-4))
-    return m
 
 
 def one_of_few_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
@@ -423,20 +384,18 @@ def one_of_few_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return _lose(m, truth, np.arange(len(m.place)) % k != 0)
 
 
-def zero_rows(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def zero_rows(m: Messages, truth: Truth, rng: Generator) -> None:
     """Send zeros now and then, as a driver whose bus read failed."""
     m.samples[rng.random(len(m.place)) < rng.choice([3e-4, 1e-3, 3e-3])] = 0.0
-    return m
 
 
-def half_rate_vibration(m: Messages, truth: Truth, rng: Generator) -> Messages:
+def half_rate_vibration(m: Messages, truth: Truth, rng: Generator) -> None:
     """Shake at half the rate, as mains hum at a rate of twice its frequency does, or near it."""
     axes = rng.permutation(6)[:int(rng.choice([1, 3, 6]))]
     cycles = 0.5 - float(rng.choice([0.0, 0.0, 1e-5, 1e-3]))
     m.samples[:, axes] += (SIGMA * rng.choice([0.3, 1.0, 3.0]) * rng.uniform(0.5, 1.5, len(axes))
                            * np.cos(2 * np.pi * cycles * m.place[:, None]
                                     + rng.uniform(0, 2 * np.pi)))
-    return m
 
 
 def before(truth: Truth) -> bool:
@@ -497,8 +456,7 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
     for kind in rng.permutation(3)[:rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15])]:
         fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
         truth.faults.append(fault.__name__)
-        messages = fault(messages, truth, rng)
-    truth.exact = EXACT.issuperset(truth.faults)
+        messages = fault(messages, truth, rng) or messages
     if 'tilt' in truth.faults and np.ptp(messages.header) < _TILT_S:
         # By its stamps the record is so short that the turn, and where its means are held against
         # those of two seconds before, and a second on each side, are all of it.
@@ -521,12 +479,7 @@ def split(block: ImuBlock, rng: Generator) -> Iterator[ImuBlock]:
 
 def characterized(messages: Messages, rng: Generator | None = None, *, numbered: bool = False,
                   **options: object) -> Result:
-    """
-    Give the result of messages; with `rng` by random blocks, saves and looks on the way.
-
-    `numbered` ones carry the numbers that a middleware gives them: what is lost on the way, not
-    what was dropped before it was published, leaves one out.
-    """
+    """Give the result of messages; with `rng` by blocks of random sizes, saved on the way."""
     run = Characterization(kind='recording', path='scenario', topic='/imu',
                            options=TimelineOptions(**options))  # type: ignore[arg-type]
     block = messages.block()
@@ -580,7 +533,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
                            for key in ('bias_instability', 'rate_random_walk'))
     if 'several_publishers' in codes and 'two_publishers' not in truth.faults:
         wrong.append('one publisher passes for several')
-    exact = truth.exact and not said and 'uneven_stamps' not in codes
+    exact = EXACT.issuperset(truth.faults) and not said and 'uneven_stamps' not in codes
     if exact and result.timeline.missing != truth.missing:
         wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
     return wrong, false_terms, len(result.axes)
