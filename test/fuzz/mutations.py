@@ -90,12 +90,7 @@ def mutated_text(text: str, choice: Random, words: Sequence[str] = ()) -> str:
 
 
 def mutated_document(document: Any, choice: Random, *, same_types: bool) -> Any:
-    """
-    Return a copy of a JSON document with one to eight changes.
-
-    With `same_types` every value keeps its type, so that more of the changes pass a check of the
-    types and reach what comes after it.
-    """
+    """Return a copy with one to eight changes; of `same_types`, more pass the check of types."""
     changed = copy.deepcopy(document)
     for _ in range(choice.choice([1, 1, 2, 3, 8])):
         _change_somewhere(changed, choice, same_types)
@@ -109,12 +104,11 @@ def _change_somewhere(document: Any, choice: Random, same_types: bool) -> None:
         if not keys:
             return
         key = choice.choice(keys)
-        inner = isinstance(where[key], (dict, list))
-        if inner and where[key] and choice.random() < (.97 if same_types else .85):
-            where = where[key]
-            continue
-        break
-    value = where[key]
+        value = where[key]
+        if not (isinstance(value, (dict, list)) and value
+                and choice.random() < (.97 if same_types else .85)):
+            break
+        where = value
     if not same_types and choice.random() < .6:
         if choice.random() < .3:
             del where[key]
@@ -137,23 +131,12 @@ def _change_somewhere(document: Any, choice: Random, same_types: bool) -> None:
         where[key] = {}
 
 
-def run_command(arguments: Sequence[str], statuses: Sequence[int] = (0, 1)) -> tuple[int, str]:
-    """
-    Run the command in this process and judge how it ends.
-
-    Any exception that leaves it is a failure, as are a status other than `statuses`, more or less
-    than one line on stderr beside status 1, a line that is not printable, and a long wait.
-
-    Returns
-    -------
-    status : int
-    stdout : str
-
-    """
+def run_command(*arguments: object, statuses: Sequence[int] = (0, 1)) -> tuple[int, str]:
+    """Run the command here, in time and with one line on stderr if it fails; status and stdout."""
     out, err = io.StringIO(), io.StringIO()
     start = time.process_time()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = main(arguments)
+        status = main([*map(str, arguments)])
     assert time.process_time() - start < LONGEST_S
     assert status in statuses, err.getvalue()
     line = err.getvalue()

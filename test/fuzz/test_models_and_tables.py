@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text that people edit and messages from anyone on the network: used, refused or counted."""
 
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -32,20 +33,18 @@ def damaged(text: str, choice: Random, words: list[str]) -> bytes:
 def judge_model(folder: Path, choice: Random) -> None:
     path = folder / 'model.yaml'
     path.write_bytes(damaged(choice.choice(MODELS), choice, MODEL_WORDS))
+    simulate = partial(run_command, 'simulate', path, '--duration', '1s', '--rate', 10, '--output')
     try:
         model = load_model(path)
     except ImuAllanError as error:
         assert '\n' not in str(error)
         assert len(str(error)) < 800
-        run_command(['simulate', str(path), '--duration', '1s', '--rate', '10', '--output',
-                     str(folder / 'never')])
+        simulate(folder / 'never')
         assert not (folder / 'never').exists()
         return
     assert set(model.axes) <= set(AXES)
     if choice.random() < .1:
-        output = folder / f'{choice.random()}'
-        run_command(['simulate', str(path), '--duration', '1s', '--rate', '10', '--output',
-                     str(output)])
+        simulate(folder / f'{choice.random()}')
 
 
 def table(rows: int, choice: Random) -> str:
@@ -58,9 +57,9 @@ def table(rows: int, choice: Random) -> str:
 def judge_csv(folder: Path, choice: Random) -> None:
     path = folder / 'a.csv'
     path.write_bytes(damaged(table(200, choice), choice, CSV_WORDS))
-    run_command(['info', str(path), '--no-progress'])
+    run_command('info', path, '--no-progress')
     if choice.random() < .1:
-        run_command(['analyze', str(path), '--no-progress'])
+        run_command('analyze', path, '--no-progress')
 
 
 @pytest.mark.parametrize('judge', [judge_model, judge_csv])

@@ -8,7 +8,6 @@ import io
 import json
 from pathlib import Path
 from random import Random
-from typing import Any
 import xml.etree.ElementTree as ET
 
 from imu_allan.characterization import Characterization
@@ -61,19 +60,13 @@ DOCUMENT = RESULT.to_dict()
 TEXT = RESULT.to_json()
 
 
-def printed(result: Result) -> str:
-    console = Console(file=io.StringIO(), width=110)
-    print_result(result, console)
-    return console.file.getvalue()
-
-
 class Judge:
     """Runs the verbs on one damaged result file."""
 
     def __init__(self, folder: Path, share_drawn: float) -> None:
         self.share_drawn = share_drawn
         self.file, self.whole = folder / 'result.json', folder / 'whole.json'
-        self.folder, self.specification = folder, folder / 'limits.yaml'
+        self.output, self.specification = folder / 'out', folder / 'limits.yaml'
         self.whole.write_text(TEXT)
         self.specification.write_text(SPECIFICATION)
         self.used = 0
@@ -84,40 +77,39 @@ class Judge:
             result = load_result(self.file)
         except ImuAllanError as error:
             # One verb shows how a refusal looks; all read the file by the same function.
-            status, _ = run_command(['check', str(self.file), '--spec', str(self.specification)])
+            status, _ = run_command('check', self.file, '--spec', self.specification)
             assert status == 1
             assert str(error).isprintable() or '\n' not in str(error)
             return
         self.used += 1
-        output = self.folder / 'out'
-        run_command(['check', str(self.file), '--spec', str(self.specification), '--json',
-                     str(output / 'v.json'), '--junit', str(output / 'v.xml')], (0, 1, 3, 4))
-        if (output / 'v.json').exists():
-            json.loads((output / 'v.json').read_text(), parse_constant=pytest.fail)
-            ET.parse(output / 'v.xml')
+        verdict, junit = self.output / 'v.json', self.output / 'v.xml'
+        run_command('check', self.file, '--spec', self.specification, '--json', verdict,
+                    '--junit', junit, statuses=(0, 1, 3, 4))
+        if verdict.exists():
+            json.loads(verdict.read_text(), parse_constant=pytest.fail)
+            ET.parse(junit)
         for consumer in choice.sample(sorted(CONSUMERS), 3):
-            run_command(['export', str(self.file), '--for', consumer])
+            run_command('export', self.file, '--for', consumer)
         HTMLParser().feed(report_html(result))
-        assert_harmless_on_a_terminal(printed(result))
+        console = Console(file=io.StringIO(), width=110)
+        print_result(result, console)
+        assert_harmless_on_a_terminal(console.file.getvalue())
         # Figures take seconds, nearly all of it the time of matplotlib.
         if choice.random() < self.share_drawn:
-            run_command(['report', str(self.file), '--output', str(output), '--format', 'svg'])
-            run_command(['report', str(self.whole), str(self.file), '--output', str(output),
-                         '--format', 'png'])
+            for files, form in (((self.file,), 'svg'), ((self.whole, self.file), 'png')):
+                run_command('report', *files, '--output', self.output, '--format', form)
 
 
 def a_result(judge: Judge, choice: Random) -> None:
     kind = choice.random()
-    content: Any
     if kind < .75:
         document = mutated_document(DOCUMENT, choice, same_types=choice.random() < .8)
-        content = json.dumps(document).encode()
+        judge(json.dumps(document).encode(), choice)
     elif kind < .9:
-        content = mutated_text(TEXT, choice, ['"tau_s"', '[]', '{}', 'NaN', 'Infinity'])
-        content = content.encode(errors='surrogatepass')
+        text = mutated_text(TEXT, choice, ['"tau_s"', '[]', '{}', 'NaN', 'Infinity'])
+        judge(text.encode(errors='surrogatepass'), choice)
     else:
-        content = mutated_bytes(TEXT.encode(), choice)
-    judge(content, choice)
+        judge(mutated_bytes(TEXT.encode(), choice), choice)
 
 
 @rounds(30)

@@ -18,8 +18,6 @@ import pytest
 
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
 resuming = pytest.importorskip('imu_allan.node.run')
-Run = pytest.importorskip('imu_allan.node.run').Run
-Lane = pytest.importorskip('imu_allan.node.run').Lane
 
 MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
                     'accel: {noise_density: 150 ug/sqrt(Hz)}')
@@ -31,14 +29,13 @@ def blocks(count: int, start_ns: int) -> list[ImuBlock]:
 
 
 def saved_state() -> dict[str, NDArray[Any]]:
-    run = Run(Lane(Characterization(kind='topic', path=None, topic='/imu',
-                                    options=SETUP.options)))
+    run = resuming.Run(resuming.Lane(Characterization(
+        kind='topic', path=None, topic='/imu', options=SETUP.options)))
     for start in (10**18 - 100 * 10**9, 10**18):
         run.lanes[0].power_on()
         for block in blocks(4000, start):
             run.lanes[0].update([block])
-    state: dict[str, NDArray[Any]] = resuming.pack(run, SETUP)
-    return state
+    return resuming.pack(run, SETUP)
 
 
 STATE = saved_state()
@@ -94,17 +91,14 @@ def resumed(content: bytes) -> bool:
     return True
 
 
-def judge_state(choice: Random) -> None:
-    if choice.random() < .8:
-        resumed(checkpoint.encode_state(damaged(choice)))
-    else:
-        resumed(mutated_bytes(CONTENT, choice))
-
-
 @rounds(35)
 def test_damaged_states_are_gone_on_with_or_refused(count, seed):
+    def judge(choice: Random) -> None:
+        resumed(checkpoint.encode_state(damaged(choice)) if choice.random() < .8
+                else mutated_bytes(CONTENT, choice))
+
     assert resumed(CONTENT)
-    each(count, seed, judge_state)
+    each(count, seed, judge)
 
 
 @pytest.mark.parametrize(('key', 'value'), [
