@@ -115,7 +115,8 @@ class Number:
     def measured(self, scale: Scale = UNSCALED) -> str:
         """Return the measured value as text, scaled as in the file."""
         if self.bound:
-            return f'not observable, below {scale(self.value):.4g}'
+            by = ' by its Allan deviation' if self.by_curve else ''
+            return f'not observable, below {scale(self.value):.4g}{by}'
         ends = '' if self.interval is None else (
             f' ({scale(max(self.interval[0], 0.0)):.4g} to {scale(self.interval[1]):.4g})')
         return (f'measured {scale(self.value):.4g}{ends}'
