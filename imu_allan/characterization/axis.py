@@ -80,8 +80,8 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     Raises
     ------
     ValueError
-        If `samples` is not one-dimensional or not finite, the rate is not positive, or the
-        quantity is unknown.
+        If `samples` is not one-dimensional, not finite or masked in part, the rate is not
+        positive, or the quantity is unknown.
 
     Examples
     --------
@@ -99,11 +99,11 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     if quantity not in list(Quantity):
         known = ' or '.join(repr(one.value) for one in Quantity)
         raise ValueError(f'quantity must be {known}, not {quantity!r}')
-    array = np.asarray(samples, dtype=np.float64)
-    if array.ndim != 1:
-        raise ValueError(f'samples must have one dimension, not {array.ndim}')
+    if np.ndim(samples) != 1:
+        raise ValueError(f'samples must have one dimension, not {np.ndim(samples)}: '
+                         'characterize one axis at a time')
     estimator = Estimator()
-    estimator.update(array)
+    estimator.update(samples)
     return axis_results(estimator, sample_rate_hz, [Quantity(quantity)])[0][0]
 
 

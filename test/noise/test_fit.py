@@ -241,9 +241,15 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
         assert axis.coefficients[key].observable == observable
 
 
+NOT_FINITE = ('samples must be finite, and none masked; '
+              'imu_allan.analyze reads a CSV file with gaps')
+
+
 @pytest.mark.parametrize(('samples', 'rate', 'quantity', 'line'), [
-    (np.zeros((5, 2)), 100.0, 'angular_velocity', 'samples must have one dimension, not 2'),
-    ([1.0, np.nan], 100.0, 'angular_velocity', 'samples must be finite'),
+    (np.zeros((5, 2)), 100.0, 'angular_velocity',
+     'samples must have one dimension, not 2: characterize one axis at a time'),
+    ([1.0, np.nan], 100.0, 'angular_velocity', NOT_FINITE),
+    (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
     ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0.0'),
     ([1.0, 2.0], 100.0, 'torque',
      "quantity must be 'angular_velocity' or 'linear_acceleration', not 'torque'")])

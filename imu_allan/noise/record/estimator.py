@@ -128,8 +128,8 @@ class Estimator(MultiAxis):
         Raises
         ------
         ValueError
-            If the shape does not match the axes, a sample is not finite, or `interpolated` are
-            not rising row numbers.
+            If the shape does not match the axes, a sample is not finite or is masked, or
+            `interpolated` are not rising row numbers.
 
         """
         block = np.asarray(samples, dtype=np.float64)
@@ -137,8 +137,10 @@ class Estimator(MultiAxis):
             block = block[:, None]
         if block.ndim != 2 or block.shape[1] != self.axes:
             raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
-        if not np.isfinite(block).all():
-            raise ValueError('samples must be finite')
+        # An array made of a masked one has values in place of those that are masked.
+        if np.ma.is_masked(samples) or not np.isfinite(block).all():
+            raise ValueError('samples must be finite, and none masked; '
+                             'imu_allan.analyze reads a CSV file with gaps')
         places = [int(row) for row in interpolated]
         if any(later <= one for one, later in pairwise([-1, *places, len(block)])):
             raise ValueError(f'interpolated must be rising rows of the {len(block)} samples, not '
