@@ -162,8 +162,10 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         fitted = replace(fitted, high_pass_hz=None)
     remarks = fit_remarks(fitted, quantity)
     if coarse:
-        remarks.append(finding('coarse_resolution', step=step, unit=base.unit,
-                               ratio=step / noise))
+        # An output of two values at random has a ratio of 2, however small the noise behind it.
+        remarks.append(finding(
+            'coarse_resolution', severity='act' if step > 1.9 * noise else 'know', step=step,
+            unit=base.unit, ratio=step / noise))
     process = fitted.gauss_markov
     drift = None if fitted.high_pass_hz is not None else fit_drift_model(
         found.groups, dt, process.correlation_time_s if process else None)

@@ -668,10 +668,12 @@ WORDS: Mapping[str, Words] = {
             ", such as a heater's" if _most(f.period_s) > 29.999 else ''),
         do='coefficients are given without it, numbers for a filter with it'),
     'coarse_resolution': Words(
-        'coarse steps', 'What lies below one step of the output is hidden.',
+        'coarse steps', 'What lies below one step is hidden; noise below half of it, too.',
         'The smallest step is larger than the noise of a sample.',
         says=lambda f: f'the output steps by {f.step:.3g} {f.unit}, {f.ratio:.1f} times the '
-                       'noise of one sample: what lies below the step is hidden',
+                       'noise of one sample: ' + (
+                           'N depends on where the mean lies within the step'
+                           if _most(f.ratio) > 1.9 else 'what lies below the step is hidden'),
         do='choose a smaller range of the sensor'),
     'tones': Words(
         'tones', 'Vibration, mains or a converter: not noise, and left out of the fit.',

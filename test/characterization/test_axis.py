@@ -5,9 +5,9 @@
 import tracemalloc
 
 from characterized import characterized, one_axis, several, taken_in
-from imu_allan.characterization.axis import characterize
+from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import allan_variance
+from imu_allan.noise.terms import allan_variance, Quantity
 from imu_allan.noise.uncertainty import bounded
 from imu_allan.result import GoodnessOfFit
 import numpy as np
@@ -64,6 +64,16 @@ def test_what_is_worth_telling_has_its_code():
     assert not axis.goodness_of_fit.acceptable
     markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
     assert set(characterized(simulate(markov, 300_000, RATE, seed=3), RATE)[1]) == {'gauss_markov'}
+
+
+@pytest.mark.parametrize(('step', 'severity'), [(0.015, 'know'), (0.03, 'act'), (0.1, 'act')])
+def test_steps_that_falsify_the_noise_density_are_to_be_acted_upon(step, severity):
+    # Midway between two steps even the smallest noise is output as half a step.
+    output = np.floor(WHITE / step) * step
+    [(axis, [said])] = axis_results(taken_in(output), RATE, [Quantity.ANGULAR_VELOCITY])
+    assert (said.code, said.severity) == ('coarse_resolution', severity)
+    far_off = axis.coefficients['noise_density'].value > 1.2e-3
+    assert far_off == (severity == 'act')
 
 
 @pytest.mark.parametrize('samples', [np.full(1000, 2.0), [], [1.0], WHITE[:2], WHITE[:40],
