@@ -199,17 +199,6 @@ def chunk_starts(path: Path) -> list[int]:
                 for index in make_reader(file).get_summary().chunk_indexes]
 
 
-def mcap_record(opcode: int, body: bytes) -> bytes:
-    """Return a record of an MCAP file."""
-    return bytes([opcode]) + struct.pack('<Q', len(body)) + body
-
-
-def mcap_chunk(packed: bytes, size: int) -> bytes:
-    """Return a chunk that zstd expands to so many bytes."""
-    return mcap_record(6, struct.pack('<QQQI', 0, 1, size, 0) + b'\4\0\0\0zstd'
-                       + struct.pack('<Q', len(packed)) + packed)
-
-
 def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:
     """Return a record of a bag with these fields in its header."""
     header = b''.join(struct.pack('<I', len(name) + 1 + len(value)) + name.encode() + b'=' + value
@@ -245,6 +234,10 @@ class FailingRecording(Recording):
         del topic
         yield self._messages, 1
         raise self._error
+
+
+NO_TIME = ('no time_s column; give the sample rate with --rate, or say which column is the time: '
+           "--columns 'time=NAME ms'")
 
 
 def no_axes(header: str) -> str:

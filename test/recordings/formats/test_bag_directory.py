@@ -3,7 +3,6 @@
 """rosbag2 directories: split, compressed, of all versions, incomplete, hostile."""
 
 from pathlib import Path
-from tempfile import gettempdir
 
 from bags import (
     assert_same,
@@ -23,6 +22,7 @@ from bags import (
 from imu_allan.recordings import open_recording, read_blocks
 from measured_command import run
 import pytest
+from whole_lines import Varying
 import zstandard
 
 NO_FILE = ': no file that metadata.yaml lists is there; copy them beside it'
@@ -65,11 +65,18 @@ def test_a_split_bag_is_read_in_order(split_bag):
 @pytest.mark.parametrize(('text', 'reason'), [
     (None, None),
     # In the words of the YAML library, and of Python.
-    ('rosbag2_bagfile_information: {', ''), ('[' * 100_000, ''),
-    ('rosbag2_bagfile_information: 5', 'rosbag2_bagfile_information'),
-    ('rosbag2_bagfile_information: {relative_file_paths: [[1]]}', 'relative_file_paths'),
-    ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap]}', 'topics_with_message_count'),
-    ('a: 2001-99-99', 'rosbag2_bagfile_information')], ids=lambda value: str(value)[:60])
+    ('rosbag2_bagfile_information: {', Varying('<words>')), ('[' * 100_000, Varying('<words>')),
+    ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
+    ('a: 2001-99-99', 'no rosbag2_bagfile_information'),
+    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
+    ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes'),
+    *((f'rosbag2_bagfile_information: {{{information}}}', reason) for information, reason in (
+        ('relative_file_paths: [[1]]', 'relative_file_paths holds something else than file names'),
+        ('relative_file_paths: [a, a]', 'relative_file_paths names a file twice'),
+        ('relative_file_paths: [a]', 'no topics_with_message_count'),
+        ('relative_file_paths: [bag_9.mcap, bag_10.mcap, bag_11.mcap], topics_with_message_count: '
+         '[{topic_metadata: {name: /imu, type: sensor_msgs/msg/Imu, serialization_format: cdr}, '
+         'message_count: -1}]', 'message_count is -1')))], ids=lambda value: str(value)[:60])
 def test_without_usable_metadata_the_files_are_read_in_the_order_of_their_numbers(
         split_bag, text, reason):
     (split_bag / 'metadata.yaml').unlink()
@@ -77,9 +84,8 @@ def test_without_usable_metadata_the_files_are_read_in_the_order_of_their_number
         (split_bag / 'metadata.yaml').write_text(text)
     after, [remark] = read(split_bag)
     assert_same(block(1500), after)
-    found = remark.values['reason']
-    assert remark == said(split_bag, 'no_metadata', reason=found)
-    assert found is None if reason is None else reason in found.splitlines()[0]
+    assert (remark.code, remark.values) == (
+        'no_metadata', {'recording': str(split_bag), 'reason': reason})
 
 
 def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
@@ -88,10 +94,8 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     file.write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
     assert_same(others, after)
-    assert remark == said(split_bag, 'damaged_recording', fault='file',
-                          reason=remark.values['reason'])
-    assert remark.values['reason'].startswith(f'{file}: ')
-    assert 'git lfs pull' in remark.values['reason']
+    assert remark == said(split_bag, 'damaged_recording', fault='file', reason=(
+        f'{file}: a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'))
     file.unlink()
     after, [remark] = read(split_bag)
     assert_same(others, after)
@@ -118,24 +122,31 @@ def test_files_compressed_as_a_whole_are_read(tmp_path, write, suffix):
     assert_same(block(1500), read(tmp_path)[0])
 
 
-def test_nothing_is_left_in_the_temporary_folder(tmp_path, monkeypatch):
+def packed_gigabyte(size: int) -> bytes:
+    """Return a gigabyte of zeros, compressed, which declares its size or (-1) none."""
+    compressor = zstandard.ZstdCompressor().compressobj(size=size)
+    return b''.join(compressor.compress(bytes(1 << 22)) for _ in range(256)) + compressor.flush()
+
+
+def test_a_compressed_file_is_unpacked_where_there_is_room_and_nothing_is_left_there(
+        tmp_path, monkeypatch):
     temporary = tmp_path / 'temporary'
     temporary.mkdir()
     monkeypatch.setattr('tempfile.tempdir', str(temporary))
     path = compress(write_db3(tmp_path / 'a.db3', block(100)))
     assert_same(block(100), read(path)[0])
     assert list(temporary.iterdir()) == []
-    assert refusal(path, zstandard.compress(b'not a recording')) == (
-        'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin or '
-        'CSV file')
-    assert list(temporary.iterdir()) == []
-
-
-def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
+    bomb = ('expands to more than 1000 times its size, as no recording of an IMU does; if it is '
+            'one, unpack it with: zstd -d')
+    for content, reason in (
+            (zstandard.compress(b'not a recording'),
+             'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin '
+             'or CSV file'), (packed_gigabyte(1 << 30), bomb), (packed_gigabyte(-1), bomb)):
+        assert refusal(path, content) == reason
+        assert list(temporary.iterdir()) == []
     monkeypatch.setattr('imu_allan.recordings.formats.temporary_folder.RESERVED_DISK_BYTES', 2**60)
-    path = compress(write_db3(tmp_path / 'a.db3', block(10)))
     assert refusal(path) == (
-        f'no room to decompress it in {gettempdir()}; name a larger folder with TMPDIR')
+        f'no room to decompress it in {temporary}; name a larger folder with TMPDIR')
 
 
 def test_messages_compressed_one_by_one_are_read(tmp_path):
@@ -209,30 +220,6 @@ def test_metadata_that_grows_costs_the_process_little_time_and_memory(tmp_path, 
     assert (status, err) == (0, '')
     assert seconds < 10
     assert kilobytes < 300_000
-
-
-def believed(count: int, times: int = 1) -> str:
-    """Return metadata of a file, and of how many messages it has."""
-    return '\n'.join([
-        'rosbag2_bagfile_information:', '  relative_file_paths:', *['    - a_0.db3'] * times,
-        '  topics_with_message_count:', '    - topic_metadata:', '        name: /imu',
-        f'        type: {IMU}', '        serialization_format: cdr',
-        f'      message_count: {count}'])
-
-
-@pytest.mark.parametrize(('text', 'reason'), [
-    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
-    ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes'),
-    (believed(600_000, 2000), 'relative_file_paths names a file twice'),
-    (believed(-1), 'message_count is -1')],
-    ids=['entries', 'size', 'one file many times', 'negative count'])
-def test_metadata_that_rosbag2_does_not_write_is_reported_and_the_file_read_once(
-        tmp_path, text, reason):
-    write_db3(tmp_path / 'a_0.db3', block(300))
-    (tmp_path / 'metadata.yaml').write_text(text)
-    after, [remark] = read(tmp_path)
-    assert len(after) == 300
-    assert remark == said(tmp_path, 'no_metadata', reason=reason)
 
 
 @pytest.mark.parametrize('name', ['1:30', '2024-01-01', 'yes'])

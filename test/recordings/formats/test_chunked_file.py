@@ -1,60 +1,125 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files of chunks, MCAP and ROS 1 bags: damage costs the chunk that has it."""
+"""Files of chunks, MCAP and ROS 1 bags, whole and damaged; what bags alone do."""
+
+import bz2
+import struct
 
 from bags import (
+    assert_same,
     block,
     chunk_starts,
     COMPRESSIONS,
     figures,
     read,
+    refusal,
     ROS1_COMPRESSIONS,
+    ros1_record,
     said,
     write_bag,
     write_mcap,
 )
+from imu_allan.recordings import open_recording
+import lz4.frame
+from mcap.writer import IndexType
+from measured_command import run
 import numpy as np
 import pytest
+from repeated import combined
 
 MESSAGES = block(3000)
+KINDS = [*((write_mcap, {'compression': name}) for name in COMPRESSIONS),
+         *((write_bag, {'compression': name}) for name in ROS1_COMPRESSIONS)]
 
 
-@pytest.fixture(params=[
-    *((write_mcap, name) for name in COMPRESSIONS),
-    *((write_bag, name) for name in ROS1_COMPRESSIONS)], ids=lambda kind: kind[1])
-def written(request, tmp_path):
-    """Give a recording, where its chunks begin, and what it names as the begin of the third."""
-    write, compression = request.param
-    path = write(tmp_path / 'a', MESSAGES, compression=compression)
-    starts = chunk_starts(path)
-    return path, starts, starts[2] + (9 if write is write_mcap else 0)
+@pytest.mark.parametrize(('write', 'options'), [
+    *KINDS, (write_mcap, {'index_types': IndexType.NONE}), (write_mcap, {'use_chunking': False})],
+    ids=str)
+@pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 5 * (n % 70 == 0)],
+                         ids=['alone', 'alternating', 'bursts'])
+def test_every_bit_of_what_another_library_wrote_is_read(tmp_path, write, options, others):
+    path = write(tmp_path / 'a', MESSAGES, others=others, **options)
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 3000)]
+        assert recording.other_topics == (
+            {'/other': 'a_msgs/msg/B'} if write is write_mcap else {'/chatter': 'std_msgs/String'})
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
 
 
-def overwritten(path, start, with_bytes):
-    """Read with other bytes there; returns the remark, and how many messages were lost."""
-    data = bytearray(path.read_bytes())
-    data[start:start + len(with_bytes)] = with_bytes
-    path.write_bytes(data)
+@pytest.mark.parametrize(('write', 'options'), KINDS, ids=str)
+def test_a_damaged_chunk_is_left_out_and_reading_goes_on_at_the_next(tmp_path, write, options):
+    path = write(tmp_path / 'a', MESSAGES, **options)
+    whole, starts = path.read_bytes(), chunk_starts(path)
+    start, size = starts[2], starts[3] - starts[2]
+    for at, damage, named, found in (
+            (start + 200, b'\xa5' * (size // 4), [start + (9 if write is write_mcap else 0)],
+             {'fault': 'chunks', 'broken': 1, 'chunks': len(starts)}),
+            # Its head, too: the index names the next.
+            (start, b'\xff' * size, [size, start], {'fault': 'holes', 'holes': 1})):
+        path.write_bytes(whole[:at] + damage + whole[at + len(damage):])
+        after, [remark] = read(path)
+        assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
+        assert 20 < 3000 - len(after) < 200
+        first = remark.values['first']
+        assert figures(first)[:len(named)] == named
+        assert remark == said(path, 'damaged_recording', first=first, lost=3000 - len(after),
+                              of=3000, topic='/imu', **found)
+
+
+def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, 'lz4', lambda n: n % 2)
+    whole = path.read_bytes()
+    places = chunk_starts(path)
+    assert len(places) > 5
+    path.write_bytes(whole[:places[4] + 100])
+    with open_recording(path) as recording:
+        [topic] = recording.topics
     after, [remark] = read(path)
-    assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
-    lost = 3000 - len(after)
-    assert 20 < lost < 200
-    return remark, lost
+    assert_same(block(len(after)), after)
+    assert topic.count == len(after) > 300
+    assert remark == said(path, 'truncated_recording', fault='ends', whole_chunks=4,
+                          end=remark.values['end'])
+    assert figures(remark.values['end']) == [100, places[4]]
 
 
-def test_a_damaged_chunk_is_left_out_and_counted(written):
-    path, starts, named = written
-    remark, lost = overwritten(path, starts[2] + 200, b'\xa5' * ((starts[3] - starts[2]) // 4))
-    assert remark == said(path, 'damaged_recording', fault='chunks', broken=1,
-                          chunks=len(starts), first=remark.values['first'], lost=lost, of=3000,
-                          topic='/imu')
-    assert figures(remark.values['first'])[0] == named
+@pytest.mark.parametrize(('content', 'reason'), [
+    (b'#ROSBAG V1.2\nsomething else',
+     'ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix'),
+    (b'#ROSBAG V2.0', 'cut short within its first line; copy it again'),
+    (b'#ROSBAG V2.0\n' + ros1_record(op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
+     'encrypted; decrypt it with: rosbag decrypt')])
+def test_other_versions_and_encrypted_bags_are_refused(tmp_path, content, reason):
+    assert refusal(tmp_path / 'a.bag', content) == reason
 
 
-def test_reading_goes_on_at_the_next_chunk_that_the_index_names(written):
-    path, starts, _ = written
-    size = starts[3] - starts[2]
-    remark, lost = overwritten(path, starts[2], b'\xff' * size)
-    assert remark == said(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=3000,
-                          topic='/imu', first=remark.values['first'])
-    assert figures(remark.values['first']) == [size, starts[2]]
+TINY = {
+    'messages of 20 connections': b''.join(
+        ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
+        for number in range(7, 27)),
+    'connections': ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
+    'others': ros1_record(op=b'\4')}
+
+
+COMPRESS = {'lz4': lz4.frame.compress, 'bz2': bz2.compress}
+
+
+@pytest.mark.parametrize(('compression', 'tiny'), combined(
+    [*COMPRESS], [*TINY], everyday=zip(['lz4', 'bz2', 'lz4'], TINY, strict=True)))
+def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compression, tiny):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
+    plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
+    packed = COMPRESS[compression](plain)
+    chunk = ros1_record(packed, op=b'\5', compression=compression.encode(),
+                        size=struct.pack('<I', len(plain)))
+    content, place = path.read_bytes(), chunk_starts(path)[2]
+    assert len(packed) < 500_000
+    # Cut short behind it, so that the bag has no index and all of its chunks are gone through.
+    path.write_bytes(content[:place] + chunk)
+    status, shown, complaint, seconds, kilobytes = run('info', path, '--no-progress')
+    assert (status, complaint) == (0, '')
+    assert seconds < 10
+    assert kilobytes < 400_000
+    assert (f'warning: {path}: left out 1 damaged chunk of 3 (the first at byte {place}: more '
+            'records than its bytes can hold)') in shown.splitlines()

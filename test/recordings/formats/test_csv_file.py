@@ -2,23 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """CSV recordings."""
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import pi
 from pathlib import Path
 import time
 
 import bags
-from bags import no_axes, refusal, said, START_NS
+from bags import no_axes, NO_TIME, refusal, said, START_NS
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings import (
-    choose_topic,
-    open_recording,
-    read_blocks,
-    RecordingOptions,
-)
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -57,12 +53,10 @@ def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
 # A loaded machine may be slow at anything.
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture,
                                                   HealthCheck.too_slow])
-@given(st.permutations(['time_s', *AXES]), st.integers(0, 6))
-def test_any_subset_of_columns_in_any_order(path, columns, left_out):
-    columns = [name for name in columns if name == 'time_s'][:1] + columns[left_out:]
-    columns = list(dict.fromkeys(columns))
-    if not set(columns) & set(AXES):
-        return
+@given(st.permutations(list(AXES)), st.integers(0, 5), st.integers(0, 6))
+def test_any_subset_of_columns_in_any_order(path, columns, left_out, place):
+    columns = columns[left_out:]
+    columns.insert(place, 'time_s')
     values = {name: number + 1.0 for number, name in enumerate(['time_s', *AXES])}
     messages, _ = read_text(path, ','.join(columns) + '\n'
                                   + ','.join(repr(values[name]) for name in columns) + '\n')
@@ -75,14 +69,13 @@ def test_any_subset_of_columns_in_any_order(path, columns, left_out):
 
 
 def test_without_time_column_the_rate_makes_the_stamps(path):
-    path.write_text('gyro_z\n1\n2\n3\n')
-    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 2_500_000, 5_000_000]
-    # One that is there counts before a rate.
-    path.write_text('time_s,gyro_z\n0,1\n0.5,2\n')
-    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 500_000_000]
-    assert refusal(path, 'gyro_z\n1\n') == (
-        'no time_s column; give the sample rate with --rate, or say which column is the time: '
-        "--columns 'time=NAME ms'")
+    for text, stamps in (('gyro_z\n1\n2\n3\n', [0, 2_500_000, 5_000_000]),
+                         # One that is there counts before a rate.
+                         ('time_s,gyro_z\n0,1\n0.5,2\n', [0, 500_000_000])):
+        assert read_text(path, text, rate_hz=400.)[0].header_ns.tolist() == stamps
+    for rate in (0.0, float('nan')):
+        with refused(f'rate {rate}: not a positive number of Hz'):
+            open_recording(path, rate_hz=rate)
 
 
 def test_a_table_has_no_topic_to_choose(path):
@@ -122,8 +115,37 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
     assert remark == said(path, 'malformed_messages', what='line', count=count, first=first)
 
 
+HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
+GYRO = HEADER.partition(',')[2]
+ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
+
+
+def table(header: str, row: Callable[[int, Iterator[str]], list[str]], mark: str = ',') -> str:
+    """Return a table of 30 rows, each made of its number and the three values."""
+    lines = [mark.join(row(place, map(str, values))) for place, values in enumerate(ROWS.tolist())]
+    return '\n'.join([header, *lines, ''])
+
+
+def plain(place: int, values: Iterator[str]) -> list[str]:
+    return [str(place / 100), *values]
+
+
+def with_commas(cells: Iterable[str]) -> list[str]:
+    return [cell.replace('.', ',') for cell in cells]
+
+
+FIVE_FIELDS = (
+    'the rows have 5 fields, the header names 4, so that none can be recognized by its name; name '
+    'every column, the number of the row, too, as R does with col.names=NA')
+EIGHT_FIELDS = (
+    'the rows have 8 fields, the header names 4, so that none can be recognized by its name; '
+    'where that comes of decimal commas, write semicolons between the cells')
+GROUPED = ('the time 1.000 comes after 990: it is written with a mark between thousands; write '
+           'the times without')
+
+
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('roll,pitch\n4,5\n', no_axes('roll,pitch')),
+    ('gyro_z\n1\n', NO_TIME), ('roll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
      'no line names its columns, the first one holds numbers (6 columns). Say what they are, '
      'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
@@ -145,16 +167,47 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
     *((f'{header}\n' + '1,' * header.count(',') + '1\n', no_axes(header)) for header in (
         't,magX (G),magY (G),magZ (G)', 't,FreeAcc_X (m/s^2),FreeAcc_Y (m/s^2),FreeAcc_Z (m/s^2)',
         't,x,y,z', 't,gyro0,gyro1,gyro2,gyro3')),
+    # Rows of more fields than names.
+    (table(HEADER, lambda place, values: [str(place + 1), *plain(place, values)]), FIVE_FIELDS),
+    (table(HEADER.replace(',', ' '), lambda *row: [*plain(*row), '1'], ' '), FIVE_FIELDS),
+    (table(HEADER, lambda *row: with_commas(plain(*row))), EIGHT_FIELDS),
+    (table('time_ms;gyro_x;gyro_y;gyro_z',
+           lambda place, values: [f'{900 + 10 * place:,}', *values], ';'), GROUPED),
+    (table('time_ms;gyro_x;gyro_y;gyro_z', lambda place, values: [
+        f'{900 + 10 * place:,}'.replace(',', '.'), *with_commas(values)], ';'), GROUPED),
+    # No two parts of one time.
+    (table(f'seconds,nanoseconds,{GYRO}', lambda place, values: [
+        f'{place / 8}', f'{125_000_000 * (place % 8)}', *values]), NO_TIME),
+    (table(f'seconds,nanoseconds,{GYRO}', lambda place, values: [
+        f'{place // 8}', f'{125_000_000 * place}', *values]), NO_TIME),
 ])
 def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
     assert refusal(path, text) == reason
 
 
-@pytest.mark.parametrize('rate', [0.0, float('nan')])
-def test_an_impossible_rate_is_refused(path, rate):
-    path.write_text('gyro_x\n1\n')
-    with refused(f'rate {rate}: not a positive number of Hz'):
-        open_recording(path, rate_hz=rate)
+@pytest.mark.parametrize(('header', 'row'), [
+    (HEADER, lambda place, values: [
+        f'"{cell}"' for cell in with_commas([f'{place / 100:.2f}', *values])]),
+    (f'note,{HEADER}', lambda *row: ['"a, b"', *plain(*row)]),
+    (HEADER, lambda place, values: [*plain(place, values), *['7'][:place == 3]]),
+    (f'note,{HEADER}', lambda place, values: [['"open', ''][place > 0], *plain(place, values)])],
+    ids=['decimal commas in quotes', 'commas in quotes', 'one long row',
+         'quote that is not closed'])
+def test_rows_that_are_only_written_unusually_are_read(path, header, row):
+    messages, _ = read_text(path, table(header, row))
+    assert messages.samples[:, :3].tolist() == ROWS.tolist()
+
+
+@pytest.mark.parametrize(('before', 'cut', 'end'), [
+    # A quote that is not closed, part of a line, more lines of another topic than are looked at.
+    ('', 0, '"open'), ('', 17, ''), (',,,,1.5\n' * 10_000, 0, '')],
+    ids=['quote', 'part', 'another topic'])
+def test_the_digits_and_the_unit_of_times_are_those_of_most_rows(path, before, cut, end):
+    head, _, rows = table(f'timestamp,{GYRO},height', lambda place, values: [
+        str(START_NS + 1 + place * 10_000_001), *values, '' if place else end]).partition('\n')
+    messages, _ = read_text(path, f'{head}\n{before}{rows[cut:]}')
+    assert (messages.header_ns - START_NS - 1).tolist()[-29:] == [
+        place * 10_000_001 for place in range(1, 30)]
 
 
 ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
@@ -212,10 +265,12 @@ def fields(form: str) -> str:
      'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
     ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
+    ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
+     '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
-        'sensorlog', 'androsensor', 'units alone'])
+        'sensorlog', 'androsensor', 'units alone', 'time beside two numbers'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -273,23 +328,20 @@ LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
         '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
     ('\ufeff0;1,5\n0,1;1,6\n', {'time': '1', 'gyro_x': '2'}, [0, 0.1], {0: [1.5, 1.6]}),
+    *((f',time,gyro_x,accel_z,other\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n', {}, [0.5, 0.51],
+       {0: [pi, pi / 2], 5: [9.80665, 19.6133]})
+      for units in ('"ms","deg/s","g",', 'ms,(deg/s),g,')),
 ], ids=['names', 'blanks', 'numbers of named columns', 'comment and blanks', 'two comments',
-        'mark and decimal commas'])
-def test_columns_of_any_name_can_be_named_or_numbered_from_one(
+        'mark and decimal commas', *2 * ['line of units']])
+def test_columns_of_any_name_can_be_named_or_numbered_from_one_with_units_below(
         path, text, columns, seconds, samples):
-    messages, _ = read_text(path, text, options=named(**columns))
+    messages, remarks = read_text(path, text, options=named(**columns))
+    if 'other' in text:
+        assert remarks == [ignored(path, ['other'])]
     assert messages.header_ns.tolist() == [round(second * 1e9) for second in seconds]
     for axis, values in enumerate(messages.samples.T):
         assert values == pytest.approx(
             samples.get(axis, [np.nan] * len(seconds)), rel=1e-15, nan_ok=True)
-
-
-def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
-    """Return what is reported of times whose unit is not known."""
-    return (
-        f'the times are {interval} apart, which in {unit} would be {hz} Hz, the rate of no IMU. '
-        "Say what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the "
-        'sample rate with --rate')
 
 
 @pytest.mark.parametrize(('first', 'step', 'hz', 'unit'), [
@@ -299,26 +351,15 @@ def of_no_imu(interval: str, hz: str, unit: str = 's') -> str:
 def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step, hz, unit):
     rows = [f'{first + row * step},{row}' for row in range(200)]
     text = '\n'.join(['timestamp,gx', *rows, ''])
-    assert refusal(path, text) == of_no_imu(str(step), hz, unit)
+    assert refusal(path, text) == (
+        f'the times are {step} apart, which in {unit} would be {hz} Hz, the rate of no IMU. Say '
+        "what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the sample "
+        'rate with --rate')
     for options, nanoseconds in ((RecordingOptions(rate_hz=50.0), 20_000_000),
                                  (named(time='timestamp us'), step * 1000)):
         block, _ = read(path, options=options)
         assert (np.diff(block.header_ns) == nanoseconds).all()
         assert block.samples[:, 0].tolist() == list(range(200))
-
-
-@pytest.mark.parametrize('units', ['"ms","deg/s","g",', 'ms,(deg/s),g,'])
-def test_units_may_stand_in_a_line_of_their_own(path, units):
-    messages, remarks = read_text(
-        path, f',time,gyro_x,accel_z,note\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n')
-    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
-    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
-    assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
-    assert remarks == [ignored(path, ['note'])]
-
-
-def _rows(times):
-    return '\n'.join(['time,gx', *(f'{time:.9f},{row}' for row, time in enumerate(times)), ''])
 
 
 @pytest.mark.parametrize('seconds', [
@@ -329,7 +370,8 @@ def _rows(times):
     np.arange(200) // 100, 1.7e9 + np.arange(200) / 100],
     ids=['slow', 'fast', 'pairs', 'outage', 'set back', 'whole seconds', 'epoch'])
 def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
-    block, _ = read_text(path, _rows(seconds))
+    rows = [f'{second:.9f},{row}' for row, second in enumerate(seconds)]
+    block, _ = read_text(path, '\n'.join(['time,gx', *rows, '']))
     np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
 
 

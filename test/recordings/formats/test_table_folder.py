@@ -4,7 +4,7 @@
 
 from pathlib import Path
 
-from bags import no_axes
+from bags import no_axes, NO_TIME
 from imu_allan import analyze
 from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, RecordingOptions, recordings_in
@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from whole_lines import refused
 
-NO_TIME = ('no time_s column; give the sample rate with --rate, or say which column is the time: '
-           "--columns 'time=NAME ms'")
 RNG = np.random.default_rng(4)
 START_NS = 1_700_000_000_000_000_000
 
