@@ -84,7 +84,7 @@ def at_rest(count: int, rate_hz: float, rng: Generator) -> tuple[Messages, Truth
 
 def _lose(messages: Messages, truth: Truth, keep: NDArray[np.bool_]) -> Messages:
     """Lose messages; those before the first and after the last kept are not missed by anybody."""
-    kept = messages.pick(np.flatnonzero(keep))
+    kept = messages.pick(keep)
     truth.missing = int(kept.place[-1] - kept.place[0]) + 1 - len(np.unique(kept.place))
     return kept
 
