@@ -6,6 +6,8 @@ from collections.abc import Callable
 import contextlib
 import os
 from pathlib import Path
+import subprocess
+import sys
 import time
 
 _MARK = 'IMU_ALLAN_TEST'
@@ -26,6 +28,36 @@ def living(folder: Path) -> list[int]:
             if mark in environment.read_bytes().split(b'\0'):
                 found.append(int(environment.parent.name))
     return found
+
+
+_INTERRUPTED = """
+import importlib, os, signal, sys
+
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == interrupted:
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+            except KeyboardInterrupt:
+                if name != 'numpy':
+                    raise
+                # What its C code makes of it.
+                raise ImportError('PyCapsule_Import could not import module') from None
+
+
+entry, interrupted = sys.argv.pop(1), sys.argv.pop(1)
+# As in a fresh interpreter, which has not met them yet.
+sys.modules.pop(interrupted, None)
+sys.meta_path.insert(0, Interrupt())
+raise SystemExit(importlib.import_module(entry).main())
+"""
+
+
+def interrupted(entry: str, module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the main of a module, which is interrupted while it imports another."""
+    return subprocess.run([sys.executable, '-c', _INTERRUPTED, entry, module, *arguments],
+                          check=False, capture_output=True, text=True, timeout=300)
 
 
 def wait_until(reached: Callable[[], object], timeout_s: float = 30.0) -> None:

@@ -1,13 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Stand-ins for the part of ``launch`` and ``launch_ros`` that the launch files use.
+"""Stand-ins for what launch files use of ``launch`` and ``launch_ros``, which have no wheels."""
 
-There are no wheels of launch, so a launch file cannot be run where ROS is not installed. These
-take the keyword arguments that the Jazzy versions document and no others: they show what a launch
-file says, not that launch understands it.
-"""
-
+from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 import importlib.util
@@ -21,6 +16,12 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 LaunchContext = dict[str, str]
+# They take the keyword arguments that the Jazzy versions document and no others: they show what a
+# launch file says, not that launch understands it.
+FindPackageShare = namedtuple('FindPackageShare', 'package')
+LaunchDescription = namedtuple('LaunchDescription', 'entities')
+PythonLaunchDescriptionSource = namedtuple('PythonLaunchDescriptionSource', 'location')
+ThisLaunchFileDir = namedtuple('ThisLaunchFileDir', '')
 
 
 @dataclass
@@ -29,15 +30,6 @@ class LaunchConfiguration:
 
     def perform(self, context: LaunchContext) -> str:
         return context[self.name]
-
-
-@dataclass
-class FindPackageShare:
-    package: str
-
-
-class ThisLaunchFileDir:
-    pass
 
 
 @dataclass
@@ -65,18 +57,8 @@ class DeclareLaunchArgument:
 
 
 @dataclass
-class LaunchDescription:
-    entities: Sequence[Any]
-
-
-@dataclass
 class OpaqueFunction:
     function: Callable[[LaunchContext], list[Any]] = field(kw_only=True)
-
-
-@dataclass
-class PythonLaunchDescriptionSource:
-    location: Any
 
 
 @dataclass
@@ -129,7 +111,6 @@ MODULES = {
 
 
 def described(name: str) -> list[Any]:
-    """Give what a launch file describes."""
     modules = {module: ModuleType(module) for module in MODULES}
     for module, kinds in MODULES.items():
         vars(modules[module]).update(kinds)
@@ -142,15 +123,14 @@ def described(name: str) -> list[Any]:
     return list(file.generate_launch_description().entities)
 
 
-def arguments(name: str) -> dict[str, DeclareLaunchArgument]:
-    """Give the arguments of a launch file."""
+def declared(name: str) -> dict[str, DeclareLaunchArgument]:
     return {one.name: one for one in described(name) if isinstance(one, DeclareLaunchArgument)}
 
 
 def launched(file: str, /, **given: str) -> list[Any]:
     """Give what a launch file starts with these arguments."""
     context = {key: one.default_value if isinstance(one.default_value, (str, type(None)))
-               else one.default_value.perform(given) for key, one in arguments(file).items()}
+               else one.default_value.perform(given) for key, one in declared(file).items()}
     context |= given
     return [started for one in described(file) for started in (
         one.function(context) if isinstance(one, OpaqueFunction) else [one])

@@ -41,30 +41,25 @@ from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
 
 T = TypeVar('T')
-
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
-ENTRY_POINTS = {'imu_allan_node': 'imu_allan.node.imu_allan_node',
-                'imu_simulator': 'imu_allan.node.imu_simulator'}
-
+ENTRY_POINTS = {name: f'imu_allan.node.{name}' for name in ('imu_allan_node', 'imu_simulator')}
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
 ASKED_AGAIN_S = 2.0
 """Without an answer for so long a request may have gone to a node that was killed."""
-
 STARVED_S = 2.0
 """A node alone with a busy core waits for tenths of a second in all."""
 
 RATE_HZ = 200.0
+HALF_RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
 NOISE = 0.01
 """Of a sample of a `Driver` and of a `Sensor`."""
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
-
-_NO_SERVICES: dict[str, Any] = {
-    'enable_rosout': False, 'start_parameter_services': False}
+_NO_SERVICES: dict[str, Any] = {'enable_rosout': False, 'start_parameter_services': False}
 """What a node of a test itself does not need, and nobody has to discover."""
-
 LARGEST_MB = 400
 """Memory of a node, whatever is done to it."""
 
@@ -72,8 +67,8 @@ LARGEST_MB = 400
 class Process:
     """A node in a process of its own."""
 
-    def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str],
-                 polite: bool, wrapper: Sequence[str] = ()) -> None:
+    def __init__(self, program: str, args: Sequence[str], log: Path, env: Mapping[str, str],
+                 polite: bool, wrapper: Sequence[str]) -> None:
         self.log_path = log
         self.polite = polite
         self.awaited = False
@@ -101,11 +96,15 @@ class Process:
         return not self.awaited and self.popen.poll() not in (
             None, 0, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)
 
+    def scheduled_s(self, waiting: bool = False) -> float:
+        """Time for which its threads ran, or were ready to run while others had the cores."""
+        threads = Path(f'/proc/{self.popen.pid}/task').iterdir()
+        return sum(int((thread / 'schedstat').read_text().split()[waiting])
+                   for thread in threads) * 1e-9
+
     @property
     def starved_s(self) -> float:
-        """Time for which its threads were ready to run and others had the cores."""
-        threads = Path(f'/proc/{self.popen.pid}/task').iterdir()
-        return sum(int((thread / 'schedstat').read_text().split()[1]) for thread in threads) * 1e-9
+        return self.scheduled_s(waiting=True)
 
     def wait(self, timeout: float = PATIENCE_S) -> int:
         """Wait for its end and return the exit status."""
@@ -116,18 +115,20 @@ class Process:
             raise AssertionError(f'still running after {timeout} s:\n{self.log}') from None
 
     def stop(self, number: signal.Signals = signal.SIGINT, within_s: float = PATIENCE_S) -> int:
-        """Send a signal and return the exit status."""
+        """Send a signal and return the exit status; no traceback may have been in the log."""
         before, began = self.starved_s, time.monotonic()
         self.popen.send_signal(number)
         left_s, starved_s = within_s, before
         while self.running and left_s > 0:
             with contextlib.suppress(AssertionError):
-                return self.wait(min(left_s, 1.0))
+                self.wait(min(left_s, 1.0))
             with contextlib.suppress(OSError):
                 # For what the computer keeps it waiting the node is not to blame.
                 starved_s = max(starved_s, self.starved_s)
                 left_s = within_s + starved_s - before - (time.monotonic() - began)
-        return self.wait(0.1)
+        status = self.wait(0.1)
+        assert 'Traceback' not in self.log, self.log
+        return status
 
 
 def lossless(topic: str) -> dict[str, str]:
@@ -171,7 +172,6 @@ class Ros:
         self._recorders: list[Node] = []
 
     def name(self, topic: str) -> str:
-        """Give the full name of a topic, service or node of this test."""
         return f'{self.namespace}/{topic}'
 
     def start(self, program: str, parameters: Mapping[str, Any] | None = None,
@@ -196,11 +196,9 @@ class Ros:
             if not best_effort:
                 topic = (remaps or {}).get('imu/data_raw', 'imu/data_raw')
                 given |= lossless(f'{namespace or self.namespace}/{topic}')
-        for key, value in given.items():
-            args += ['-p', f'{key}:={yaml_value(value)}']
+        args += arguments(given)
         for before, after in (remaps or {}).items():
             args += ['-r', f'{before}:={after}']
-        log = self.folder / f'{program}_{len(self._processes)}.log'
         environment = dict(env or {})
         if shared_memory:
             environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'DEFAULT'
@@ -213,23 +211,27 @@ class Ros:
         if prepend_path is not None:
             paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
             environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
-        process = Process(program, args, log, environment, polite=shared_memory, wrapper=wrapper)
+        return self.started(program, args, environment, shared_memory, wrapper)
+
+    def started(self, program: str, args: Sequence[str], env: Mapping[str, str] = NOTHING,
+                polite: bool = False, wrapper: Sequence[str] = ()) -> Process:
+        """Start a node with these arguments."""
+        log = self.folder / f'{program}_{len(self._processes)}.log'
+        process = Process(program, args, log, env, polite, wrapper)
         self._processes.append(process)
         return process
 
     def until(self, condition: Callable[[], T], timeout: float = PATIENCE_S) -> T:
         """Spin until `condition` gives something true, and return it."""
         end = time.monotonic() + timeout
-        while True:
-            found = condition()
-            if found:
-                return found
+        while not (found := condition()):
             dead = [p.log_path.name for p in self._processes if p.failed]
             if dead or time.monotonic() > end:
                 logs = '\n'.join(f'-- {p.log_path.name}\n{p.log}' for p in self._processes)
                 why = f'{", ".join(dead)} ended' if dead else f'did not come true in {timeout} s'
                 raise AssertionError(f'{why}\n{logs}')
             self.executor.spin_once(timeout_sec=0.1)
+        return found
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = LATCHED,
                callback: Callable[[Any], None] | None = None) -> list[Any]:
@@ -259,15 +261,13 @@ class Ros:
     def recorder(self, topic: str = 'imu/data_raw') -> DrainedSubscription:
         """Subscribe to an Imu topic so that a simulator at full speed waits for it."""
         full = self.name(topic)
+        overrides = [Parameter(key, value=value) for key, value in lossless(full).items()]
         self._recorders.append(Node(
             f'recorder{len(self._recorders)}', namespace=self.namespace, context=self._context,
-            **_NO_SERVICES,
-            parameter_overrides=[Parameter(key, value=value)
-                                 for key, value in lossless(full).items()]))
+            parameter_overrides=overrides, **_NO_SERVICES))
         return DrainedSubscription(self._recorders[-1], Imu, full, 10_000)
 
     def call(self, kind: type, service: str, request: Any = None) -> Any:
-        """Call a service and return its response."""
         client = self.node.create_client(kind, self.name(service))
         self.until(client.service_is_ready)
         end = time.monotonic() + PATIENCE_S
@@ -334,8 +334,7 @@ class Health:
         return DiagnosticStatus.STALE if found is None else bytes(found.level)
 
     def values(self, part: str) -> dict[str, str]:
-        found = self.status(part)
-        return {} if found is None else {entry.key: entry.value for entry in found.values}
+        return entries(self.status(part) or DiagnosticStatus())
 
     def number(self, part: str, key: str) -> float:
         """Give one of its values; NaN before it has come."""
@@ -350,6 +349,10 @@ class Health:
         """Wait for what is said from now on."""
         self.heard.clear()
         self._ros.until(lambda: self.heard)
+
+
+def entries(status: DiagnosticStatus) -> dict[str, str]:
+    return {entry.key: entry.value for entry in status.values}
 
 
 class Driver:
@@ -396,6 +399,10 @@ class Driver:
             self.send(encode_imu(stamp, sample, frame_id))
             self.next += 1
 
+    def replay(self, block: ImuBlock) -> None:
+        for row in encode_imu_rows(block):
+            self.send(row.tobytes())
+
     def send(self, message: bytes) -> None:
         """Publish a serialized message, as soon as there is room for it."""
         end = time.monotonic() + PATIENCE_S
@@ -423,12 +430,24 @@ def at_rest(count: int, rate_hz: float = 100.0, *, start_s: float = 0.0, seed: A
                     np.zeros((len(stamps), 2), bool), frame_id)
 
 
-def result_of(*blocks: ImuBlock) -> Result:
-    """Characterize messages."""
+def half(name: str, seconds: float, start_s: float = 0.0, rate_hz: float = 0.0) -> ImuBlock:
+    """Give messages of one sensor of an IMU on two topics; the other half of each is zero."""
+    rate_hz = rate_hz or HALF_RATES_HZ[name]
+    block = at_rest(round(seconds * rate_hz), rate_hz, start_s=start_s,
+                    seed=len(name) + round(start_s), frame_id=f'{name}_frame')
+    block.samples[:, slice(3, 6) if name == 'gyro' else slice(3)] = 0
+    return block
+
+
+def characterized(*blocks: ImuBlock) -> Characterization:
     run = Characterization(kind='topic', topic='/imu')
     for block in blocks:
         run.update(block)
-    return run.result()
+    return run
+
+
+def result_of(*blocks: ImuBlock) -> Result:
+    return characterized(*blocks).result()
 
 
 class Sensor:
@@ -465,10 +484,9 @@ class Sensor:
         """Publish what it measures meanwhile, each sample so many times."""
         assert self.driver is not None
         count = round(seconds * self.rate_hz)
-        for row in encode_imu_rows(at_rest(
-                count, self.rate_hz, start_s=self.now_s, seed=self.random, noise=self.noise,
-                mean=self.bias, polled=polled, frame_id=frame_id)):
-            self.driver.send(row.tobytes())
+        self.driver.replay(at_rest(
+            count, self.rate_hz, start_s=self.now_s, seed=self.random, noise=self.noise,
+            mean=self.bias, polled=polled, frame_id=frame_id))
         self.now_s += seconds
         self.sent += count
 
@@ -500,13 +518,12 @@ def kept_in(state_file: Path) -> TimelineSummary:
 
 
 def resident_mb(pid: int) -> float:
-    """Memory that a process holds."""
     pages = Path(f'/proc/{pid}/statm').read_text().split()[1]
     return int(pages) * 4096 / 1e6
 
 
 def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
-                     env: Mapping[str, str] = MappingProxyType({})) -> list[tuple[int, str]]:
+                     env: Mapping[str, str] = NOTHING) -> list[tuple[int, str]]:
     """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
@@ -526,7 +543,7 @@ for arguments in json.loads(sys.argv[1]):
     return [(int(status), text) for text, status in zip(parts[::2], parts[1::2], strict=False)]
 
 
-def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
+def facts(recent: Mapping[str, int] = NOTHING, **changes: Any) -> Facts:
     """Give what a node that is well counts, and what of it is recent."""
     made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
                     'publishers': 1, 'received': 100, 'received_hz': 100.0, **changes})
@@ -540,6 +557,12 @@ def summary(**changes: Any) -> TimelineSummary:
         'timeline': Timeline(100.0, 1000, 10.0), 'clock': 'header', 'frame_id': 'imu',
         'start_time': None, 'remarks': (), 'present': (True,) * 6, 'measured_rate_hz': 100.0,
         'jitter_s': 1e-5, **changes})
+
+
+def arguments(parameters: Mapping[str, Any]) -> list[str]:
+    """Give the arguments of a node that set its parameters."""
+    return [word for key, value in parameters.items()
+            for word in ('-p', f'{key}:={yaml_value(value)}')]
 
 
 def yaml_value(value: Any) -> str:

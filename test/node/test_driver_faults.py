@@ -1,19 +1,26 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver, its clock and the computer do to a node that is running."""
+"""What drivers, their clocks, the computer and errors of its own do to a node."""
 
 from collections.abc import Callable
+import json
 import os
+import struct
 import subprocess
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
 from imu_allan.cdr import encode_imu
+from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
-from ros_harness import Driver, Health, RATE_HZ, Ros
-from sensor_msgs.msg import Temperature
+from ros_harness import Driver, Health, RATE_HZ, Ros, START_NS
+from sensor_msgs.msg import CompressedImage, Temperature
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from whole_lines import Varying
 
 
@@ -39,8 +46,7 @@ def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros
                             'switched off and on, so its mean is another one from here on') == 1
     assert document['timeline']['samples'] == second.next - away
     assert document['timeline']['rejected'] == document['timeline']['out_of_order'] == 0
-    assert node.running
-    assert 'Traceback' not in node.log
+    assert node.stop() == 0
 
 
 def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
@@ -70,9 +76,7 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
     publisher.publish(Temperature(temperature=20.0))
     driver.send(b'\0\1\0\0nothing of the kind')
     driver.next += 1
-    driver.send(encode_imu(1_700_000_000 * 10**9 + round(driver.next / RATE_HZ * 1e9),
-                           np.full(6, np.nan), 'imu'))
-    driver.next += 1
+    driver.publish(1, shaken=np.nan)
     malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 30 s: '
                         '<words>')
     meanwhile(driver, lambda: health.said('reception', malformed))
@@ -118,4 +122,116 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(
     assert Varying('imu_allan_node: /dev/shm has only <number> MB of room: messages come over the '
                    f'network, at more cost; {remedy}') in node.lines
     assert node.stop() == 0
-    assert 'Traceback' not in node.log
+
+
+KINDS = {'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
+         'geometry_msgs/msg/Vector3Stamped': Vector3Stamped,
+         'sensor_msgs/msg/CompressedImage': CompressedImage,
+         'std_msgs/msg/Float64MultiArray': Float64MultiArray}
+
+
+def message(index: int, value: float | None = None, *, stamp: int | None = None,
+            frame_id: str = 'imu', absent: tuple[bool, bool] = (False, False)) -> bytes:
+    sample = np.random.default_rng(index).normal(0, 0.01, 6) if value is None else [value] * 6
+    return encode_imu(START_NS + index * 5_000_000 if stamp is None else stamp,
+                      np.asarray(sample), frame_id, absent)
+
+
+def with_stamp(index: int, seconds: int, nanoseconds: int) -> bytes:
+    given = message(index)
+    return given[:4] + struct.pack('<iI', seconds, nanoseconds) + given[12:]
+
+
+HOSTILE: dict[str, Callable[[int], bytes]] = {
+    'every value is NaN': lambda i: message(i, float('nan')),
+    'values too large for squares': lambda i: message(i, 1e300),
+    'both fields declared absent': lambda i: message(i, absent=(True, True)),
+    'NaN, every other message': lambda i: message(i, float('nan') if i % 2 else None),
+    'stamps of zero': lambda i: message(i, stamp=0),
+    'one stamp for all': lambda i: message(i, stamp=START_NS),
+    'stamps that run backward': lambda i: message(i, stamp=START_NS - i * 5000),
+    'the latest stamp there is': lambda i: with_stamp(i, 2**31 - 1, 2**32 - 1),
+    'stamps of years apart': lambda i: with_stamp(i, i * 10_000_000, 0),
+    'a value that never changes': lambda i: message(i, 1.0),
+    'another frame_id every time': lambda i: message(i, frame_id=f'imu{i}'),
+    'a frame_id that is no name': lambda i: message(i, frame_id='\x1b[2J\n\x07 ü%s{}'),
+    'bytes that are no message': lambda i: bytes([0, 1, 0, 0]) + bytes([i % 256]) * i,
+}
+
+
+def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
+        ros: Ros, health: Health) -> None:
+    node = ros.start('imu_allan_node', {
+        'publish_period': 1.0, 'checkpoint_period': 1.0,
+        'state_file': str(ros.folder / 'state')}, constants={
+            'reports.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
+    driver = Driver(ros).wait_for_node()
+
+    def topics() -> dict[str, type]:
+        return {name: KINDS[kind] for name, [kind] in ros.node.get_topic_names_and_types()
+                if name.startswith(f'{ros.name("imu_allan")}/') and kind in KINDS}
+
+    ros.until(lambda: len(topics()) >= 10)
+    for topic, kind in topics().items():
+        ros.listen(kind, topic)
+    for hostile in HOSTILE.values():
+        for index in range(200):
+            driver.send(hostile(index))
+        # What is still under way at a reset would be of the next run.
+        driver.until_taken()
+        health.news()
+        assert node.running, node.log
+        assert ros.call(Trigger, 'imu_allan/reset').success
+    driver.publish(4000)
+    driver.until_taken()
+    document = ros.saved()
+    assert document['timeline']['samples'] == 4000
+    assert set(document['axes']) == set(AXES)
+    assert node.stop() == 0, node.log
+
+
+def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(
+        ros: Ros) -> None:
+    # Stands for any bug: the timer's callback calls a function that raises.
+    (ros.folder / 'sitecustomize.py').write_text(
+        'import imu_allan.node.diagnostics as diagnostics\n'
+        'def fail(*arguments): raise ZeroDivisionError("a bug")\n'
+        'diagnostics.diagnostics_message = fail\n')
+    node = ros.start('imu_allan_node', {'state_file': str(ros.folder / 'state')},
+                     prepend_path=ros.folder)
+    driver = Driver(ros).wait_for_node()
+    driver.publish(4000)
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == 4000
+    for path in (ros.folder / 'output').rglob('result.json'):
+        path.unlink()
+    ros.listen(DiagnosticArray, '/diagnostics', 10)
+    assert node.wait() == 1
+    assert 'ZeroDivisionError: a bug' in node.lines
+    assert ('internal error: the node ends and saves what it has learnt; please report it'
+            in node.lines)
+    assert (ros.folder / 'state').stat().st_size > 10_000
+    [document] = ros.results()
+    assert document['timeline']['samples'] == 4000
+
+
+def test_an_output_folder_that_takes_nothing_is_reported_at_once_and_replaced_at_the_end(
+        ros: Ros, health: Health) -> None:
+    (ros.folder / 'file').write_text('in the way')
+    unwritable = str(ros.folder / 'file' / 'output')
+    node = ros.start('imu_allan_node', {'output_dir': unwritable,
+                                        'state_file': str(ros.folder / 'states' / 'state')})
+    line = (f'output_dir {unwritable}: cannot be written (Not a directory); set the parameter to '
+            'a folder that may be written to')
+    ros.until(lambda: line in node.lines)
+    driver = Driver(ros).wait_for_node()
+    driver.publish(4000)
+    ros.until(lambda: health.said('storage', line, b'\2'))
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop() == 1
+    assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '
+                   'that exists on a disk with room and may be written to') in node.lines
+    [path] = (ros.folder / 'states').rglob('result.json')
+    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+    assert ('wrote result.json, curve.csv, imu.yaml, allan_deviation.png to '
+            f'{path.parent}') in node.lines

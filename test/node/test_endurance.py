@@ -4,11 +4,15 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from math import log
 import subprocess
 import sys
 import time
 
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
 from repeated import slow
@@ -125,9 +129,7 @@ def test_memory_and_cost_stay_as_samples_pile_up(
         memories.append(most_mb_until(ros, health, node, total * part / 8 - (
             200 if best_effort else 0)))
         samples.append(health.number('reception', 'received'))
-        threads = Path(f'/proc/{node.popen.pid}/task').iterdir()
-        cpu.append(sum(int((thread / 'schedstat').read_text().split()[0])
-                       for thread in threads) * 1e-9)
+        cpu.append(node.scheduled_s())
         print(f'{samples[-1]:12.0f} samples {memories[-1]:6.1f} MB {cpu[-1]:8.1f} s of CPU',
               flush=True)
     assert simulator.wait() == 0
@@ -139,3 +141,74 @@ def test_memory_and_cost_stay_as_samples_pile_up(
         assert memories[-1] < 1.1 * memories[0]
         costs = np.diff(cpu) / np.diff(samples)
         assert costs[-1] < 1.25 * costs[0]
+
+
+MODEL = parse_model("""
+gyro: {noise_density: 1e-4 rad/s/sqrt(Hz), bias_instability: 2e-5 rad/s,
+       rate_random_walk: 2e-6 rad/s^2/sqrt(Hz)}
+accel: {noise_density: 2e-3 m/s^2/sqrt(Hz), bias_instability: 4e-4 m/s^2,
+        rate_random_walk: 5e-5 m/s^3/sqrt(Hz), z: {mean: 9.81 m/s^2}}
+""")
+RATE_HZ = 25.0
+
+
+class Robot:
+    """Its IMU goes through drives, turns and stops, with and without the engine."""
+
+    def __init__(self, seed: int) -> None:
+        self._imu = SimulatedImu(MODEL, RATE_HZ, seed)
+        self._random = np.random.default_rng(seed)
+        self._next = 0
+        self.run = Characterization(kind='topic', topic='/imu')
+        self.at_rest_s = 0.0
+
+    def day(self, hours: float) -> None:
+        """Work: stops of 5 s to 10 min between drives, a quarter of them with the engine on."""
+        draw, end = self._random, self._next + hours * 3600 * RATE_HZ
+        while self._next < end:
+            # On uneven ground, in slow bends; then, now and then, on the spot.
+            self.go(draw.uniform(10, 600), [0.05, 0.6], bends=0.1)
+            if draw.random() < 0.3:
+                self.go(draw.uniform(3, 10), [0.01, 0.1], turn=0.5)
+            seconds = float(np.exp(draw.uniform(log(5), log(600))))
+            if draw.random() < 0.25:
+                self.go(seconds, [0.0, 0.0], engine=1.0)
+            else:
+                self.stop(seconds)
+
+    def stop(self, seconds: float) -> None:
+        """Stand still, the engine off."""
+        self.at_rest_s += seconds
+        self.go(seconds, [0.0, 0.0])
+
+    def go(self, seconds: float, shaken: list[float], *, bends: float = 0.0, turn: float = 0.0,
+           engine: float = 0.0) -> None:
+        """Pass some seconds; an engine shakes gyroscope and accelerometer at 8.3 Hz."""
+        numbers = self._next + np.arange(round(seconds * RATE_HZ))
+        samples = self._imu.draw(len(numbers))
+        if any(shaken):
+            samples += self._random.normal(0, np.repeat(shaken, 3), samples.shape)
+        samples[:, 2] += turn + bends * np.sin(2 * np.pi * numbers / RATE_HZ / 20)
+        samples += np.outer(np.sin(2 * np.pi * 8.3 * numbers / RATE_HZ),
+                            np.repeat([0.01, 0.3], 3)) * engine
+        stamps = 10**18 + np.rint(numbers / RATE_HZ * 1e9).astype(np.int64)
+        self._next += len(numbers)
+        self.run.update(ImuBlock(stamps, stamps, samples, np.zeros((len(stamps), 2), bool), 'imu'))
+
+
+@pytest.mark.parametrize(('seed', 'hours'), [(1, 2), slow(3, 7 * 24)])
+def test_stop_and_go_shows_the_noise_of_the_sensor(seed: int, hours: float) -> None:
+    robot = Robot(seed)
+    robot.stop(120)
+    robot.day(hours)
+    result, summary = robot.run.result(), robot.run.summary()
+    for name, axis in result.axes.items():
+        assert axis.coefficients['noise_density'].observable
+        assert axis.goodness_of_fit.acceptable
+        # Every interval or bound is about the true value, with room for chance.
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            found, true = axis.coefficients[key], MODEL.axes[name][key]
+            low, high = found.ci95 or (0.0, found.upper95 or 0.0)
+            assert low - (high - low) < true < high + (high - low), (name, key, low, high)
+    used_s = summary.timeline.samples / RATE_HZ - summary.excluded_s
+    assert 0.7 * robot.at_rest_s < used_s < 1.02 * robot.at_rest_s

@@ -20,15 +20,14 @@ from imu_allan.node.interface import (
     SIMULATOR,
 )
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_harness import Driver, ENTRY_POINTS, Ros
+from rclpy.node import Node
+from ros_harness import Driver, ENTRY_POINTS, LATCHED, Ros
 from std_msgs.msg import String
 import yaml
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
 INTERFACES = {one.program: one for one in (CHARACTERIZATION, SIMULATOR)}
-NAMES = {'imu_allan_node': 'imu_allan', 'imu_simulator': 'imu_simulator'}
 TERMS = ('noise_density', 'bias_instability', 'rate_random_walk', 'filter_random_walk')
 
 
@@ -80,7 +79,7 @@ def expanded(interface: Interface, node: str) -> set[str]:
 
 @pytest.mark.parametrize('program', ENTRY_POINTS)
 def test_what_help_names_is_what_the_node_has(running: Ros, program: str) -> None:
-    node = NAMES[program]
+    node = program.removesuffix('_node')
     # Nothing is measured of the tuned walk.
     wanted = {name for name in expanded(INTERFACES[program], node)
               if 'filter_random_walk/interval' not in name}
@@ -90,32 +89,19 @@ def test_what_help_names_is_what_the_node_has(running: Ros, program: str) -> Non
         '/rosout', f'{node}/get_type_description', '/clock'}
 
 
-ANALYZER = {'type': str, 'path': str, 'contains': list, 'timeout': float}
-"""Parameters of diagnostic_aggregator/GenericAnalyzer in ROS 2, each of one type only."""
-STATUSES = ('reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')
-
-
-def analyzer() -> dict[str, Any]:
-    document = yaml.safe_load((ROOT / 'config' / 'imu_allan_diagnostics.yaml').read_text())
-    parameters = document['/**']['ros__parameters']
-    assert isinstance(parameters['path'], str)
-    [found] = [value for value in parameters.values() if isinstance(value, dict)]
-    return dict(found)
-
-
-def test_the_analyzers_take_in_every_status_of_the_node() -> None:
-    assert analyzer()['type'] == 'diagnostic_aggregator/GenericAnalyzer'
-    for name, value in analyzer().items():
-        # The aggregator asks for a parameter of this type and ends where it has another.
-        assert type(value) is ANALYZER[name], name
-    assert analyzer()['contains'] == [f': {part}' for part in STATUSES]
-
-
-def test_the_parameter_file_has_every_parameter_at_its_default() -> None:
-    document = yaml.safe_load((ROOT / 'config' / 'imu_allan.yaml').read_text())
-    expected = {setting.name: list(setting.default) if isinstance(setting.default, tuple)
-                else setting.default for setting in SETTINGS}
-    assert document == {'/**': {'ros__parameters': expected}}
+def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status() -> None:
+    own, analyzers = (yaml.safe_load((ROOT / 'config' / file).read_text())['/**'][
+        'ros__parameters'] for file in ('imu_allan.yaml', 'imu_allan_diagnostics.yaml'))
+    assert own == {setting.name: list(setting.default) if isinstance(setting.default, tuple)
+                   else setting.default for setting in SETTINGS}
+    [(name, analyzer)] = [one for one in analyzers.items() if isinstance(one[1], dict)]
+    # The aggregator asks for a parameter of one type and ends where it has another.
+    types = {'type': str, 'path': str, 'contains': list, 'timeout': float}
+    assert {key: type(value) for key, value in analyzer.items()}.items() <= types.items()
+    assert {key: type(value) for key, value in analyzers.items() if key != name} == {'path': str}
+    assert (analyzer['type'], analyzer['contains']) == (
+        'diagnostic_aggregator/GenericAnalyzer', [f': {part}' for part in (
+            'reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')])
 
 
 def test_foxglove_layout_and_cpp_example_take_what_is_published_in_a_namespace_too(
@@ -159,12 +145,6 @@ def test_the_security_policy_allows_what_the_node_uses_and_no_more(running: Ros)
             if group.get(right) == 'ALLOW' for entry in group}, right
 
 
-def section(title: str) -> str:
-    [(_, text)] = re.findall(rf'^(#+) {re.escape(title)}\n(.*?)(?=^\1 |\Z)', PAGE,
-                             re.MULTILINE | re.DOTALL)
-    return str(text)
-
-
 def written(setting: Setting) -> str:
     default = setting.default
     if default == '':
@@ -175,11 +155,12 @@ def written(setting: Setting) -> str:
 
 
 @pytest.mark.parametrize(('title', 'settings'), [
-    ('Parameters', SETTINGS),
-    ('The node `imu_simulator`', SIMULATOR.settings)])
+    ('Parameters', SETTINGS), ('The node `imu_simulator`', SIMULATOR.settings)])
 def test_every_parameter_is_documented_with_default_and_range(
         title: str, settings: Sequence[Setting]) -> None:
-    rows = dict(re.findall(r'^\| `(\w+)` \| (.*) \|$', section(title), re.MULTILINE))
+    [(_, section)] = re.findall(rf'^(#+) {re.escape(title)}\n(.*?)(?=^\1 |\Z)', PAGE,
+                                re.MULTILINE | re.DOTALL)
+    rows = dict(re.findall(r'^\| `(\w+)` \| (.*) \|$', section, re.MULTILINE))
     assert set(rows) == {setting.name for setting in settings}
     for setting in settings:
         default, *between, what = rows[setting.name].split(' | ')
@@ -191,8 +172,6 @@ def test_every_parameter_is_documented_with_default_and_range(
 
 
 def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> None:
-    from rclpy.node import Node
-
     class InThisDomain(Node):
         def __init__(self, name: str) -> None:
             super().__init__(name, context=ros.node.context, namespace=ros.namespace)
@@ -203,17 +182,15 @@ def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> N
     [expression] = re.findall(r'`(json\.loads.*?)`', PAGE)
     results: list[String] = []
     example = type('Filter', (names['Filter'], InThisDomain), {})()
-    example.create_subscription(String, 'imu_allan/result', results.append, QoSProfile(
-        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    example.create_subscription(String, 'imu_allan/result', results.append, LATCHED)
     ros.executor.add_node(example)
     try:
         ros.start('imu_allan_node', {'publish_period': 0.5})
         driver = Driver(ros).wait_for_node()
         driver.publish(4000)
         # White noise of 0.01 rad/s at 200 Hz.
-        expected = 0.01 / 200**0.5
-        ros.until(lambda: all(value == pytest.approx(expected, rel=0.1)
-                              for value in example.gyro_noise_density))
+        expected = [pytest.approx(0.01 / 200**0.5, rel=0.1)] * 3
+        ros.until(lambda: list(example.gyro_noise_density) == expected)
         ros.until(lambda: results)
         low, high = eval(expression, {'json': json, 'message': results[-1]})
         assert low < example.gyro_noise_density[0] < high

@@ -2,23 +2,43 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch files start, on stand-ins for launch; and a real node started so."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import json
+import os
 from pathlib import Path
+import re
+import signal
 import subprocess
 import sys
+from typing import Any
 
-from launch_stand_ins import arguments, LaunchConfiguration, launched, ParameterValue, ROOT
+from diagnostic_msgs.msg import DiagnosticArray
+from launch_stand_ins import declared, LaunchConfiguration, launched, ParameterValue, ROOT
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_harness import at_rest, result_of, Ros, said_in
+from repeated import slow
+from ros_harness import (
+    arguments,
+    at_rest,
+    Driver,
+    lossless,
+    PATIENCE_S,
+    resident_mb,
+    result_of,
+    Ros,
+)
+from std_srvs.srv import SetBool
 from whole_lines import refused
 import yaml
 
+PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
+
 
 def test_every_argument_is_described_and_documented() -> None:
-    page = (ROOT / 'docs' / 'ros_interface.md').read_text()
-    section = page.partition('### Launch\n')[2].partition('\n## ')[0]
+    section = PAGE.partition('### Launch\n')[2].partition('\n## ')[0]
     for file in (ROOT / 'launch').glob('*.launch.py'):
-        for name, argument in arguments(file.name.partition('.')[0]).items():
+        for name, argument in declared(file.name.partition('.')[0]).items():
             assert argument.description, name
             assert f'`{name}`' in section, name
 
@@ -35,32 +55,21 @@ def test_every_argument_reaches_the_node(ros: Ros) -> None:
              'spec_file': str(specification), 'reference': str(reference),
              'temperature_topic': 'a/warmth',
              'log_level': 'debug', 'use_sim_time': 'true', 'respawn': 'false'}
-    assert {*given, 'imu_topic'} == {*arguments('imu_allan')}
+    assert {*given, 'imu_topic'} == {*declared('imu_allan')}
     [node] = launched('imu_allan', **given)
     assert (node.package, node.executable, node.respawn) == ('imu_allan', 'imu_allan_node', False)
-    start = 'import sys; from imu_allan.node.imu_allan_node import main; sys.exit(main())'
-    log = ros.folder / 'log'
-    with log.open('wb') as output:
-        process = subprocess.Popen([sys.executable, '-c', start, *node.command(ros.folder)],
-                                   stdout=output, stderr=subprocess.STDOUT)
-    try:
-        ros.until(lambda: 'characterizing the IMU' in log.read_text()
-                  or process.poll() is not None)
-        assert process.poll() is None, log.read_text()
-        wanted = {'publish_period': 0.5, 'coast': 30.0, **given, 'use_sim_time': True}
-        for other in ('name', 'namespace', 'params_file', 'log_level', 'respawn'):
-            del wanted[other]
-        values = ros.call(GetParameters, 'front/noise/get_parameters',
-                          GetParameters.Request(names=[*wanted])).values
-        assert {name: value.string_value or value.double_value or value.bool_value
-                for name, value in zip(wanted, values, strict=True)} == wanted
-        topics = ros.name('front/a/gyro'), ros.name('front/a/accel')
-        assert ros.until(lambda: f'characterizing the IMU on {" and ".join(topics)}'
-                         in said_in(log.read_text()))
-        assert 'DEBUG' in log.read_text()
-    finally:
-        process.terminate()
-        assert process.wait(300) in (0, -15), log.read_text()
+    process = ros.started('imu_allan_node', node.command(ros.folder))
+    topics = ros.name('front/a/gyro'), ros.name('front/a/accel')
+    ros.until(lambda: f'characterizing the IMU on {" and ".join(topics)}' in process.lines)
+    wanted = {'publish_period': 0.5, 'coast': 30.0, **given, 'use_sim_time': True}
+    for other in ('name', 'namespace', 'params_file', 'log_level', 'respawn'):
+        del wanted[other]
+    values = ros.call(GetParameters, 'front/noise/get_parameters',
+                      GetParameters.Request(names=[*wanted])).values
+    assert {name: value.string_value or value.double_value or value.bool_value
+            for name, value in zip(wanted, values, strict=True)} == wanted
+    assert 'DEBUG' in process.log
+    assert process.stop(signal.SIGTERM) == 0
 
 
 def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
@@ -106,3 +115,78 @@ def test_the_demo_hands_its_arguments_to_the_simulator() -> None:
         name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in (
             ('model', str), ('rate', float), ('speed', float), ('duration', float))}]
     assert simulator.namespace == node.namespace
+
+
+IMPORTS = 'from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor\n'
+MOST_MB = 40
+"""Of each further IMU in a process."""
+SAMPLES = 2000
+
+
+@contextmanager
+def spinning(ros: Ros, executor: str, namespaces: Sequence[str]) -> Iterator[subprocess.Popen]:
+    """Run the example of the page for these namespaces, in an executor."""
+    [code] = re.findall(r'^```python\n(import rclpy\n.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
+    sides = "('front', 'rear', 'left', 'right')"
+    assert sides in code
+    assert IMPORTS in code
+    code = code.replace(sides, repr(tuple(namespaces)))
+    if executor == 'EventsExecutor':
+        # Its `spin` calls nothing in the wheels of rclpy 7.1.6.
+        code = code.replace(IMPORTS, 'from rclpy.executors import ExternalShutdownException\n'
+                            'from rclpy.experimental import EventsExecutor\n').replace(
+            '    executor.spin()\n', '    while rclpy.ok():\n        executor.spin_once(1.0)\n')
+    code = code.replace('MultiThreadedExecutor', executor)
+    parameters: dict[str, Any] = {'publish_period': 0.5}
+    for namespace in namespaces:
+        parameters |= lossless(f'{namespace}/imu/data_raw')
+    command = [sys.executable, '-c', code, '--ros-args', *arguments(parameters)]
+    process = subprocess.Popen(command, env={
+        **os.environ, 'HOME': str(ros.folder), 'ROS_HOME': str(ros.folder)})
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def feed(ros: Ros, places: Sequence[str]) -> None:
+    """Publish to all nodes, and wait for what each makes of it."""
+    drivers = [Driver(ros, f'{place}/imu/data_raw') for place in places]
+    arrays = [ros.listen(DiagnosticArray, f'{place}/imu_allan/coefficients') for place in places]
+    for driver in drivers:
+        driver.wait_for_node()
+        driver.publish(SAMPLES)
+    for driver in drivers:
+        assert driver.publisher.wait_for_all_acked()
+    ros.until(lambda: all(arrays))
+
+
+@pytest.mark.parametrize(('executor', 'count'), [
+    ('EventsExecutor', 1), ('MultiThreadedExecutor', 4), slow('SingleThreadedExecutor', 4)])
+def test_imus_in_one_process_are_characterized_in_any_executor_and_share_what_is_large(
+        ros: Ros, executor: str, count: int) -> None:
+    sides = [f'imu{number}' for number in range(count)]
+    with spinning(ros, executor, list(map(ros.name, sides))) as process:
+        alone = [] if count == 1 else ['alone']
+        nodes = [ros.start('imu_allan_node', {'publish_period': 0.5}, namespace=ros.name(name))
+                 for name in alone]
+        feed(ros, [*alone, *sides])
+
+        def is_shared() -> bool:
+            return all(resident_mb(process.pid) - resident_mb(node.popen.pid)
+                       < (count - 1) * MOST_MB for node in nodes)
+
+        assert is_shared()
+        for side in [*alone, *sides]:
+            assert ros.call(SetBool, f'{side}/imu_allan/pause').success
+            assert ros.saved(f'{side}/imu_allan')['timeline']['samples'] == SAMPLES
+        # What drawing has taken is given back.
+        ros.until(is_shared, timeout=10.0)
+        for path in ros.folder.rglob('result.json'):
+            path.unlink()
+        # Whoever spins it destroys it at the end, and it saves.
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 0
+    assert [json.loads(path.read_text())['timeline']['samples']
+            for path in ros.folder.rglob('result.json')] == [SAMPLES] * count

@@ -1,6 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""What is published, logged and reported of a run, and from when on a term is."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -9,14 +11,25 @@ from builtin_interfaces.msg import Time
 from changed import only, UNSEEN, with_axes, with_coefficient
 from diagnostic_msgs.msg import DiagnosticStatus
 from imu_allan.finding import finding
-from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
+from imu_allan.node.announcements import Announcements, progress_line
+from imu_allan.node.checkpoint import decode_state, encode_state
+from imu_allan.node.diagnostics import (
+    diagnostics_message,
+    Facts,
+    reception_conditions,
+    timeline_conditions,
+    waiting_for,
+)
+from imu_allan.node.log import Log
 from imu_allan.node.result_messages import result_messages
-from imu_allan.result import GoodnessOfFit, Result, Timeline, Tone, TurnOnBias
-from imu_allan.timeline import TimelineSummary
+from imu_allan.node.run import new_run, pack, Setup, unpack
+from imu_allan.node.sequential import SequentialLooks
+from imu_allan.result import Coefficient, GoodnessOfFit, Result, Timeline, Tone, TurnOnBias
+from imu_allan.timeline import TimelineOptions, TimelineSummary
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
-from ros_harness import at_rest, facts, result_of, summary
+from ros_harness import at_rest, entries, facts, Heard, result_of, summary
 
 STAMP = Time(sec=12, nanosec=34)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -40,10 +53,6 @@ def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | 
     array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
     [status] = [one for one in array.status if one.name == f'imu_allan: {part}']
     return status
-
-
-def entries(status: DiagnosticStatus) -> dict[str, str]:
-    return {entry.key: entry.value for entry in status.values}
 
 
 @pytest.mark.parametrize(('key', 'changes', 'level', 'words'), [
@@ -159,3 +168,141 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result: Res
     assert entries(status)['next_observable_in_s'] == '900.0'
     assert entries(status)['observable/rate_random_walk'] == '1'
     assert entries(status)['observable/noise_density'] == '2'
+
+
+@pytest.fixture
+def announcements(heard: Any) -> Announcements:
+    return Announcements(Log(heard), '/imu')
+
+
+def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
+        announcements: Announcements, heard: Heard) -> None:
+    counts = {'malformed': 1, 'lost': 3, 'rejected': 1, 'clock_jumps': 1}
+    bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
+                temperature_topic='/warmth', temperature_missing=True)
+    moving = summary(moving=True, clock_jumps=1)
+    for now in range(100):
+        announcements.see_reception(bad)
+        announcements.see_timeline(now, bad, moving)
+    begun = [one for one in (*reception_conditions(bad), *timeline_conditions(bad, moving))
+             if one.present and one.over is not None]
+    assert len(begun) == 11
+    first = "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps"
+    assert [line for line in heard.lines if line != first] == [
+        f'warning {one.message}' for one in begun]
+    assert heard.lines.count(first) == 1
+    heard.lines.clear()
+    good = facts(malformed=1, lost=3, pause_s=4.0, expected_rate=100.0,
+                 temperature_topic='/warmth')
+    for now in range(101, 200):
+        announcements.see_reception(good)
+        announcements.see_timeline(now, good, summary(
+            timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
+    assert heard.lines == [
+        'info no other node has the same name any more',
+        'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
+        'info one publisher is left on /imu',
+        'info the messages on /imu are new again',
+        'info every message on /imu can be decoded again; 1 message could not be in all',
+        'info no message on /imu is lost any more; 3 were in all',
+        'info the thermometer on /warmth is there',
+        'info messages come on /imu again after 4 s without',
+        'info the IMU is at rest again',
+        'info the rate is the expected one again',
+        'info no message is rejected any more; 1 was in all']
+
+
+def test_progress_is_reported_every_minute_and_later_every_hour(
+        announcements: Announcements, heard: Heard) -> None:
+    result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',
+                              'bias_instability', observable_in_s=60.0)
+    announcements.see_timeline(0.0, facts(), summary())
+    heard.lines.clear()
+    for second in range(2 * 3600 + 700):
+        announcements.see_progress(float(second), facts(), result)
+    # At 1 to 10 minutes, then after an hour each.
+    assert len(heard.lines) == 10 + 2
+    shown = ('observable of 3 axes: noise density of 3; next: bias instability of gyro x in about '
+             '60 s')
+    assert heard.lines[0] == f'info 6,000 samples at 100 Hz in 60 s; {shown}'
+    assert progress_line(result, 20.0) == (
+        f'6,000 samples at 100 Hz in 60 s, 40 s of it at rest; {shown}')
+    assert progress_line(replace(result, axes={})) == (
+        '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
+
+
+RANDOM_WALK = 'rate_random_walk'
+
+
+@pytest.fixture(scope='module')
+def fitted() -> Result:
+    return result_of(at_rest(2000))
+
+
+def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
+       presence: float | None = None) -> Result:
+    """Give the result as that of another time, in which K of one axis shows or not."""
+    axis = result.axes['gyro_x']
+    walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None, presence=presence) if observable
+            else Coefficient('K', 'u', False, None, None, 4.0, observable_in_s=wait_s))
+    return replace(
+        result, timeline=replace(result.timeline, samples=round(100 * seconds),
+                                 sample_rate_hz=100.0, duration_s=seconds),
+        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, RANDOM_WALK: walk})})
+
+
+def seen(looks: SequentialLooks, fits: Sequence[Result]) -> list[Coefficient]:
+    return [looks.judged(fit).axes['gyro_x'].coefficients[RANDOM_WALK] for fit in fits]
+
+
+def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_record(
+        fitted: Result) -> None:
+    shows = [seconds >= 30 and seconds != 70 for seconds in range(10, 240, 10)]
+    found = seen(SequentialLooks(), [
+        at(fitted, 10.0 * number, shown) for number, shown in enumerate(shows, 1)])
+    # Not seen at 20 s; seen at 30 to 60, thrice as much; lost at 70, and back at 210.
+    assert [coefficient.observable for coefficient in found] == [
+        False] * 5 + [True] + [False] * 14 + [True] * 3
+    withheld = found[7]
+    assert (withheld.value, withheld.ci95, withheld.upper95) == (None, None, 3.0)
+    assert withheld.observable_in_s == pytest.approx(3 * 70 - 80)
+
+
+def test_the_first_look_at_a_long_record_is_one_look(fitted: Result) -> None:
+    [found] = seen(SequentialLooks(), [at(fitted, 3600.0, True)])
+    assert found.observable
+    # A short one is the first of many.
+    first, *_, last = seen(SequentialLooks(), [at(fitted, time, True) for time in (10., 20., 30.)])
+    assert (first.observable, last.observable) == (False, True)
+
+
+def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
+        fitted: Result) -> None:
+    found = seen(SequentialLooks(), [
+        at(fitted, 10.0 * number, True, presence=presence)
+        for number, presence in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
+    # At 30 s the record is thrice as long, but only at 40 s it is probable; what is shown stays.
+    assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
+    assert [coefficient.observable_in_s for coefficient in found[:3]] == [20.0, None, None]
+    assert (found[0].value, found[0].upper95) == (None, 3.0)
+
+
+def test_a_look_after_a_restart_is_one_more_and_not_the_first(fitted: Result) -> None:
+    setup = Setup('/imu', TimelineOptions())
+    run = new_run(setup)
+    seen(run.sequential, [at(fitted, 800.0, False)])
+    # As often as it is started anew: a run is one.
+    for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
+        run = unpack(decode_state(encode_state(pack(run, setup))), setup)
+        [found] = seen(run.sequential, [at(fitted, seconds, seconds > 900)])
+        assert found.observable == observable
+
+
+def test_a_wait_that_recedes_is_not_said(fitted: Result) -> None:
+    times = [10.0 * number for number in range(1, 21)]
+    recedes = seen(SequentialLooks(), [at(fitted, time, False, 2 * time) for time in times])
+    assert [coefficient.observable_in_s for coefficient in recedes] == [None] * len(times)
+    stands = seen(SequentialLooks(), [at(fitted, time, False, 500 - time) for time in times])
+    # At 30 s the record is thrice as long as at the first look.
+    assert [coefficient.observable_in_s for coefficient in stands] == [
+        None, None, *(500 - time for time in times[2:])]

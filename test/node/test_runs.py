@@ -17,14 +17,13 @@ from imu_allan.node.publishers import MIXED, Publishers
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.noise.random_effects import random_effects
-from imu_allan.result import Result, Source, Timeline
+from imu_allan.result import Source, Timeline
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 import numpy as np
 import pytest
-from ros_harness import assert_density, at_rest, Heard, NOISE, SECOND, START_NS
+from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, START_NS
 
-RATE_HZ = 100.0
-PROVEN_S = 300.0
+RATE_HZ, PROVEN_S = 100.0, 300.0
 SETUP = Setup('/imu', TimelineOptions())
 HALVES = Setup('/gyro', TimelineOptions(), accel_topic='/accel')
 
@@ -56,10 +55,6 @@ class World:
                 self.runs.take(number, publisher, [block.part(slice(first, first + together))])
         for lane, seen in zip(self.runs.run.lanes, self.summaries(), strict=True):
             lane.known.learn(Source('topic', None, '/imu', None, None, seen.clock))
-
-    @property
-    def result(self) -> Result:
-        return self.runs.run.snapshot().result()
 
     def summaries(self) -> list[TimelineSummary]:
         streams = [lane.snapshot().characterization for lane in self.runs.run.lanes]
@@ -165,7 +160,8 @@ def test_an_imu_is_known_by_its_rate_its_frame_and_its_noise(
     assert world.samples == pytest.approx(samples, rel=0.025)
     assert world.timeline.rejected == 0
     last = last if reasons else {'rate_hz': rate_hz}
-    assert_density(world.result.to_dict(), last['rate_hz'], last.get('noise', NOISE))
+    assert_density(world.runs.run.snapshot().result().to_dict(), last['rate_hz'],
+                   last.get('noise', NOISE))
 
 
 def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop() -> None:
@@ -207,41 +203,36 @@ def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_fe
     assert lane.fed > 5000
 
 
-def half(number: int, seconds: float, start_s: float = 0.0, rate_hz: float = 0.0) -> ImuBlock:
-    """Give messages of the gyroscope or of the accelerometer, the other half of each zero."""
-    rate_hz = rate_hz or (200.0, 125.0)[number]
-    block = at_rest(round(seconds * rate_hz), rate_hz, start_s=start_s, seed=round(start_s))
-    block.samples[:, (slice(3, 6), slice(3))[number]] = 0
-    return replace(block, frame_id=('gyro_frame', 'accel_frame')[number])
-
-
 def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -> None:
     world = World(setup=HALVES)
-    world.comes(half(0, 12.0))
-    world.comes(half(1, 12.0), number=1)
+
+    def comes(name: str, *part: float, **other: str) -> None:
+        world.comes(replace(half(name, *part), **other), number=('gyro', 'accel').index(name))
+
+    comes('gyro', 12.0)
+    comes('accel', 12.0)
     # A run of two topics goes on behind a restart.
     world = World(resumed(world.runs.run, HALVES), HALVES)
-    for number in 0, 1:
-        world.comes(half(number, 4.0, start_s=100.0), number=number)
+    comes('gyro', 4.0, 100.0)
+    comes('accel', 4.0, 100.0)
     assert (world.samples, world.replaced) == (3200, [])
-    world.comes(half(1, 8.0, 120.0, 250.0), number=1)
-    world.comes(half(0, 8.0, 120.0))
-    world.comes(half(1, 12.0, 128.0, 250.0), number=1)
+    comes('accel', 8.0, 120.0, 250.0)
+    comes('gyro', 8.0, 120.0)
+    comes('accel', 12.0, 128.0, 250.0)
     # If one sensor of an IMU begins anew, so does the other.
     assert world.samples == 1600
-    assert str(world.replaced[0][1]) == 'it is of 125 Hz, the messages now come at 250 Hz'
-    world.comes(half(1, 20.0, 140.0, 250.0), number=1)
-    world.comes(half(0, 20.0, 140.0))
+    comes('accel', 20.0, 140.0, 250.0)
+    comes('gyro', 20.0, 140.0)
     assert [seen.timeline.sample_rate_hz for seen in world.summaries()] == pytest.approx(
         [200.0, 250.0], rel=1e-3)
-    world.comes(replace(half(0, 15.0, 160.0), frame_id='other'))
-    assert str(world.replaced[1][1]) == (
-        "it is of frame_id 'gyro_frame', the messages now have 'other'")
+    comes('gyro', 15.0, 160.0, frame_id='other')
     # What came of the accelerometer before belongs to the run before.
-    world.comes(half(1, 10.0, 180.0, 250.0), number=1)
-    assert len(world.replaced) == 2
-    assert [seen.timeline.samples for seen in world.summaries()] == [3000, 2500]
-    assert [seen.frame_id for seen in world.summaries()] == ['other', 'accel_frame']
+    comes('accel', 10.0, 180.0, 250.0)
+    assert [str(why) for _, why in world.replaced] == [
+        'it is of 125 Hz, the messages now come at 250 Hz',
+        "it is of frame_id 'gyro_frame', the messages now have 'other'"]
+    assert [(seen.timeline.samples, seen.frame_id) for seen in world.summaries()] == [
+        (3000, 'other'), (2500, 'accel_frame')]
 
 
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:
@@ -274,8 +265,7 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     assert run.lanes[0].seen.looping == (gravity > 0)
 
 
-SIGMA = 0.01
-SAMPLES = 4000
+SIGMA, SAMPLES = 0.01, 4000
 
 
 def feed(run: Run, mean: float, seed: int) -> float:
@@ -295,12 +285,9 @@ def rebooted(run: Run, boot: Path, name: str = '') -> Run:
 
 
 def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
-    biases = np.random.default_rng(1).normal(0, 0.1, 6)
-    run = new_run(SETUP)
-    means = []
+    biases, run, means = np.random.default_rng(1).normal(0, 0.1, 6), new_run(SETUP), []
     for number, bias in enumerate(biases):
-        if number:
-            run = rebooted(run, boot, f'boot {number}')
+        run = rebooted(run, boot, f'boot {number}') if number else run
         means.append(feed(run, bias, number))
     result = run.snapshot().result()
     found = result.turn_on_bias['gyro_x']
@@ -310,11 +297,10 @@ def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path
     assert found.ci95[0] < np.std(biases, ddof=1) < found.ci95[1]
     assert result.turn_on_bias['accel_x'].sigma < 3 * SIGMA / np.sqrt(SAMPLES)
     # What differs from one power-on to the next is no drift of the sensor.
-    walk = result.axes['gyro_x'].coefficients['rate_random_walk']
-    assert not walk.observable
-    low, high = result.axes['gyro_x'].coefficients['noise_density'].ci95 or (0, 0)
-    assert low < SIGMA / 200.0**0.5 * 1.02
-    assert high > SIGMA / 200.0**0.5 * 0.98
+    coefficients = result.axes['gyro_x'].coefficients
+    assert not coefficients['rate_random_walk'].observable
+    low, high = coefficients['noise_density'].ci95 or (0, 0)
+    assert low / 1.02 < SIGMA / 200.0**0.5 < high / 0.98
 
 
 def test_power_ons_one_soon_after_the_other_are_no_slow_turn() -> None:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gyroscope and accelerometer on two topics, messages of other types, and a thermometer."""
 
-from dataclasses import replace
 import json
 import sys
 from typing import Any
@@ -10,8 +9,7 @@ from typing import Any
 from bags import mcap_written, serialized
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
-from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.cdr import encode_imu
 from imu_allan.node.imu_type import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
@@ -20,8 +18,11 @@ import pytest
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from ros_harness import (
+    arguments,
     at_rest,
     Driver,
+    half,
+    HALF_RATES_HZ,
     Health,
     lossless,
     Ros,
@@ -29,27 +30,16 @@ from ros_harness import (
     SECOND,
     START_NS,
     start_repeatedly,
-    yaml_value,
 )
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import refused, Varying
 
-RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
-
-
-def half(name: str, seconds: float, start_s: float = 0.0) -> ImuBlock:
-    """Give messages of one sensor, the other half of each zero."""
-    block = at_rest(round(seconds * RATES_HZ[name]), RATES_HZ[name], start_s=start_s,
-                    seed=len(name) + round(start_s))
-    block.samples[:, slice(3, 6) if name == 'gyro' else slice(3)] = 0
-    return replace(block, frame_id=f'{name}_frame')
-
 
 def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
         ros: Ros, health: Health) -> None:
-    drivers = {name: Driver(ros, f'camera/{name}/sample') for name in RATES_HZ}
+    drivers = {name: Driver(ros, f'camera/{name}/sample') for name in HALF_RATES_HZ}
     topics = [driver.topic for driver in drivers.values()]
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'gyro_topic': topics[0], 'accel_topic': topics[1],
@@ -58,17 +48,13 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
     for driver in drivers.values():
         driver.wait_for_node()
 
-    def publish(name: str, block: ImuBlock) -> None:
-        for row in encode_imu_rows(block):
-            drivers[name].send(row.tobytes())
-
     def saved(samples: int) -> dict[str, Any]:
         for driver in drivers.values():
             driver.until_taken()
         return dict(ros.saved_with(samples))
 
     # A half that is silent costs the other nothing, and is reported.
-    publish('accel', half('accel', 20.0))
+    drivers['accel'].replay(half('accel', 20.0))
     assert sorted(saved(2500)['axes']) == ['accel_x', 'accel_y', 'accel_z']
     ros.until(lambda: health.said('reception gyro', Varying('no message for <number> s'), b'\2'))
     for topic, part in zip(topics, ('reception gyro', 'timeline accel'), strict=True):
@@ -78,14 +64,14 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
 
     # A reset means both; what comes gives the result of a recording of it.
     assert ros.call(Trigger, 'imu_allan/reset').success
-    blocks = {name: half(name, 30.0, 100.0) for name in RATES_HZ}
+    blocks = {name: half(name, 30.0, 100.0) for name in drivers}
     # The gyroscope has a gap of its own.
     kept = np.ones(len(blocks['gyro']), bool)
     kept[3000:3040] = False
     blocks['gyro'] = blocks['gyro'].part(kept)
     for start in range(0, len(kept), 500):
         for name, block in blocks.items():
-            publish(name, block.part(slice(start, start + 500)))
+            drivers[name].replay(block.part(slice(start, start + 500)))
     document = saved(len(blocks['gyro']))
     with mcap_written(ros.folder / 'both.mcap') as write:
         for name, block in blocks.items():
@@ -95,8 +81,8 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
         RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'))).to_json())
     for part in ('axes', 'timeline'):
         assert document[part] == expected[part]
-    rates = [document['axes'][f'{name}_y']['sample_rate_hz'] for name in RATES_HZ]
-    assert rates == pytest.approx(list(RATES_HZ.values()), rel=1e-6)
+    for name, rate_hz in HALF_RATES_HZ.items():
+        assert document['axes'][f'{name}_y']['sample_rate_hz'] == pytest.approx(rate_hz, rel=1e-6)
     assert len(document['timeline']['gaps']) == 1
     assert document['source']['topic'] == ', '.join(topics)
     [remark] = [each for each in document['warnings'] if each['code'] == 'two_rates']
@@ -110,7 +96,7 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
 def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone_on_with(
         ros: Ros) -> None:
     state = ros.folder / 'state'
-    topics = {name: ros.name(f'driver/{name}') for name in RATES_HZ}
+    topics = {name: ros.name(f'driver/{name}') for name in HALF_RATES_HZ}
     parameters = {
         'publish_period': 0.5, 'gyro_topic': topics['gyro'], 'accel_topic': topics['accel'],
         'imu_type': 'geometry_msgs/msg/Vector3Stamped', 'gyro_field': 'vector deg/s',
@@ -121,16 +107,15 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone
     publishers = {name: ros.node.create_publisher(kind, topics[name], QoSProfile(depth=10_000))
                   for name, kind in (('gyro', Vector3Stamped), ('accel', AccelStamped))}
     ros.until(lambda: all(each.get_subscription_count() == 1 for each in publishers.values()))
-    blocks = {name: half(name, 20.0) for name in RATES_HZ}
+    blocks = {name: half(name, 20.0) for name in HALF_RATES_HZ}
     for name, block in blocks.items():
-        for stamp, sample in zip(block.header_ns.tolist(), block.samples.tolist(), strict=True):
+        rows = np.degrees(block.samples[:, :3]) if name == 'gyro' else block.samples[:, 3:]
+        for stamp, row in zip(block.header_ns.tolist(), rows.tolist(), strict=True):
             message = Vector3Stamped() if name == 'gyro' else AccelStamped()
             message.header.frame_id = block.frame_id
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
             vector = message.vector if name == 'gyro' else message.accel.linear
-            factor = 180 / np.pi if name == 'gyro' else 1.0
-            vector.x, vector.y, vector.z = (
-                factor * value for value in (sample[:3] if name == 'gyro' else sample[3:]))
+            vector.x, vector.y, vector.z = row
             publishers[name].publish(message)
 
     def whole() -> Any:
@@ -147,9 +132,7 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone
     assert node.stop() == 0
     # Fields read otherwise are another run.
     changed = {**parameters, 'gyro_field': 'vector'}
-    outputs = start_repeatedly(ros, [[word for key, value in given.items()
-                                      for word in ('-p', f'{key}:={yaml_value(value)}')]
-                                     for given in (parameters, changed)])
+    outputs = start_repeatedly(ros, [arguments(given) for given in (parameters, changed)])
     read = 'geometry_msgs/msg/Vector3Stamped {} accel.linear geometry_msgs/msg/AccelStamped'
     for (status, text), line in zip(outputs, (
             f'resumed 20 s of data from {state}',
@@ -163,8 +146,7 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone
 def test_units_that_are_given_are_converted(ros: Ros) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5, 'accel_unit': 'g', 'gyro_unit': 'deg/s'})
     driver = Driver(ros).wait_for_node()
-    for row in encode_imu_rows(at_rest(4000, noise=0.001, mean=(0, 0, 0, 0, 0, 1))):
-        driver.send(row.tobytes())
+    driver.replay(at_rest(4000, noise=0.001, mean=(0, 0, 0, 0, 0, 1)))
     document = ros.saved_with(4000)
     axes = document['axes']
     assert axes['accel_z']['mean'] == pytest.approx(9.80665, rel=1e-3)
@@ -213,12 +195,6 @@ def celsius(seconds: Any) -> Any:
     return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
 
 
-def reading(stamp_ns: int, value: float) -> Temperature:
-    message = Temperature(temperature=value)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, SECOND)
-    return message
-
-
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: Health) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
                                  'temperature_topic': 'imu/temperature'},
@@ -237,7 +213,9 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
         driver.send(encode_imu(stamp, sample, 'imu'))
         if number % 8 == 0:
             # In kelvin, which is taken as in a recording.
-            publisher.publish(reading(stamp, float(celsius(second)) + 273.15))
+            reading = Temperature(temperature=float(celsius(second)) + 273.15)
+            reading.header.stamp.sec, reading.header.stamp.nanosec = divmod(stamp, SECOND)
+            publisher.publish(reading)
 
     def fitted() -> Any:
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
