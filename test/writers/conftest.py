@@ -43,11 +43,7 @@ ACCEL = {'noise_density': 4.0e-3, 'bias_instability': 4.0e-4, 'rate_random_walk'
 
 def axis_result(name: str, coefficients: Mapping[str, float],
                 upper: Mapping[str, float] | None = None, **fields: Any) -> AxisResult:
-    """
-    Return an axis with the exact curve of `coefficients`.
-
-    Terms that are not in `coefficients` are not observable; `upper` gives their bounds.
-    """
+    """Return an axis with the exact curve of `coefficients`; `upper` bounds the other terms."""
     quantity = AXES[name]
     widths = {'quantization_noise': .05, 'noise_density': .002, 'bias_instability': .08,
               'rate_random_walk': .3, 'rate_ramp': .5}
@@ -75,29 +71,27 @@ def axis_result(name: str, coefficients: Mapping[str, float],
 
     curve = Curve(tuple(tau.tolist()), tuple(wobble.tolist()), tuple(edf.tolist()),
                   interval(1.0), interval(1.96), tuple(adev.tolist()))
-    settings: dict[str, Any] = {
+    return AxisResult(**{
+        'quantity': quantity.value, 'unit': quantity.unit, 'coefficients': entries,
         'mean': 0.01 if name != 'accel_z' else 9.80665, 'band_limit_s': None, 'tones': (),
-        'goodness_of_fit': GoodnessOfFit(0.4, 0.01, True)}
-    settings.update({'curve': curve, **fields})
-    return AxisResult(quantity=quantity.value, unit=quantity.unit, coefficients=entries,
-                      **settings)
+        'goodness_of_fit': GoodnessOfFit(0.4, 0.01, True), 'curve': curve, **fields})
 
 
 def build_result(scale: float = 1.0, **fields: Any) -> Result:
     """Six axes: x as in GYRO and ACCEL times `scale`, y 10 % more, z without K."""
     axes = {}
     for name in AXES:
-        truth = GYRO if name.startswith('gyro') else ACCEL
         factor = scale * {'x': 1.0, 'y': 1.1, 'z': 0.95}[name[-1]]
-        values = {key: value * factor for key, value in truth.items()}
+        values = {key: value * factor
+                  for key, value in (GYRO if name.startswith('gyro') else ACCEL).items()}
         upper = {}
         if name.endswith('z'):
-            upper = {'rate_random_walk': values.pop('rate_random_walk') * 0.5}
+            upper['rate_random_walk'] = values.pop('rate_random_walk') * 0.5
         drift = DriftModel(values['noise_density'], values.get('rate_random_walk', 0.0), (
             GaussMarkov(values['bias_instability'], 30.0),), 0.1, DURATION_S / 3)
         tones = (Tone(23.4, 2e-4), Tone(46.8, 1e-4)) if name == 'gyro_z' else ()
         axes[name] = axis_result(name, values, upper, tones=tones, drift_model=drift)
-    settings: dict[str, Any] = {
+    return Result(**{
         'imu_allan_version': '0.1.0',
         'source': Source('recording', 'rec/imu_2026', '/imu/data_raw', 'imu_link',
                          '2026-11-21T10:00:00Z', 'header'),
@@ -108,20 +102,16 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
         'warnings': (
             finding('motion', count=2, excluded_s=345.0),
             finding('tones', ('gyro_z',), count=2, unit='rad/s', frequency_hz=23.4,
-                    amplitude=2e-4, half_rate=False))}
-    settings.update(fields)
-    return Result(**settings)
+                    amplitude=2e-4, half_rate=False)), **fields})
 
 
 @pytest.fixture(scope='session')
 def make_axis() -> Callable[..., AxisResult]:
-    """Build one axis from coefficients."""
     return axis_result
 
 
 @pytest.fixture(scope='session')
 def make_result() -> Callable[..., Result]:
-    """Build a result of six axes."""
     return build_result
 
 
@@ -131,36 +121,27 @@ def result() -> Result:
     return build_result()
 
 
-def segments(axis: AxisResult) -> Stationarity:
-    """Eight parts of a record whose noise is the same throughout."""
-    value = axis.coefficients['noise_density'].value or 1.0
-    length = DURATION_S / 8
-    return Stationarity(True, 0.4, tuple(
-        Segment(place * length, length, 0.01 * (1 + 1e-3 * place), value * (1 + 0.002 * wobble),
-                (value * 0.99, value * 1.012), value * 0.05 * (1.2 + wobble))
-        for place, wobble in enumerate((0, 1, -1, .5, -.5, .2, -.8, .9))))
-
-
-def signal_of(axis: AxisResult) -> Signal:
-    """Columns of a record with a hole, whose mean wanders."""
-    columns = 400
-    noise = (axis.coefficients['noise_density'].value or 1.0) * RATE_HZ**0.5
-    middle = [None if 120 <= i < 130 else (axis.mean or 0) + 0.05 * noise * float(np.sin(i / 40))
-              for i in range(columns)]
-    return Signal(DURATION_S / columns,
-                  *(tuple(None if m is None else m + side * 4 * noise for m in middle)
-                    for side in (-1, 0, 1)))
-
-
-def fill(result: Result) -> Result:
-    """Give every axis of a result what a whole characterization has."""
-    axes = {}
+@pytest.fixture(scope='session')
+def filtered(result: Result) -> Result:
+    """Return the same recording with drift models, segments, signal and backtest."""
+    axes, horizons = {}, (0.1, 1.0, 10.0, 60.0, 600.0)
     for name, axis in result.axes.items():
         n = axis.coefficients['noise_density'].value or 0.0
         k = axis.coefficients['rate_random_walk'].value or 0.0
-        horizons = (0.1, 1.0, 10.0, 60.0, 600.0)
+        # Eight parts whose noise is the same throughout.
+        segments = tuple(
+            Segment(place * DURATION_S / 8, DURATION_S / 8, 0.01 * (1 + 1e-3 * place),
+                    n * (1 + 0.002 * wobble), (n * 0.99, n * 1.012), n * 0.05 * (1.2 + wobble))
+            for place, wobble in enumerate((0, 1, -1, .5, -.5, .2, -.8, .9)))
+        # Columns with a hole, whose mean wanders.
+        sigma = n * RATE_HZ**0.5
+        columns = [None if 120 <= i < 130 else (axis.mean or 0) + 0.05 * sigma * float(
+            np.sin(i / 40)) for i in range(400)]
+        signal = Signal(DURATION_S / 400, *(
+            tuple(None if mean is None else mean + side * 4 * sigma for mean in columns)
+            for side in (-1, 0, 1)))
         axes[name] = replace(
-            axis, signal=signal_of(axis), stationarity=segments(axis), trend=Trend(),
+            axis, signal=signal, stationarity=Stationarity(True, 0.4, segments), trend=Trend(),
             drift_model=DriftModel(n, k, (GaussMarkov(n * 0.1, 100.0),), 0.01, 4000.0),
             backtest=Backtest(
                 DURATION_S / 2, DURATION_S / 2,
@@ -170,14 +151,8 @@ def fill(result: Result) -> Result:
 
 
 @pytest.fixture(scope='session')
-def filtered(result: Result) -> Result:
-    """Return the same recording with drift models, segments, signal and backtest."""
-    return fill(result)
-
-
-@pytest.fixture(scope='session')
 def streamed() -> Callable[..., Characterization]:
-    """Return a function that feeds a characterization with gyro x, or with axes in columns."""
+    """Characterize samples of gyro x, or of axes in columns."""
     def streamed(samples: np.ndarray, rate_hz: float) -> Characterization:
         rows = np.full((len(samples), 6), np.nan)
         rows[:, :samples.size // len(samples)] = samples.reshape(len(samples), -1)

@@ -32,7 +32,7 @@ def shown(table: RenderableType, width: int) -> str:
 
 def assert_as_before(text: str, name: str) -> None:
     """Compare a text with the one that is kept, which IMU_ALLAN_SNAPSHOTS=write replaces."""
-    snapshot = Path(__file__).with_name('snapshots') / name
+    snapshot = Path(__file__).parent / name
     if os.environ.get('IMU_ALLAN_SNAPSHOTS') == 'write':
         snapshot.write_text(text)
     assert text == snapshot.read_text()

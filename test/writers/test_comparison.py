@@ -1,12 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
-from changed import only
+from changed import only, UNSEEN, with_coefficient
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Coefficient, Result
+from imu_allan.result import Result
 from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
 from on_terminal import shown
 import pytest
@@ -14,20 +13,16 @@ from whole_lines import refused, Varying
 
 
 def one(make_result, make_axis, value, interval):
-    axis = make_axis('gyro_x', {'noise_density': 1.0})
-    coefficients = {**axis.coefficients, 'noise_density': Coefficient(
-        'N', 'rad/s/sqrt(Hz)', True, value, interval, None)}
-    return make_result(axes={'gyro_x': replace(axis, coefficients=coefficients)})
+    result = make_result(axes={'gyro_x': make_axis('gyro_x', {'noise_density': 1.0})})
+    return with_coefficient(result, 'gyro_x', 'noise_density', value=value, ci95=interval)
 
 
 def test_a_difference_is_in_units_of_the_interval_halves_that_face_each_other(
         make_result, make_axis):
     low = one(make_result, make_axis, 10.0, (9.0, 13.0))
     high = one(make_result, make_axis, 20.0, (16.0, 21.0))
-    (up,) = compare({'low': low, 'high': high})
-    assert up.in_intervals == pytest.approx(10 / sqrt(3**2 + 4**2))
-    assert up.ratio == pytest.approx(2.0)
-    (down,) = compare({'high': high, 'low': low})
+    (up,), (down,) = compare({'low': low, 'high': high}), compare({'high': high, 'low': low})
+    assert (up.in_intervals, up.ratio) == pytest.approx((10 / sqrt(3**2 + 4**2), 2.0))
     assert down.in_intervals == pytest.approx(-up.in_intervals)
 
 
@@ -37,10 +32,7 @@ def test_a_difference_is_in_units_of_the_interval_halves_that_face_each_other(
 def test_a_value_that_a_bound_excludes_differs_by_its_distance_from_the_bound(
         make_result, make_axis, value, interval, bound, least):
     known = one(make_result, make_axis, value, interval)
-    axis = known.axes['gyro_x']
-    bounded = replace(known, axes={'gyro_x': replace(axis, coefficients={
-        **axis.coefficients, 'noise_density': Coefficient(
-            'N', 'rad/s/sqrt(Hz)', False, None, None, bound)})})
+    bounded = with_coefficient(known, 'gyro_x', 'noise_density', **UNSEEN, upper95=bound)
     (down,) = compare({'known': known, 'bounded': bounded})
     (up,) = compare({'bounded': bounded, 'known': known})
     assert (down.in_intervals, up.in_intervals) == (least, least if least is None else -least)

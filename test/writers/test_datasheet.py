@@ -1,14 +1,19 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+
 from dataclasses import replace
 import json
+import re
+import shutil
+import subprocess
 import xml.etree.ElementTree as ElementTree
 
+from browser import Outline
 from changed import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize
 from imu_allan.finding import finding
+from imu_allan.noise.simulate import simulate
 from imu_allan.result import (
-    Coefficient,
     GoodnessOfFit,
     Inspection,
     RecordingPart,
@@ -18,12 +23,18 @@ from imu_allan.result import (
     TurnOnBias,
 )
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet import check, overall, summary, to_json, to_junit
+from imu_allan.writers.datasheet import (
+    certificate_html,
+    check,
+    overall,
+    summary,
+    to_json,
+    to_junit,
+)
+from imu_allan.writers.datasheet.live import check_state
 import numpy as np
 import pytest
-from whole_lines import refused
-
-DEG_PER_ROOT_H = 2.908882086657216e-4
+from whole_lines import refused, Varying
 
 
 def only(result, text):
@@ -38,23 +49,15 @@ def test_an_interval_may_touch_the_limit_and_a_limit_of_zero_has_no_ratio(result
     assert only(result, 'gyro: {x: {noise_density: 5e-4 rad/s/sqrt(Hz)}}').verdict == 'pass'
 
 
-def falling_silent(result):
-    segments = tuple(Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
-                     for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9)))
-    return with_axes(result, 'gyro_x', stationarity=Stationarity(False, 0.0, segments))
-
-
-def test_a_zero_bias_is_that_of_the_worst_start(result):
-    def starts(bias):
-        return replace(result, recordings=tuple(
-            RecordingPart(f'night{number}', None, 3600.0,
-                          {name: axis.mean for name, axis in result.axes.items()}
-                          | {'gyro_x': mean}) for number, mean in enumerate((0.002, bias))))
-
+@pytest.mark.parametrize(('bias', 'limit', 'outcome'), [
     # The means of all samples say otherwise of each.
-    fails, passes = starts(-0.021), starts(-0.007)
-    assert only(fails, 'gyro: {x: {zero_bias: 0.02 rad/s}}').verdict == 'fail'
-    assert only(passes, 'gyro: {x: {zero_bias: 0.009 rad/s}}').verdict == 'pass'
+    (-0.021, 0.02, 'fail'), (-0.007, 0.009, 'pass')])
+def test_a_zero_bias_is_that_of_the_worst_start(result, bias, limit, outcome):
+    means = {name: axis.mean for name, axis in result.axes.items()}
+    starts = tuple(RecordingPart(name, None, 3600.0, {**means, 'gyro_x': mean})
+                   for name, mean in (('mon', 0.002), ('tue', bias)))
+    found = only(replace(result, recordings=starts), f'gyro: {{x: {{zero_bias: {limit} rad/s}}}}')
+    assert found.verdict == outcome
 
 
 def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
@@ -65,11 +68,9 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     assert check(result, specification, shortest_s=2.9 * 3600.0)[0].verdict == 'pass'
 
 
-def without_density(result, **fields):
-    return with_axes(with_coefficient(result, 'accel_y', 'noise_density', **UNSEEN, upper95=1e-3),
-                     'accel_y', **fields)
-
-
+SILENT = Stationarity(False, 0.0, tuple(
+    Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
+    for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9))))
 NOISE = 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}'
 GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.011 rad/s}}'
 
@@ -87,7 +88,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
      'a thousandth of the limit'),
     (lambda r: with_axes(r, 'gyro_x', stood_still=Span(300.0, 58.9)), NOISE, 'fail',
      'gyro_x N: the axis is dead for 58.9 s from 5 min on: it gives one value all that time'),
-    (falling_silent, NOISE, 'fail',
+    (lambda r: with_axes(r, 'gyro_x', stationarity=SILENT), NOISE, 'fail',
      'gyro_x N: the axis is dead from 45 min on: no noise is left there'),
     (lambda r: replace(r, warnings=(finding('frozen', messages=99, since_s=None),)), NOISE, 'fail',
      'gyro_x N: the sensor was dead for a part of the recording: 99 messages repeat one value: '
@@ -100,8 +101,9 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
      'longer'),
     (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=GoodnessOfFit(1e-9, 0.8, False)), NOISE,
      'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
-    (without_density, GRAVITY, 'cannot tell', 'accel gravity error: accel_y: the noise density '
-     'does not show, and with it what the mean is worth; record for longer')])
+    (lambda r: with_coefficient(r, 'accel_y', 'noise_density', **UNSEEN, upper95=1e-3), GRAVITY,
+     'cannot tell', 'accel gravity error: accel_y: the noise density does not show, and with it '
+     'what the mean is worth; record for longer')])
 def test_a_dead_axis_fails_and_what_is_not_known_is_no_verdict(
         result, changed, text, outcome, reason):
     verdict = only(changed(result), text)
@@ -144,12 +146,10 @@ def test_the_interval_decides_of_every_quantity_and_in_any_unit(result, text, ou
     ((-3e-9, -2e-9), 'fail'), ((-3e-10, -2e-10), 'pass'), ((-2e-9, 1e-10), 'cannot tell')])
 def test_a_falling_ramp_counts_as_much_as_a_rising_one(result, interval, outcome):
     value = sum(interval) / 2
-    ramp = Coefficient('R', 'rad/s^2', True, value, interval, None)
-    result = with_coefficient(result, 'gyro_x', 'rate_ramp', **{
-        field: getattr(ramp, field) for field in ('observable', 'value', 'ci95', 'upper95')})
+    result = with_coefficient(result, 'gyro_x', 'rate_ramp', observable=True, value=value,
+                              ci95=interval, upper95=None)
     verdict = only(result, 'gyro: {x: {rate_ramp: 1e-9 rad/s^2}}')
-    assert verdict.verdict == outcome
-    assert verdict.value == abs(value)
+    assert (verdict.verdict, verdict.value) == (outcome, abs(value))
 
 
 def test_one_failure_fails_the_sensor_and_one_undecided_limit_keeps_it_from_passing(result):
@@ -164,9 +164,8 @@ def test_one_failure_fails_the_sensor_and_one_undecided_limit_keeps_it_from_pass
              ['gyro_y N: the 95 % interval is above 2.5 deg/sqrt(h) (measured 2.647, 2.642 .. '
               '2.652)'])):
         verdicts = check(result, parse_model(f'gyro: {{{text}}}'))
-        assert [one.verdict for one in verdicts] == each
-        assert overall(verdicts) == outcome
-        assert summary(verdicts) == (outcome, said)
+        assert ([one.verdict for one in verdicts], overall(verdicts), summary(verdicts)) == (
+            each, outcome, (outcome, said))
 
 
 def test_a_specification_without_a_limit_is_refused(result):
@@ -188,16 +187,107 @@ def test_json_and_junit_have_every_verdict_and_who_inspected_what(result):
         'source': result.to_dict()['source'], 'verdict': 'fail', 'specification': '<Part> & \x07',
         'inspection': {'serial': 'A-0017', 'operator': 'mk', 'station': None}}
     assert [c['verdict'] for c in checks] == ['pass', 'fail', 'pass', 'cannot tell']
-    assert checks[0]['limit'] == pytest.approx(2.5 * DEG_PER_ROOT_H)
+    assert checks[0]['limit'] == pytest.approx(np.radians(2.5) / 60)
     assert checks[0]['ci95'] == list(verdicts[0].ci95)
     suite = ElementTree.fromstring(to_junit(verdicts, result, specification)).find('testsuite')
     assert {p.get('name'): p.get('value') for p in suite.find('properties')} == {
         'serial': 'A-0017', 'operator': 'mk'}
-    assert {key: suite.get(key) for key in ('tests', 'failures', 'errors', 'skipped')} == {
-        'tests': '4', 'failures': '1', 'errors': '0', 'skipped': '1'}
+    assert suite.attrib.items() >= {
+        'tests': '4', 'failures': '1', 'errors': '0', 'skipped': '1'}.items()
     assert suite.get('name').startswith('<Part> & ')
     cases = {(case.get('classname'), case.get('name')): case for case in suite.iter('testcase')}
     assert cases['gyro_y', 'noise_density'].find('failure').get('message') == \
         'gyro_y N: the 95 % interval is above 2.5 deg/sqrt(h)'
     assert cases['accel_z', 'rate_random_walk'].find('skipped') is not None
     assert len(cases['gyro_x', 'noise_density']) == 1
+
+
+EVERYTHING = parse_model(
+    'name: "<b>Part</b> 7"\n'
+    'gyro: {quantization_noise: 1 deg, noise_density: 2.5 deg/sqrt(h), bias_instability: 9 deg/h,'
+    ' rate_random_walk: 70 deg/h/sqrt(h), rate_ramp: 1 deg/h^2, zero_bias: 0.5 deg/s,'
+    ' band_limit: 10 ms, lines: 1 deg/s, temperature_drift: 1 deg/h/K, turn_on_bias: 1 deg/h}\n'
+    'accel: {quantization_noise: 1 m/s, noise_density: 9 ug/sqrt(Hz), bias_instability: 9 ug,'
+    ' rate_random_walk: 7 ug/sqrt(h), rate_ramp: 1 ug/h, zero_bias: 1 mg, gravity_error: 1 mg,'
+    ' band_limit: 10 ms, lines: 1 mg, temperature_drift: 1 ug/K, turn_on_bias: 1 ug,'
+    ' z: {mean: 1 g, noise_density: 7 ug/sqrt(Hz)}}')
+
+
+def certificate(result):
+    return certificate_html(check(result, EVERYTHING), result, EVERYTHING)
+
+
+def test_a_certificate_says_unit_person_place_and_verdict(result):
+    page = Outline(certificate(replace(result, inspection=Inspection(
+        'A-0017', 'M. Kern', 'bench 3'))))
+    for word in ('fail', '<b>Part</b> 7, A-0017', 'A-0017', 'M. Kern', 'bench 3', '/imu/data_raw',
+                 '2,160,000 at 200 Hz, 3 h', '2.5 °/√h', 'turn-on bias', 'Reasons'):
+        assert word in page.words
+    assert {'b', 'script'} & {tag for tag, _ in page.tags} == {'b'}
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(shutil.which('chromium') is None or shutil.which('pdfinfo') is None,
+                    reason='needs chromium and pdfinfo')
+def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path):
+    (tmp_path / 'page.html').write_text(certificate(result))
+    subprocess.run(
+        ['chromium', '--headless=new', '--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage',
+         '--no-first-run', '--disable-background-networking', f'--user-data-dir={tmp_path}/data',
+         '--no-pdf-header-footer', f'--print-to-pdf={tmp_path}/page.pdf',
+         f'{tmp_path}/page.html'], check=True, capture_output=True, timeout=120)
+    about = subprocess.run(['pdfinfo', f'{tmp_path}/page.pdf'], check=True, capture_output=True,
+                           text=True).stdout
+    assert re.search(r'^Pages: +1$', about, re.MULTILINE)
+    assert re.search(r'^Page size:.*\(A4\)', about, re.MULTILINE)
+
+
+SIGMA, RATE_HZ = 0.01, 100.0
+DENSITY = SIGMA / np.sqrt(RATE_HZ)
+WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))[:, :3]
+
+
+@pytest.fixture
+def verdicts_of(streamed):
+    def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
+        """Return the verdict on gyro_x with a step in its noise and a limit in its density."""
+        rows = WHITE + np.array([mean, 0, 0])
+        rows[:, 0] = step * SIGMA * rounded(rows[:, 0] / (step * SIGMA))
+        stream = streamed(rows, RATE_HZ)
+        unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
+        model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
+        (said,), (live,) = check(stream.result(), model), check_state(stream, model).verdicts
+        assert live.verdict == said.verdict
+        return said
+    return verdicts_of
+
+
+def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(verdicts_of):
+    found = verdicts_of(1.54, 0.7, np.trunc)
+    assert found.verdict == 'cannot tell'
+    assert found.reason == Varying(
+        'gyro_x N: the output steps by <number> rad/s, <number> times the noise of one sample, '
+        'and hides what is limited; record with a finer resolution')
+    assert verdicts_of(1.54, 3.0, np.trunc).verdict == 'pass'
+    # The jumps of a tenth of the samples are no slow noise.
+    assert verdicts_of(1.54, 1.0, np.trunc, key='bias_instability').verdict == 'cannot tell'
+
+
+def test_noise_above_half_a_step_is_judged_as_any(verdicts_of):
+    for step, limit, mean, outcome in (
+            (1.5, 0.7, 0.3, 'fail'), (1.5, 1.3, 0.3, 'pass'), (0.5, 0.7, 0.0, 'fail'),
+            # Beyond what steps can make of nothing, a limit is broken whatever they hide.
+            (1.5, 0.3, 0.0, 'fail')):
+        assert verdicts_of(step, limit, mean=mean).verdict == outcome
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench(streamed, seed):
+    """Of a process of a minute the record says no more than a bound for the random walk."""
+    stream = streamed(simulate(
+        {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5,
+         'gauss_markov': {'sigma': 7.2e-5, 'correlation_time_s': 60.0}}, 25_000, 10.0, seed), 10.0)
+    limit = parse_model('gyro: {x: {rate_random_walk: 4.0e-6 rad/s^2/sqrt(Hz)}}')
+    found = check_state(stream, limit).verdicts[0]
+    assert stream.result().axes['gyro_x'].coefficients['rate_random_walk'].upper95 is not None
+    assert found.verdict == 'cannot tell'

@@ -3,7 +3,6 @@
 """Findings are data; their words stand in one table, which nothing else makes or reads."""
 
 import ast
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 import re
@@ -18,25 +17,15 @@ from on_terminal import assert_as_before
 import pytest
 
 PACKAGE = Path(imu_allan.__file__).parent
-MODULES = sorted(path for path in PACKAGE.rglob('*.py')
-                 if path.name not in ('words.py', 'sentences.py'))
-LONGEST = 25
-"""Words of a sentence."""
-# A figure or a path stands for a word.
-SENTENCES = re.compile(r'(?<=[.!?])\s')
-
-
-def calls_of(tree: ast.AST) -> Iterator[ast.Call]:
-    """Give the calls that make a finding with a code that is written there."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
-            name = getattr(node.func, 'id', getattr(node.func, 'attr', ''))
-            if name in ('finding', 'remark'):
-                yield node
 
 
 def test_every_code_that_is_found_has_words_and_every_value_a_type() -> None:
-    calls = [call for path in MODULES for call in calls_of(ast.parse(path.read_text()))]
+    # Calls that make a finding with a code that is written there.
+    calls = [node for path in sorted(PACKAGE.rglob('*.py'))
+             if path.name not in ('words.py', 'sentences.py')
+             for node in ast.walk(ast.parse(path.read_text()))
+             if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant)
+             and getattr(node.func, 'id', getattr(node.func, 'attr', '')) in ('finding', 'remark')]
     assert len({ast.unparse(call.args[0]) for call in calls}) > 40
     for call in calls:
         code = ast.literal_eval(call.args[0])
@@ -212,21 +201,22 @@ SAID = [
 
 @pytest.mark.parametrize('code', WORDS)
 def test_sentences_are_short_and_plain(code: str) -> None:
-    words = WORDS[code]
+    words, findings = WORDS[code], [found for found in SAID if found.code == code]
     # The page has no figures, and says in any case what to do.
     assert isinstance(words.general or words.do, str)
     texts = [words.title, words.means, words.found, words.live or '', words.general]
-    texts += [text for found in SAID if found.code == code
-              for text in (sentence_of(found), advice(found))]
+    texts += [text for found in findings for text in (sentence_of(found), advice(found))]
     # The verdict is a line.
-    assert all(len(brief(found).split()) <= 12 for found in SAID if found.code == code)
+    assert all(len(brief(found).split()) <= 12 for found in findings)
     assert words.brief or CODES[code].severity == 'know'
     for text in texts:
-        for sentence in SENTENCES.split(text):
-            assert len(sentence.split()) <= LONGEST, sentence
+        # A figure or a path stands for a word.
+        for sentence in re.split(r'(?<=[.!?])\s', text):
+            assert len(sentence.split()) <= 25, sentence
 
 
 def test_every_finding_is_said_as_it_was() -> None:
     """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_words.py."""
     assert {found.code for found in SAID} == set(WORDS)
-    assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID), 'findings.txt')
+    assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID),
+                     'snapshots/findings.txt')
