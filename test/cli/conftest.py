@@ -3,7 +3,6 @@
 """Recordings for the tests of the command, written once, and the result of one."""
 
 import json
-from typing import Any
 
 import imu_allan
 from imu_allan.cli.main import main
@@ -11,11 +10,6 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import save_result
 import pytest
-
-RATE_HZ = 100.0
-SAMPLES = 30_000
-START_NS = 1_700_000_000 * 10**9
-
 
 GYRO = 'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 20 deg/h}\n'
 
@@ -28,8 +22,8 @@ def model():
 def written(folder, model):
     from imu_allan.recordings.write import write_recording
 
-    blocks = simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS)
-    return write_recording(folder / 'at_rest', blocks)
+    return write_recording(folder / 'at_rest', simulated_blocks(
+        model, 100.0, 30_000, start_ns=1_700_000_000 * 10**9))
 
 
 @pytest.fixture(scope='session')
@@ -55,10 +49,8 @@ def result_file(imu_recording, tmp_path_factory):
 
 @pytest.fixture
 def analyzed(tmp_path):
-    """Run `analyze` and return the result that it writes."""
     def run(*arguments):
         path = tmp_path / 'analyzed.json'
         assert main(['analyze', *map(str, arguments), '--json', str(path)]) == 0
-        found: dict[str, Any] = json.loads(path.read_text())
-        return found
+        return json.loads(path.read_text())
     return run

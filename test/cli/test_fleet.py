@@ -45,24 +45,19 @@ def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, capsys)
 
 
 @pytest.fixture(scope='module')
-def units(tmp_path_factory):
+def command(tmp_path_factory):
     """Six units, of which sn10 is noisy, and a file that is no recording."""
     folder = tmp_path_factory.mktemp('units')
     paths = [write_csv(folder / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
                        number, axes='xyz') for number in (2, 4, 5, 6, 7, 10)]
+    paths.append(str(folder / 'sn11' / 'night.csv'))
     (folder / 'sn11').mkdir()
-    (folder / 'sn11' / 'night.csv').write_text('no,recording\n1,2\n')
-    return [*paths, str(folder / 'sn11' / 'night.csv')]
-
-
-@pytest.fixture(scope='module')
-def command(units, tmp_path_factory):
-    return ['analyze', *units, '--output', str(tmp_path_factory.mktemp('out') / 'fleet'),
-            '--name-from', 'folder']
+    Path(paths[-1]).write_text('no,recording\n1,2\n')
+    return ['analyze', *paths, '--output', str(folder / 'fleet'), '--name-from', 'folder']
 
 
 def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
-    output = Path(command[command.index('--output') + 1])
+    output = Path(command[-3])
     assert main(command) == 1
     shown = capsys.readouterr()
     assert shown.err == f'imu_allan: {command[7]}: {no_axes("no,recording")}\n'
@@ -70,9 +65,8 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
                    'median of the others, <number> spreads away') in shown.out.splitlines()
     document = json.loads((output / 'fleet.json').read_text())
     assert document['schema'] == 'imu_allan.fleet/1'
-    assert [unit['name'] for unit in document['units']] == [
-        'sn2', 'sn4', 'sn5', 'sn6', 'sn7', 'sn10']
-    assert [unit['name'] for unit in document['units'] if unit['odd']] == ['sn10']
+    assert [(unit['name'], bool(unit['odd'])) for unit in document['units']] == [
+        (f'sn{number}', number == 10) for number in (2, 4, 5, 6, 7, 10)]
     assert [failure['unit'] for failure in document['failures']] == ['sn11']
     (density,) = (trait for trait in document['traits']
                   if (trait['axis'], trait['key']) == ('gyro_x', 'noise_density'))
@@ -88,14 +82,14 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
     assert '<script' not in page
 
 
-def test_resume_works_on_what_is_missing_or_newer(command, units, capsys):
-    output = Path(command[command.index('--output') + 1])
+def test_resume_works_on_what_is_missing_or_newer(command, capsys):
+    output = Path(command[-3])
     if not output.exists():
         assert main(command) == 1
     shutil.rmtree(output / 'sn4')
     first, newer = (output / name / 'result.json' for name in ('sn2', 'sn5'))
     before = first.stat().st_mtime_ns, newer.stat().st_mtime_ns
-    os.utime(units[2], (newer.stat().st_mtime + 60,) * 2)
+    os.utime(command[3], (newer.stat().st_mtime + 60,) * 2)
     capsys.readouterr()
     assert main([*command, '--resume']) == 1
     said = capsys.readouterr().out.splitlines()

@@ -1,6 +1,5 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-
 from dataclasses import replace
 
 from imu_allan.cli.main import main

@@ -8,8 +8,6 @@ import shutil
 from imu_allan.cli.main import main
 import pytest
 
-SPEC = 'gyro: {noise_density: 0.05 deg/s/sqrt(Hz)}\n'
-
 
 @pytest.fixture
 def folder(tmp_path, recording, result_file, monkeypatch):
@@ -21,7 +19,7 @@ def folder(tmp_path, recording, result_file, monkeypatch):
     shutil.copy(tmp_path / 'a.csv', tmp_path / 'curve.csv')
     shutil.copy(tmp_path / 'a.csv', tmp_path / 'b.csv')
     shutil.copy(result_file, tmp_path / 'r.json')
-    (tmp_path / 'spec.yaml').write_text(SPEC)
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.05 deg/s/sqrt(Hz)}\n')
     (tmp_path / 'soft.json').symlink_to('a.mcap')
     os.link(tmp_path / 'r.json', tmp_path / 'hard.json')
     (tmp_path / 'index.html').write_text('<!DOCTYPE html><title>my page</title>')

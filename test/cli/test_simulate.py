@@ -1,6 +1,5 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-
 from pathlib import Path
 
 import imu_allan

@@ -4,9 +4,11 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 
+from imu_allan.cli import dask_cluster
 from imu_allan.cli.tasks import folder_names
 from imu_allan.cli.workers import executor
 from imu_allan.recordings.write import write_recording
@@ -85,3 +87,22 @@ def test_jobs_give_the_same_results_and_errors_in_the_same_order(
         shown = [fails_with(error, *command, *jobs) for jobs in ((), ('--jobs', '2'))]
         assert shown[0] == shown[1]
         assert ('gyro N' in shown[0]) == (topic == '/imu/data_raw')
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_results(recording, analyzed):
+    distributed = pytest.importorskip('distributed')
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1,
+                                  dashboard_address=None) as cluster:
+        assert analyzed(recording) == analyzed(recording, '--dask', cluster.scheduler_address)
+
+
+def test_a_dask_address_where_nobody_answers_or_somebody_is_silent_is_one_line(
+        recording, monkeypatch, fails_with):
+    pytest.importorskip('distributed')
+    monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
+    with socket.create_server(('127.0.0.1', 0)) as silent:
+        for address, reason in ((f'tcp://127.0.0.1:{silent.getsockname()[1]}', 'TimeoutError'),
+                                ('not an address', '<words>')):
+            fails_with(f'--dask {address}: no scheduler answers ({reason}); start one with: dask '
+                       'scheduler', 'analyze', recording, '--dask', address)
