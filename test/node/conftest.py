@@ -100,7 +100,6 @@ def ros(ros_context: 'Context', tmp_path: Path,
 
 @pytest.fixture
 def heard() -> 'Heard':
-    """Give a logger that keeps what it is given."""
     from ros_harness import Heard
 
     return Heard()
@@ -108,7 +107,6 @@ def heard() -> 'Heard':
 
 @pytest.fixture
 def health(ros: 'Ros') -> 'Health':
-    """Give what the node of a test says of itself."""
     from ros_harness import Health
 
     return Health(ros)

@@ -65,8 +65,6 @@ LARGEST_MB = 400
 
 
 class Process:
-    """A node in a process of its own."""
-
     def __init__(self, program: str, args: Sequence[str], log: Path, env: Mapping[str, str],
                  polite: bool, wrapper: Sequence[str]) -> None:
         self.log_path = log
@@ -107,7 +105,6 @@ class Process:
         return self.scheduled_s(waiting=True)
 
     def wait(self, timeout: float = PATIENCE_S) -> int:
-        """Wait for its end and return the exit status."""
         self.awaited = True
         try:
             return self.popen.wait(timeout)
@@ -149,8 +146,6 @@ def too_early(response: Any) -> bool:
 
 
 class Heard:
-    """A logger that keeps what it is given."""
-
     def __init__(self) -> None:
         self.lines: list[str] = []
 
@@ -215,7 +210,6 @@ class Ros:
 
     def started(self, program: str, args: Sequence[str], env: Mapping[str, str] = NOTHING,
                 polite: bool = False, wrapper: Sequence[str] = ()) -> Process:
-        """Start a node with these arguments."""
         log = self.folder / f'{program}_{len(self._processes)}.log'
         process = Process(program, args, log, env, polite, wrapper)
         self._processes.append(process)

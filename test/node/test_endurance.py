@@ -177,7 +177,6 @@ class Robot:
                 self.stop(seconds)
 
     def stop(self, seconds: float) -> None:
-        """Stand still, the engine off."""
         self.at_rest_s += seconds
         self.go(seconds, [0.0, 0.0])
 

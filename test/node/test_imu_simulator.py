@@ -1,6 +1,5 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-
 from collections.abc import Mapping
 import json
 from pathlib import Path
@@ -64,8 +63,7 @@ def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_
     np.testing.assert_array_equal(recording.header_ns - 1000 * 10**9,
                                   np.rint(np.arange(30_000) / 400.0 * 1e9).astype(np.int64))
     model = load_model(MODEL)
-    np.testing.assert_array_equal(recording.samples,
-                                  SimulatedImu(model, 400.0, 7).draw(30_000))
+    np.testing.assert_array_equal(recording.samples, SimulatedImu(model, 400.0, 7).draw(30_000))
     assert {block.frame_id for block in recording.blocks} == {'some_imu'}
     [truth] = truths
     assert truth.status[0].name == 'imu_simulator: gyro_x'
@@ -157,31 +155,21 @@ def backtests(document: Any) -> dict[str, Any]:
     return {name: axis['backtest'] for name, axis in document['axes'].items()}
 
 
-def test_node_and_recording_agree_to_1e_9_on_what_was_published(ros: Ros) -> None:
+def test_node_and_recording_agree_to_1e_9_on_what_was_published(
+        ros: Ros, recording: Recording) -> None:
     model = ros.folder / 'model.yaml'
     model.write_text(NOISE_MODEL)
-    recorder = ros.recorder()
     ros.start('imu_allan_node', {'publish_period': 1.0}, shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': SAMPLES / RATE_HZ, 'speed': 0.0,
         'seed': 11, 'wait_for_subscriptions': 2}, shared_memory=True)
-    messages: list[bytes] = []
-    receive_ns: list[np.ndarray[Any, Any]] = []
-
-    def all_recorded() -> bool:
-        batch = recorder.take()
-        messages.extend(batch.messages)
-        receive_ns.append(batch.receive_ns)
-        return len(messages) == SAMPLES
-
-    ros.until(all_recorded)
+    ros.until(lambda: len(recording) == SAMPLES)
     assert simulator.wait() == 0
     live = ros.saved_with(SAMPLES)
     assert all(axis['backtest'] for axis in live['axes'].values())
     published = ros.listen(String, 'imu_allan/result')
     ros.until(lambda: published and backtests(json.loads(published[-1].data)) == backtests(live))
-    path = write_recording(ros.folder / 'recording',
-                           blocks_from_messages(messages, np.concatenate(receive_ns)),
+    path = write_recording(ros.folder / 'recording', recording.blocks,
                            topic=ros.name('imu/data_raw'))
     offline = imu_allan.analyze(path).to_dict()
     for part in ('timeline', 'axes'):
@@ -190,9 +178,8 @@ def test_node_and_recording_agree_to_1e_9_on_what_was_published(ros: Ros) -> Non
         assert len(left) > (5 if part == 'timeline' else 500)
         for key, value in left.items():
             assert abs(value - right[key]) <= 1e-9 * abs(right[key]), key
-    assert live['source']['frame_id'] == offline['source']['frame_id']
-    assert live['source']['start_time'] == offline['source']['start_time']
+    for key in 'frame_id', 'start_time':
+        assert live['source'][key] == offline['source'][key]
     # And what was published is what the model gives for this seed.
-    drawn = SimulatedImu(load_model(model), RATE_HZ, 11).draw(SAMPLES)
-    [block] = blocks_from_messages(messages, np.concatenate(receive_ns))
-    np.testing.assert_array_equal(block.samples, drawn)
+    np.testing.assert_array_equal(recording.samples, SimulatedImu(
+        load_model(model), RATE_HZ, 11).draw(SAMPLES))

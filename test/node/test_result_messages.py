@@ -29,7 +29,7 @@ from imu_allan.timeline import TimelineOptions, TimelineSummary
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
-from ros_harness import at_rest, entries, facts, Heard, result_of, summary
+from ros_harness import at_rest, entries, facts, result_of, summary
 
 STAMP = Time(sec=12, nanosec=34)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -49,7 +49,6 @@ def result() -> Result:
 
 def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | None = None
           ) -> DiagnosticStatus:
-    """Give a status of ``/diagnostics``."""
     array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
     [status] = [one for one in array.status if one.name == f'imu_allan: {part}']
     return status
@@ -170,13 +169,9 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result: Res
     assert entries(status)['observable/noise_density'] == '2'
 
 
-@pytest.fixture
-def announcements(heard: Any) -> Announcements:
-    return Announcements(Log(heard), '/imu')
-
-
 def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
-        announcements: Announcements, heard: Heard) -> None:
+        heard: Any) -> None:
+    announcements = Announcements(Log(heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'rejected': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
                 temperature_topic='/warmth', temperature_missing=True)
@@ -212,8 +207,8 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
         'info no message is rejected any more; 1 was in all']
 
 
-def test_progress_is_reported_every_minute_and_later_every_hour(
-        announcements: Announcements, heard: Heard) -> None:
+def test_progress_is_reported_every_minute_and_later_every_hour(heard: Any) -> None:
+    announcements = Announcements(Log(heard), '/imu')
     result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',
                               'bias_instability', observable_in_s=60.0)
     announcements.see_timeline(0.0, facts(), summary())
@@ -231,14 +226,6 @@ def test_progress_is_reported_every_minute_and_later_every_hour(
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
 
 
-RANDOM_WALK = 'rate_random_walk'
-
-
-@pytest.fixture(scope='module')
-def fitted() -> Result:
-    return result_of(at_rest(2000))
-
-
 def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
        presence: float | None = None) -> Result:
     """Give the result as that of another time, in which K of one axis shows or not."""
@@ -248,18 +235,18 @@ def at(result: Result, seconds: float, observable: bool, wait_s: float | None = 
     return replace(
         result, timeline=replace(result.timeline, samples=round(100 * seconds),
                                  sample_rate_hz=100.0, duration_s=seconds),
-        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, RANDOM_WALK: walk})})
+        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, K: walk})})
 
 
 def seen(looks: SequentialLooks, fits: Sequence[Result]) -> list[Coefficient]:
-    return [looks.judged(fit).axes['gyro_x'].coefficients[RANDOM_WALK] for fit in fits]
+    return [looks.judged(fit).axes['gyro_x'].coefficients[K] for fit in fits]
 
 
 def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_record(
-        fitted: Result) -> None:
+        result: Result) -> None:
     shows = [seconds >= 30 and seconds != 70 for seconds in range(10, 240, 10)]
     found = seen(SequentialLooks(), [
-        at(fitted, 10.0 * number, shown) for number, shown in enumerate(shows, 1)])
+        at(result, 10.0 * number, shown) for number, shown in enumerate(shows, 1)])
     # Not seen at 20 s; seen at 30 to 60, thrice as much; lost at 70, and back at 210.
     assert [coefficient.observable for coefficient in found] == [
         False] * 5 + [True] + [False] * 14 + [True] * 3
@@ -268,18 +255,18 @@ def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_re
     assert withheld.observable_in_s == pytest.approx(3 * 70 - 80)
 
 
-def test_the_first_look_at_a_long_record_is_one_look(fitted: Result) -> None:
-    [found] = seen(SequentialLooks(), [at(fitted, 3600.0, True)])
+def test_the_first_look_at_a_long_record_is_one_look(result: Result) -> None:
+    [found] = seen(SequentialLooks(), [at(result, 3600.0, True)])
     assert found.observable
     # A short one is the first of many.
-    first, *_, last = seen(SequentialLooks(), [at(fitted, time, True) for time in (10., 20., 30.)])
+    first, *_, last = seen(SequentialLooks(), [at(result, time, True) for time in (10., 20., 30.)])
     assert (first.observable, last.observable) == (False, True)
 
 
 def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
-        fitted: Result) -> None:
+        result: Result) -> None:
     found = seen(SequentialLooks(), [
-        at(fitted, 10.0 * number, True, presence=presence)
+        at(result, 10.0 * number, True, presence=presence)
         for number, presence in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
     # At 30 s the record is thrice as long, but only at 40 s it is probable; what is shown stays.
     assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
@@ -287,22 +274,22 @@ def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
     assert (found[0].value, found[0].upper95) == (None, 3.0)
 
 
-def test_a_look_after_a_restart_is_one_more_and_not_the_first(fitted: Result) -> None:
+def test_a_look_after_a_restart_is_one_more_and_not_the_first(result: Result) -> None:
     setup = Setup('/imu', TimelineOptions())
     run = new_run(setup)
-    seen(run.sequential, [at(fitted, 800.0, False)])
+    seen(run.sequential, [at(result, 800.0, False)])
     # As often as it is started anew: a run is one.
     for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
         run = unpack(decode_state(encode_state(pack(run, setup))), setup)
-        [found] = seen(run.sequential, [at(fitted, seconds, seconds > 900)])
+        [found] = seen(run.sequential, [at(result, seconds, seconds > 900)])
         assert found.observable == observable
 
 
-def test_a_wait_that_recedes_is_not_said(fitted: Result) -> None:
+def test_a_wait_that_recedes_is_not_said(result: Result) -> None:
     times = [10.0 * number for number in range(1, 21)]
-    recedes = seen(SequentialLooks(), [at(fitted, time, False, 2 * time) for time in times])
+    recedes = seen(SequentialLooks(), [at(result, time, False, 2 * time) for time in times])
     assert [coefficient.observable_in_s for coefficient in recedes] == [None] * len(times)
-    stands = seen(SequentialLooks(), [at(fitted, time, False, 500 - time) for time in times])
+    stands = seen(SequentialLooks(), [at(result, time, False, 500 - time) for time in times])
     # At 30 s the record is thrice as long as at the first look.
     assert [coefficient.observable_in_s for coefficient in stands] == [
         None, None, *(500 - time for time in times[2:])]

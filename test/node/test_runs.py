@@ -30,7 +30,14 @@ HALVES = Setup('/gyro', TimelineOptions(), accel_topic='/accel')
 
 def resumed(run: Run, setup: Setup = SETUP) -> Run:
     """Give the run that a node goes on with, which was killed."""
-    return unpack(pack(run, setup), setup)
+    return unpack(decode_state(encode_state(pack(run, setup))), setup)
+
+
+def rebooted(run: Run, boot: Path, name: str) -> Run:
+    """Give the run that a node goes on with after the boot of that name."""
+    state = pack(run, SETUP)
+    boot.write_text(name)
+    return unpack(state, SETUP)
 
 
 class World:
@@ -101,9 +108,7 @@ def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
     before = World()
     before.there = {'before'}
     before.comes(at_rest(6000))
-    state = pack(before.runs.run, SETUP)
-    boot.write_text('second\n' if booted else 'first\n')
-    world = World(unpack(state, SETUP))
+    world = World(rebooted(before.runs.run, boot, 'second\n' if booted else 'first\n'))
     world.there = there
     for start_s in 90.0, 150.0:
         world.comes(at_rest(6000, start_s=start_s, seed=2, mean=(0.1, 0, 0, 0, 0, 9.8)))
@@ -276,14 +281,6 @@ def feed(run: Run, mean: float, seed: int) -> float:
     return float(block.samples[:, 0].mean())
 
 
-def rebooted(run: Run, boot: Path, name: str = '') -> Run:
-    """Go through the state file, as a node that is started again does, after a boot if named."""
-    content = encode_state(pack(run, SETUP))
-    if name:
-        boot.write_text(name)
-    return unpack(decode_state(content), SETUP)
-
-
 def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
     biases, run, means = np.random.default_rng(1).normal(0, 0.1, 6), new_run(SETUP), []
     for number, bias in enumerate(biases):
@@ -316,14 +313,12 @@ def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on
         boot: Path) -> None:
     run = new_run(SETUP)
     feed(run, 0.0, 0)
-    run = rebooted(run, boot)
+    run = resumed(run)
     feed(run, 0.1, 1)
     assert run.snapshot().result().turn_on_bias == {}
     # A computer that cannot tell its boots counts every start.
     boot.unlink()
-    for _ in range(2):
-        run = rebooted(run, boot)
-    assert len(ended(run)) == 2
+    assert len(ended(resumed(resumed(run)))) == 2
 
 
 Messages = list[tuple[int, float]]

@@ -117,8 +117,6 @@ class Outline(HTMLParser):
 
 
 class Browser:
-    """One page of one browser."""
-
     def __init__(self, address: str) -> None:
         self._address = address
 
@@ -131,7 +129,6 @@ class Browser:
             return json.load(answer)['value']
 
     def cdp(self, command: str, **parameters: Any) -> Any:
-        """Send a command of the DevTools protocol."""
         return self.call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
     def show(self, page: Path, *, width: int = 1200, height: int = 900, dark: bool = False,
@@ -144,7 +141,6 @@ class Browser:
         self.call('/url', {'url': page.resolve().as_uri()})
 
     def run(self, script: str) -> Any:
-        """Return what a function body in JavaScript returns."""
         return self.call('/execute/sync', {'script': script, 'args': []})
 
     def console(self) -> list[str]:

@@ -166,6 +166,5 @@ def streamed() -> Callable[..., Characterization]:
 
 @pytest.fixture(scope='module')
 def browser() -> Iterator[Browser]:
-    """Start a browser, where there is one."""
     with running_browser() as browser:
         yield browser

@@ -24,7 +24,6 @@ def printed(result: Result, width: int = 80, units: str = 'datasheet', verbose: 
 
 
 def shown(table: RenderableType, width: int) -> str:
-    """Return a table as it stands on a terminal."""
     out = io.StringIO()
     Console(file=out, width=width).print(table)
     return out.getvalue()

@@ -15,6 +15,7 @@ from changed import only, with_axes, with_coefficient
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.state_space import state_space
+from imu_allan.writers.atomic import CONFIGURATION, kind_of
 from imu_allan.writers.consumers import consumer_called, CONSUMERS, FAMILIES
 from imu_allan.writers.filters import export as export_as_wished, ExportOptions
 from imu_allan.writers.filters.from_datasheet import result_of_datasheet
@@ -340,6 +341,11 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(
     for part in ('imu_allan 0.1.0', 'rec/imu_2026', '/imu/data_raw', '1000000 samples', '400 Hz'):
         assert part in text
     assert not re.search(r'np\.|\bnan\b|\binf\b', text)
+    # Much is written above the numbers where much is to be said of them.
+    options = ExportOptions() if consumer.startswith('state_space') else ExportOptions(
+        inflate={'N': 2.0, 'K': 5.0})
+    inflated = export_as_wished(easy, consumer, None, options).text
+    assert kind_of(inflated.encode()[:1 << 14]) == CONFIGURATION
     if consumer != 'plain':
         # N of each axis with its interval, in the unit of the file; three axes, two sensors.
         tuned = export_as_wished(drifting, consumer).text
