@@ -69,10 +69,14 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     Spectra, list of Start
 
     """
-    power, levels = [], []
+    power, levels, slower = [], [], []
     for one in groups:
         first = maximise(one, moving_mean=True, tolerance=1e-3)
+        slower.append(_of_slower_half(one))
+        # A stop band passes for the end of a steep slope, so that all groups together give far
+        # too strong a random walk.
         expected = np.maximum(one.design @ first.theta, 1e-300)
+        expected = np.clip(one.design @ slower[-1], 1e-300, expected)
         about = about_mean(one)(expected)
         white = one.design[:, ALWAYS]
         # Lower power is only rounding error, or underflows when squared.
@@ -106,7 +110,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, ALWAYS], information, whole),
         regressors(groups), groups[0].records, table,
         unexplained_losses(groups[0].frequency, dof, np.stack(power)))
-    return spectra, [_start(*each) for each in zip(groups, unit, level, strict=True)]
+    return spectra, [
+        _start(*each) for each in zip(groups, unit, level, slower, strict=True)]
 
 
 def _scale(key: str, dt: float) -> float:
@@ -164,14 +169,18 @@ def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
     return np.asarray(0.5 * np.log(np.maximum(seen, 4.0)))
 
 
-def _start(groups: Groups, unit: Array, level: Array) -> Start:
-    """Start from a fit of the terms to the slower half of the groups."""
-    count = len(level)
+def _of_slower_half(groups: Groups) -> Array:
+    """Return the squared coefficients of a fit of the terms to the slower half of the groups."""
+    count = len(groups.frequency)
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
-    slower = maximise(groups.below(below), fixed={0: 0.0}, moving_mean=True, tolerance=1e-2)
+    return maximise(groups.below(below), fixed={0: 0.0}, moving_mean=True, tolerance=1e-2).theta
+
+
+def _start(groups: Groups, unit: Array, level: Array, slower: Array) -> Start:
+    """Start from the fit of the terms to the slower half of the groups."""
     x = np.zeros(SLOTS)
     white = level / groups.design[:, ALWAYS]
-    theta = slower.theta[_COLUMNS]
+    theta = slower[_COLUMNS]
     theta[ALWAYS] = max(theta[ALWAYS], float(np.quantile(white, 0.05)))
     # Start no term below its detection limit.
     x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
