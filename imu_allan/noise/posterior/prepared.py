@@ -89,7 +89,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
                       for shape, own in zip(TERMS, _COLUMNS, strict=True)])
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
-    passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level)
+    passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level,
+                     np.array([theta[ALWAYS] for theta in slower]))
     # Groups with less than half of the power in the pass band count as filtered.
     stopped = passed < 0.5
     uncertainty = np.where(stopped, LEAK_KNOWN / passed, 0.0)
@@ -138,11 +139,13 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
                       / (between(groups.dof) + 4) * white)
 
 
-def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
+def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, least: Array
+            ) -> Array:
     """Return the power of groups relative to that of white noise in the pass band."""
     passed = np.where(dof > 100, power, level) / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
+    reference = np.maximum(reference, least)
     return np.asarray(np.maximum(passed / reference[:, None], 1e-9))
 
 
