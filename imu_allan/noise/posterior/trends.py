@@ -468,7 +468,7 @@ def likeliest(bank: AxisBank, number: int, about: Whitened, gains: Array,
     place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
     share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
              if kind.continuous and len(grid) > 1 else float(near.mean()))
-    return Found(kind, float(values[int(np.argmax(gains))]), _interval(values, gains),
+    return Found(kind, float(values[_largest(gains)]), _interval(values, gains),
                  float(np.log(max(share, 1e-12))))
 
 
@@ -519,7 +519,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
         return values, gains
     # Refine the grid around the best value until the gain hardly changes.
     for _ in range(8):
-        best = int(np.argmax(gains))
+        best = _largest(gains)
         near = values[max(best - 1, 0):best + 2]
         more = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
         if not len(more):
@@ -531,6 +531,12 @@ def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
         if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
             break
     return values, gains
+
+
+def _largest(gains: Array) -> int:
+    """Return the first of the largest gains; those of a step within one block are equal."""
+    # Which of equal gains is the largest would depend on rounding.
+    return int(np.argmax(gains > gains.max() - 1e-6))
 
 
 def _interval(values: Array, gains: Array) -> tuple[float, float]:
