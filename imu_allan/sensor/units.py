@@ -58,7 +58,7 @@ _UNITS: dict[str, tuple[float, _Powers]] = {
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
 # Exponents have one digit and no exponent of their own, so no text leads to an enormous power.
-_TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
+_TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1(?=\s*/)|(?<=/)\d{1,9}(?:\.\d{1,9})?)|([*/()](?!\*))'
                     r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
@@ -243,7 +243,10 @@ def _power(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]
         tokens = tokens[1:]
     elif name:
         size = _named(name)
-    elif not one:
+    elif one:
+        # Counts in a unit: g/16384.
+        size = float(one), size[1]
+    else:
         raise _NotAUnit
     if tokens and tokens[0][3]:
         exponent = float(tokens[0][3])

@@ -529,7 +529,7 @@ WORDS: Mapping[str, Words] = {
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
         'A mean, spread or noise density is beyond any sensor at rest.',
         says=_implausible,
-        do='state the unit (--gyro, --accel), or record it at rest',
+        do='state the unit (--gyro, --accel; of counts :g/16384), or record it at rest',
         live='check the unit of the driver',
         brief=lambda f: f'{_implausible_what(f)} of {f.value:.3g} {f.unit} is implausible'),
     # messages are lost

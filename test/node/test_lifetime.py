@@ -154,7 +154,8 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         ([twist, 'gyro_field:=twist.no'], 'parameter gyro_field twist.no: '
          'geometry_msgs/msg/Twist has no field no; it has linear, angular'),
         (['accel_unit:=deg/s'],
-         'parameter accel_unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g'),
+         'parameter accel_unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g, '
+         'of counts g/16384'),
         (['gyro_topic:=/g'],
          'parameter gyro_topic: needs accel_topic, too: an IMU on two topics has both'),
         (['gyro_topic:=/a', accel], 'parameters gyro_topic and accel_topic: both are /a'),

@@ -182,5 +182,6 @@ def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
         result.axes['gyro_x'].coefficients['noise_density'].value * np.pi / 180, rel=1e-6)
     plain = analyze(path, reading=RecordingOptions(accel_unit='m/s^2'))
     assert plain.axes['accel_z'].mean == pytest.approx(0.9993, abs=0.01)
-    with refused('--accel unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g'):
+    with refused('--accel unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g, '
+         'of counts g/16384'):
         RecordingOptions(accel_unit='deg/s')

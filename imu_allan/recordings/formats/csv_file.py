@@ -47,6 +47,9 @@ _FIRST_LINES = 64
 FIFO."""
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a comma-separated file."""
+_DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9})\d*)?'
+                   r'(?:Z|([+-]\d\d):?(\d\d))?')
+"""A time of ISO 8601, as pandas writes an index of times."""
 
 
 class CsvRecording(FileRecording):
@@ -161,6 +164,8 @@ class CsvRecording(FileRecording):
         self._decimal_comma = (delimiter != ',' and
                                re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
+        # Between blanks, date and time of day may be two cells.
+        self._dated = delimiter is not None and _DATE.search(text) is not None
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
             header, options, lambda clock: _is_plausible_clock(rows, clock))
@@ -207,10 +212,12 @@ class CsvRecording(FileRecording):
                 if line.strip()]
 
     def _with_points(self, text: str) -> str:
-        """Replace decimal commas by points."""
+        """Replace decimal commas by points, and dates by nanoseconds."""
         if self._quoted_comma:
-            return _QUOTED_COMMA.sub(r'\1.\2', text)
-        return text.replace(',', '.') if self._decimal_comma else text
+            text = _QUOTED_COMMA.sub(r'\1.\2', text)
+        elif self._decimal_comma:
+            text = text.replace(',', '.')
+        return _DATE.sub(_nanoseconds, text) if self._dated else text
 
     def _report_ignored(self, columns: Columns) -> None:
         lookalikes = {*columns.lookalikes}
@@ -319,6 +326,17 @@ def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
         return np.array([int(_split(line, delimiter)[column].strip(QUOTES)) for line in lines],
                         np.int64)
     return None
+
+
+def _nanoseconds(time: re.Match[str]) -> str:
+    """Return a date and time as nanoseconds since 1970; what is none stays as it is."""
+    day, clock, part, hours, minutes = time.groups('')
+    try:
+        seconds = int(np.datetime64(f'{day}T{clock}', 's').astype(np.int64))
+    except ValueError:
+        return time[0]
+    ahead = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
+    return f'{seconds - ahead}{part:0<9}'
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:

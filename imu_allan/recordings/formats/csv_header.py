@@ -42,7 +42,8 @@ _UNITS = {
 _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
 """A unit at the end of a name, as in ``gx_dps``."""
 _CLOCKS = tuple(re.compile(form) for form in (
-    r'(?:[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp)',
+    r'(?:[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp'
+    r'|millis|micros)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot',
     r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
     r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?',
@@ -50,6 +51,8 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'|epoch?(?:_(s|ms|us|ns))?'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the
 day."""
+_UNIT_OF_CLOCK = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us'}
+"""Units that names imply: those of ``rostopic echo -p``, and of Arduino's clocks."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 _REST_OF_IMU = re.compile(
     r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
@@ -409,8 +412,7 @@ def _clock_named(name: str) -> tuple[int, str | None] | None:
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(lower)) is not None:
             in_name = next((unit for unit in match.groups() if unit), None)
-            # ``rostopic echo -p`` prints nanoseconds without stating the unit.
-            return rank, 'ns' if lower in ('%time', 'field.header.stamp') else in_name
+            return rank, _UNIT_OF_CLOCK.get(lower, in_name)
     return None
 
 

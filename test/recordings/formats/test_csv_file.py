@@ -267,10 +267,13 @@ def fields(form: str) -> str:
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
     ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
      '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
+    ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
+    ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
-        'sensorlog', 'androsensor', 'units alone', 'time beside two numbers'])
+        'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
+        'arduino', 'arduino, fast'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -286,6 +289,8 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
     ('x-axis (deg/s),y-axis (deg/s),z-axis (deg/s),Acc X (m/s2),Acc Y (m/s2),Acc Z (m/s2)',
      (pi / 180, 1.0)),
+    ('gx [deg/s/131],gy [deg/s/131],gz [deg/s/131],ax [g/2048],ay [g/2048],az [g/2048]',
+     (pi / 180 / 131, 9.80665 / 2048)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
     messages, _ = read_text(path, f'time [ms],{header}\n500,1,2,3,4,5,6\n')
@@ -304,11 +309,20 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
     assert messages.samples[0, [0, 3]] == pytest.approx([pi, 1.0], rel=1e-15)
 
 
+@pytest.mark.parametrize(('header', 'times'), [
+    ('time,gx', ('2014-06-24T19:02:59.75Z,', '2014-06-24T19:03:00Z,')),
+    ('"Timestamp","gx"', ('"2014-06-24 21:02:59.750000+02:00",', '2014-06-24T13:33:00-05:30,')),
+    ('time;gx', ('2014-06-24 19:02:59,7500000001;', '2014-06-24 19:03:00;0,'))])
+def test_times_that_are_written_as_dates_are_read(path, header, times):
+    block, _ = read_text(path, f'{header}\n{times[0]}1\n{times[1]}2\n2014-06-31T00:00:00Z,3\n')
+    assert block.header_ns.tolist() == [1403636579_750000000, 1403636580_000000000]
+
+
 @pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])
-def test_times_that_are_written_as_dates_are_no_numbers_and_reported(path, options):
-    text = 'time,gx\n2014-06-24T19:02:59.75Z,1\n2014-06-24T19:02:59.76Z,2\n'
+def test_times_of_another_form_are_no_numbers_and_reported(path, options):
+    text = 'time,gx\n24.06.2014 19:02:59.75,1\n24.06.2014 19:02:59.76,2\n'
     assert refusal(path, text, **options) == (
-        'line 2: 2014-06-24T19:02:59.75Z,1 lacks a number in a column that is read. A column that '
+        'line 2: 24.06.2014 19:02:59.75,1 lacks a number in a column that is read. A column that '
         'holds none can be left out: --columns names the others, and --rate takes the place of '
         'the time')
     block, _ = read(path, options=replace(named(gyro_x='gx'), rate_hz=100.0))
