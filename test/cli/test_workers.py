@@ -1,22 +1,32 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that work on several recordings, and the folders that results go to."""
+"""Many recordings at once: processes that work on them, folders for results, a fleet's page."""
 
+import csv
+import json
 import os
+from pathlib import Path
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 
+from bags import no_axes
 from imu_allan.cli import dask_cluster
+from imu_allan.cli.main import main
 from imu_allan.cli.tasks import folder_names
 from imu_allan.cli.workers import executor
 from imu_allan.recordings.write import write_recording
+from imu_allan.result import Inspection
+from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.result_file import load_result
+import numpy as np
 from processes import living, marked, wait_until
 import pytest
 from repeated import slow
-from whole_lines import refused
+from whole_lines import refused, Varying
 import zstandard
 
 
@@ -106,3 +116,127 @@ def test_a_dask_address_where_nobody_answers_or_somebody_is_silent_is_one_line(
                                 ('not an address', '<words>')):
             fails_with(f'--dask {address}: no scheduler answers ({reason}); start one with: dask '
                        'scheduler', 'analyze', recording, '--dask', address)
+
+
+def write_csv(path, density, seed, samples=6000, axes='y'):
+    """Write a minute of axes of a gyroscope at 100 Hz, of which y has another density."""
+    model = parse_model(f'gyro: {{noise_density: 0.005 deg/s/sqrt(Hz), '
+                        f'y: {{noise_density: {density} deg/s/sqrt(Hz)}}}}')
+    columns = np.concatenate([block.samples[:, :3] for block in simulated_blocks(
+        model, 100.0, samples, seed=seed)])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = '\n'.join(f'{i / 100},' + ','.join(repr(row['xyz'.index(axis)]) for axis in axes)
+                     for i, row in enumerate(columns.tolist()))
+    path.write_text(f'time_s,{",".join(f"gyro_{axis}" for axis in axes)}\n{rows}\n')
+    return str(path)
+
+
+def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, capsys):
+    paths = [write_csv(tmp_path / f'{name}.csv', 0.005, 1, samples, 'xyz')
+             for name, samples in (('good', 7000), ('short', 600))]
+    constant = tmp_path / 'constant.csv'
+    constant.write_text('time_s,gyro_y\n' + ''.join(f'{i / 100},1\n' for i in range(7000)))
+    assert main(['analyze', *paths, str(constant)]) == 1
+    lines = capsys.readouterr().out.splitlines()[:3]
+    assert lines == [Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),
+                     Varying('short: 6 s, gyro N <number> deg/sqrt(h) (not usable), <words>'),
+                     Varying('constant: 70 s, gyro not usable, <words>')]
+
+
+@pytest.fixture(scope='module')
+def command(tmp_path_factory):
+    """Six units, of which sn10 is noisy, and a file that is no recording."""
+    folder = tmp_path_factory.mktemp('units')
+    paths = [write_csv(folder / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
+                       number, axes='xyz') for number in (2, 4, 5, 6, 7, 10)]
+    paths.append(str(folder / 'sn11' / 'night.csv'))
+    (folder / 'sn11').mkdir()
+    Path(paths[-1]).write_text('no,recording\n1,2\n')
+    return ['analyze', *paths, '--output', str(folder / 'fleet'), '--name-from', 'folder']
+
+
+def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
+    output = Path(command[-3])
+    assert main(command) == 1
+    shown = capsys.readouterr()
+    assert shown.err == f'imu_allan: {command[7]}: {no_axes("no,recording")}\n'
+    assert Varying('sn10: gyro_y angle random walk 0.54<number> deg/sqrt(h): <number> times the '
+                   'median of the others, <number> spreads away') in shown.out.splitlines()
+    document = json.loads((output / 'fleet.json').read_text())
+    assert document['schema'] == 'imu_allan.fleet/1'
+    assert [(unit['name'], bool(unit['odd'])) for unit in document['units']] == [
+        (f'sn{number}', number == 10) for number in (2, 4, 5, 6, 7, 10)]
+    assert [failure['unit'] for failure in document['failures']] == ['sn11']
+    (density,) = (trait for trait in document['traits']
+                  if (trait['axis'], trait['key']) == ('gyro_x', 'noise_density'))
+    assert density['median'] == pytest.approx(0.005 * 0.0174533, rel=0.02)
+    with (output / 'fleet.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row['verdict'] for row in rows] == ['ok'] * 5 + ['odd', 'failed']
+    result = load_result(output / 'sn7' / 'result.json')
+    assert float(rows[4]['gyro_x.noise_density']) == \
+        result.axes['gyro_x'].coefficients['noise_density'].value
+    page = (output / 'fleet.html').read_text()
+    assert '<a href="sn10/report.html">sn10</a>' in page
+    assert '<script' not in page
+
+
+def test_resume_works_on_what_is_missing_or_newer(command, capsys):
+    output = Path(command[-3])
+    if not output.exists():
+        assert main(command) == 1
+    shutil.rmtree(output / 'sn4')
+    first, newer = (output / name / 'result.json' for name in ('sn2', 'sn5'))
+    before = first.stat().st_mtime_ns, newer.stat().st_mtime_ns
+    os.utime(command[3], (newer.stat().st_mtime + 60,) * 2)
+    capsys.readouterr()
+    assert main([*command, '--resume']) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if line.endswith('done before')] == [
+        f'{name}: done before' for name in ('sn2', 'sn6', 'sn7', 'sn10')]
+    assert first.stat().st_mtime_ns == before[0]
+    assert newer.stat().st_mtime_ns > before[1]
+    assert (output / 'sn4' / 'result.json').exists()
+    assert len(json.loads((output / 'fleet.json').read_text())['units']) == 6
+
+
+def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(tmp_path, output_of):
+    paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
+    output = tmp_path / 'out'
+    command = ['analyze', *paths, '--output', str(output), '--resume']
+
+    def done_before(*options):
+        return [line.partition(':')[0] for line in output_of(*command, *options).splitlines()
+                if line.endswith('done before')]
+
+    assert done_before() == []
+    assert done_before() == ['unit1', 'unit2']
+    part = ('--motion', 'keep', '--duration', '10s')
+    assert done_before(*part) == []
+    assert load_result(output / 'unit1' / 'result.json').source.options == {
+        'motion': 'keep', 'duration_s': '10.0'}
+    assert done_before(*part) == ['unit1', 'unit2']
+    part = (*part, '--operator', 'Ada')
+    assert done_before(*part) == []
+    (output / 'unit2' / 'allan_deviation.png').unlink()
+    assert done_before(*part) == ['unit1']
+    changed = load_result(output / 'unit1' / 'result.json').to_dict()
+    (output / 'unit1' / 'result.json').write_text(
+        json.dumps(changed | {'imu_allan_version': '0.0.1'}))
+    assert done_before(*part) == ['unit2']
+
+
+def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):
+    paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]
+    assert f'{paths[0]} + {paths[1]}' in output_of(
+        'analyze', *paths, '--together', '--output', tmp_path / 'out', '--json',
+        tmp_path / 'r.json', '--serial', 'A-17', '--meta', 'station=bench 3').splitlines()
+    result = load_result(tmp_path / 'r.json')
+    assert [part.path for part in result.recordings] == paths
+    assert result.inspection == Inspection('A-17', None, 'bench 3')
+    assert set(result.turn_on_bias) == {'gyro_y'}
+    assert (tmp_path / 'out' / 'report.html').exists()
+    assert not (tmp_path / 'out' / 'fleet.html').exists()
+    # Nothing is left out.
+    assert fails_with(f'{tmp_path}/no.csv: no such file or directory',
+                      'analyze', paths[0], tmp_path / 'no.csv', '--together') == ''

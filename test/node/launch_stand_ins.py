@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stand-ins for what launch files use of ``launch`` and ``launch_ros``, which have no wheels."""
+"""Stand-ins for `launch`, which has no wheels: they show what a launch file says, no more."""
 
-from collections import namedtuple
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
 import importlib.util
 from pathlib import Path
 import sys
@@ -16,12 +15,23 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 LaunchContext = dict[str, str]
-# They take the keyword arguments that the Jazzy versions document and no others: they show what a
-# launch file says, not that launch understands it.
-FindPackageShare = namedtuple('FindPackageShare', 'package')
-LaunchDescription = namedtuple('LaunchDescription', 'entities')
-PythonLaunchDescriptionSource = namedtuple('PythonLaunchDescriptionSource', 'location')
-ThisLaunchFileDir = namedtuple('ThisLaunchFileDir', '')
+
+
+def taking(kind: str, *positional: str, **keywords: Any) -> Any:
+    """Give a class of the arguments, with defaults, that the Jazzy version documents alone."""
+    return make_dataclass(kind, [*positional, *(
+        (name, Any, field(default=default, kw_only=True)) for name, default in keywords.items())])
+
+
+DeclareLaunchArgument = taking('DeclareLaunchArgument', 'name', default_value=None,
+                               description='', choices=None)
+FindPackageShare = taking('FindPackageShare', 'package')
+IncludeLaunchDescription = taking('IncludeLaunchDescription', 'source', launch_arguments=())
+LaunchDescription = taking('LaunchDescription', 'entities')
+OpaqueFunction = taking('OpaqueFunction', function=None)
+ParameterValue = taking('ParameterValue', 'value', value_type=None)
+PythonLaunchDescriptionSource = taking('PythonLaunchDescriptionSource', 'location')
+ThisLaunchFileDir = taking('ThisLaunchFileDir')
 
 
 @dataclass
@@ -40,31 +50,6 @@ class PathJoinSubstitution:
         first, *others = self.parts
         assert first == FindPackageShare('imu_allan')
         return str(ROOT.joinpath(*others))
-
-
-@dataclass
-class ParameterValue:
-    value: LaunchConfiguration
-    value_type: type = field(kw_only=True)
-
-
-@dataclass
-class DeclareLaunchArgument:
-    name: str
-    default_value: Any = field(default=None, kw_only=True)
-    description: str = field(default='', kw_only=True)
-    choices: Sequence[str] | None = field(default=None, kw_only=True)
-
-
-@dataclass
-class OpaqueFunction:
-    function: Callable[[LaunchContext], list[Any]] = field(kw_only=True)
-
-
-@dataclass
-class IncludeLaunchDescription:
-    source: PythonLaunchDescriptionSource
-    launch_arguments: Any = field(default=(), kw_only=True)
 
 
 @dataclass(kw_only=True)
