@@ -19,12 +19,12 @@ TIME = np.arange(36_000) / RATE
 
 @pytest.fixture
 def written(tmp_path):
-    def write(settling):
-        noise = simulate({'noise_density': 1e-3, 'bias_instability': 1e-3}, len(TIME), RATE, 1)
-        path = tmp_path / 'imu.csv'
-        np.savetxt(path, np.column_stack((TIME, noise + settling)), fmt='%.9g', delimiter=',',
+    def write(settling=0.0, seed=1, name='imu.csv', part=slice(None)):
+        rows = np.column_stack((TIME, settling + simulate(
+            {'noise_density': 1e-3, 'bias_instability': 1e-3}, len(TIME), RATE, seed)))
+        np.savetxt(tmp_path / name, rows[part], fmt='%.9g', delimiter=',',
                    header='time_s,gyro_x', comments='')
-        return path
+        return tmp_path / name
     return write
 
 
@@ -41,7 +41,7 @@ def test_start_auto_leaves_out_the_warm_up(written):
 
 
 def test_start_auto_leaves_nothing_out_where_nothing_settles_and_is_for_one_recording(written):
-    path = written(0.0)
+    path = written()
     result = analyze(path, start_s='auto')
     [said] = [one.values for one in result.warnings if one.code == 'start_auto']
     assert not said['warm_up_s']
@@ -51,35 +51,25 @@ def test_start_auto_leaves_nothing_out_where_nothing_settles_and_is_for_one_reco
         analyze([path, path], start_s='auto')
 
 
-def part(path, first, last):
-    """Write some lines of a CSV into another one."""
-    head, *lines = path.read_text().splitlines(keepends=True)
-    other = path.with_name(f'{first}_{last}.csv')
-    other.write_text(''.join([head, *lines[first:last]]))
-    return other
-
-
 @pytest.mark.parametrize(('first', 'other'), [
-    ('imu.csv', 'link.csv'), ('imu.csv', (12_000, 30_000)), ((0, 18_500), (17_500, 36_000))],
+    (slice(None), None), (slice(None), slice(12_000, 30_000)),
+    (slice(0, 18_500), slice(17_500, 36_000))],
     ids=['a link', 'its middle', 'ten seconds of it'])
 def test_the_same_recording_given_twice_is_refused(written, first, other):
-    path = written(0.0)
-    path.with_name('link.csv').symlink_to(path)
-    paths = [path.with_name(name) if isinstance(name, str) else part(path, *name)
-             for name in (first, other)]
-    for one, two in (paths, paths[::-1]):
+    path = written(part=first)
+    beside = path.with_name('other.csv')
+    if other is None:
+        beside.symlink_to(path)
+    else:
+        written(name=beside.name, part=other)
+    for one, two in ((path, beside), (beside, path)):
         with refused(f'{one} and {two} hold the same messages, which would count twice; give each '
                      'recording of the IMU once'):
             analyze([one, two])
 
 
 def test_recordings_of_one_time_with_other_values_are_two(written):
-    path = written(0.0)
-    other = path.with_name('other.csv')
-    noise = simulate({'noise_density': 1e-3, 'bias_instability': 1e-3}, len(TIME), RATE, 2)
-    np.savetxt(other, np.column_stack((TIME, noise)), fmt='%.9g', delimiter=',',
-               header='time_s,gyro_x', comments='')
-    assert len(analyze([path, other]).recordings) == 2
+    assert len(analyze([written(), written(seed=2, name='other.csv')]).recordings) == 2
 
 
 def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys):
@@ -89,7 +79,7 @@ def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys)
         def __fspath__(self):
             return str(path)
 
-    path = written(0.0)
+    path = written()
     result = analyze(Given())
     assert result.source.path == str(path)
     assert result.source.start_time is None
