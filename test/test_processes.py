@@ -1,0 +1,112 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that are started: when they end, and that nothing in the current folder runs."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from processes import living, marked, wait_until
+import pytest
+
+STARTS = """
+import time
+from imu_allan.isolated_process import start_python
+# What it calls reads no pipe and looks after nothing.
+child = start_python('signal', 'pause', start_new_session=True)
+print('ready', flush=True)
+time.sleep(100)
+"""
+IN_A_CALLBACK = """
+import os, signal, sys, threading, time, weakref
+from imu_allan.isolated_process import exit_on_sigterm
+begin, slow_s = threading.Thread.start, float(sys.argv[1])
+threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
+exit_on_sigterm()
+class Thing: pass
+for _ in range(3):
+    thing = Thing()
+    reference = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+    del thing
+try:
+    time.sleep(60)
+finally:
+    print('tidied up')
+"""
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='the kernel of Linux does it')
+@pytest.mark.usefixtures('children_unmeasured')
+def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, '-c', STARTS], stdout=subprocess.PIPE, text=True,
+                          env=marked(tmp_path)) as parent:
+        assert parent.stdout is not None
+        parent.stdout.readline()
+        # The kernel shows the mark of a process once it has begun its program.
+        wait_until(lambda: len(living(tmp_path)) == 2, 20)
+        parent.kill()
+    try:
+        wait_until(lambda: not living(tmp_path), 20)
+    finally:
+        for child in living(tmp_path):
+            os.kill(child, signal.SIGKILL)
+
+
+@pytest.mark.parametrize('slow_s', ['0', '0.1'])
+def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s: str
+                                                                                ) -> None:
+    """Also on a busy machine, where a thread takes its time to begin."""
+    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
+                          text=True, timeout=30, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')
+
+
+MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
+PLANTED = ('pickle', 'struct', 'numpy', 'multiprocessing', 'imu_allan', 'matplotlib', 'argparse',
+           'signal', 'subprocess', 'typing', 'threading', 'sqlite3', 'yaml', 'mcap', 'zstandard',
+           'sitecustomize', 'usercustomize', 'encodings', 'distributed',
+           'jinja2')
+LARGE = 220_000
+"""Messages of a recording that is larger than 64 MB, which is read by a process of its own."""
+
+
+def test_no_verb_imports_or_obeys_what_lies_in_the_current_folder(tmp_path):
+    # Every module that might be imported from here leaves a trace.
+    downloaded, trace = tmp_path / 'downloaded', tmp_path / 'ran'
+    downloaded.mkdir()
+    for name in PLANTED:
+        (downloaded / f'{name}.py').write_text(
+            f'open({str(trace)!r}, "a").write("{name}\\n")\nraise SystemExit(99)\n')
+    # A pipe that nobody writes to, instead of a file, would keep matplotlib waiting for ever.
+    os.mkfifo(downloaded / 'matplotlibrc')
+    recordings = tmp_path / 'recordings'
+    recordings.mkdir()
+    for name, count in (('large', LARGE), ('small', 3000), ('other', 3000)):
+        write_recording(recordings / name, simulated_blocks(
+            parse_model(MODEL), 100.0, count, start_ns=10**18), compression='')
+    result, model = downloaded / 'r.json', downloaded / 'm.yaml'
+    model.write_text(MODEL)
+    size = sum(file.stat().st_size for file in (recordings / 'large').iterdir())
+    assert size > 1 << 26
+    # As an installation leaves it: a script in a folder of its own.
+    script = tmp_path / 'bin' / 'imu_allan'
+    script.parent.mkdir()
+    script.write_text('import shlex, sys\nfrom imu_allan.cli.main import main\n'
+                      'sys.exit(max(main(shlex.split(line)) for line in sys.argv[1:]))\n')
+    done = subprocess.run([
+        sys.executable, str(script), f'info {recordings}/small',
+        f'analyze {recordings}/small --json {result} --output out',
+        f'simulate {model} --duration 1s --output simulated', f'export {result} --for kalibr',
+        f'report {result} --output report', f'check {result} --spec {model} --allow-undecided',
+        f'analyze {recordings}/small {recordings}/other --jobs 2',
+        f'analyze {recordings}/large'], cwd=downloaded, capture_output=True, text=True,
+        timeout=300, check=False)
+    assert not trace.exists(), trace.read_text()
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.count(': 30 s, gyro N') == 2
+    assert f'{LARGE:,} samples at 100 Hz, 36 min 40 s' in done.stdout.splitlines()
