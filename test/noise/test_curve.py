@@ -13,17 +13,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-NBS14 = [892, 809, 823, 798, 671, 644, 883, 903, 677]
-
-
-def nbs14_1000():
-    """Return the 1000 points of NIST SP 1065, a multiplicative congruential generator."""
-    n, points = 1234567890, []
-    for _ in range(1000):
-        points.append(n / 2147483647)
-        n = 16807 * n % 2147483647
-    return np.array(points)
-
 
 def overlapping(samples):
     """Overlapping Allan deviation by cluster size."""
@@ -32,9 +21,13 @@ def overlapping(samples):
 
 
 def test_nbs14_and_stable32_to_the_printed_digits():
-    deviation = overlapping(NBS14)
+    deviation = overlapping([892, 809, 823, 798, 671, 644, 883, 903, 677])
     assert (f'{deviation[1]:.5f}', f'{deviation[2]:.5f}') == ('91.22945', '85.95287')
-    deviation = overlapping(nbs14_1000())
+    # The 1000 points of NIST SP 1065, a multiplicative congruential generator.
+    numbers = [1234567890]
+    while len(numbers) < 1000:
+        numbers.append(16807 * numbers[-1] % 2147483647)
+    deviation = overlapping(np.array(numbers) / 2147483647)
     assert f'{deviation[1]:.7f}' == '0.2922319'
     for size, expected in ((1, '0.29223'), (2, '0.20102'), (4, '0.14479'), (8, '0.10570'),
                            (16, '0.061915'), (32, '0.048082'), (64, '0.036237'),
@@ -67,20 +60,20 @@ def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyo
 
 
 DT = 0.25
-TERMS_OF_ONE_SIZE = {'quantization_noise': 1.1, 'noise_density': 1.3, 'bias_instability': 1.5,
-                     'rate_random_walk': 0.9}
-SHAPES = {'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
-          'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+SHAPES = {'quantization_noise': (1.1, spectrum.quantization),
+          'noise_density': (1.3, spectrum.white), 'bias_instability': (1.5, spectrum.flicker),
+          'rate_random_walk': (0.9, spectrum.random_walk)}
+"""Terms of about one size, and their spectra."""
 
 
-def edf_of_spectrum(coefficients, size, stride, count):
+def edf_of_spectrum(keys, size, stride, count):
     """Degrees of freedom from the covariance that the spectrum gives the second differences."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
     edges = np.linspace(0, .5, 401)
     half = np.diff(edges)[:, None] / 2
     nu = (edges[:-1, None] + half + half * nodes).ravel()
     weight = (half * weights).ravel()
-    density = sum(value**2 * SHAPES[key](nu, DT) for key, value in coefficients.items())
+    density = sum(value**2 * shape(nu, DT) for value, shape in map(SHAPES.get, keys))
     power = density * (4 * np.sin(np.pi * size * nu) ** 2 / (2 * np.sin(np.pi * nu))) ** 2
     lags = np.arange(count) * stride
     r = np.array([np.sum(2 * weight * power * np.cos(2 * np.pi * lag * nu)) for lag in lags])
@@ -93,9 +86,9 @@ def edf_of_spectrum(coefficients, size, stride, count):
     (1, 1, 30), (8, 1, 60), (16, 2, 41), (4, 3, 50)])
 def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
         keys, size, stride, count):
-    coefficients = {key: TERMS_OF_ONE_SIZE[key] for key in keys}
+    coefficients = {key: SHAPES[key][0] for key in keys}
     assert edf(coefficients, size, stride, count, DT) == pytest.approx(
-        edf_of_spectrum(coefficients, size, stride, count), rel=1e-6)
+        edf_of_spectrum(keys, size, stride, count), rel=1e-6)
 
 
 @pytest.mark.parametrize('level', [.68, .95])

@@ -12,13 +12,6 @@ import pytest
 WHITE = np.random.default_rng(7).normal(size=30_000)
 
 
-def interpolated(samples, share, rng=None):
-    """Fill in missing samples as the timeline does: by the mean of others on both sides."""
-    missing = (rng or np.random.default_rng(8)).random(samples.shape) < share
-    around = np.convolve(samples, np.full(16, 1 / 16), 'same')
-    return np.where(missing, around, samples), np.flatnonzero(missing)
-
-
 def without_small(samples, width):
     return np.where(np.abs(samples) < width, 0.0, samples)
 
@@ -51,7 +44,10 @@ def whole_values_about_a_mean_off_zero():
         for offset in (-0.4, 0.0, 0.3):
             samples = 0.00106 * np.rint(mean + offset + sigma * WHITE[:9000])
             for share in (0.0, 0.02, 0.05, 0.1):
-                yield interpolated(samples, share, rng)
+                # Missing samples are filled in as the timeline does: by the mean of others.
+                missing = rng.random(samples.shape) < share
+                around = np.convolve(samples, np.full(16, 1 / 16), 'same')
+                yield np.where(missing, around, samples), np.flatnonzero(missing)
 
 
 def noise_of_many_lengths(*lengths):

@@ -193,37 +193,38 @@ def test_flicker_alone_keeps_its_value():
 
 
 WALK = 3e-4
-EVEN = {N: DENSITY, K: WALK}
 
 
-def walked(steps, seed):
-    return simulate({N: DENSITY}, len(steps), RATE, seed) + np.cumsum(steps)
+def walks_of(steps, seeds):
+    """Return K of records of white noise and what steps from a generator add up to."""
+    return each([simulate({N: DENSITY}, HOUR, RATE, seed) + np.cumsum(
+        steps(np.random.default_rng(seed))) for seed in range(seeds)], K)
 
 
-def even(seed):
-    return walked(WALK / np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(HOUR), seed)
+def even(rng):
+    return WALK / np.sqrt(RATE) * rng.standard_normal(HOUR)
 
 
-def jumping(seed):
-    """Give a random walk of six jumps in an hour."""
-    rng, steps = np.random.default_rng(seed), np.zeros(HOUR)
+def jumping(rng):
+    """Give six jumps in an hour."""
+    steps = np.zeros(HOUR)
     steps[rng.integers(0, HOUR, 6)] = 7e-3 * rng.standard_normal(6)
-    return walked(steps, seed)
+    return steps
 
 
 def width(walk):
     """Return the relative width, in those of the bound; a bound says nothing of what is below."""
-    return width_over_bound(walk, EVEN, HOUR, K) * WALK / walk.value if walk.observable else np.inf
+    return (width_over_bound(walk, {N: DENSITY, K: WALK}, HOUR, K) * WALK / walk.value
+            if walk.observable else np.inf)
 
 
 def test_even_random_walks_are_known_as_well_as_they_can_be_and_a_few_jumps_less_well():
-    walks = each([even(seed) for seed in range(20)], K)
+    walks = walks_of(even, 20)
     assert sum(walk.observable for walk in walks) >= 18
     assert sum(width(walk) > 1.8 for walk in walks) <= 4
     # Four of twenty outside come once in 60 such tests, and these are fixed.
     assert sum(holds(walk, WALK) for walk in walks) >= 17
-    jumps = each([jumping(seed) for seed in range(10)], K)
-    assert sum(width(walk) > 1.4 for walk in jumps) >= 8
+    assert sum(width(walk) > 1.4 for walk in walks_of(jumping, 10)) >= 8
 
 
 TIME = np.arange(2 * HOUR) / RATE

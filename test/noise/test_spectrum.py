@@ -29,30 +29,26 @@ COLUMNS = {'quantization_noise': spectrum.quantization, 'noise_density': spectru
            'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
 
 
-def allan_variance_of(density, size):
+def allan_variance_of(density, size, *parameter):
     """Integrate a spectrum of averaged samples against the Allan window."""
     def integrand(nu):
         window = 2 * np.sin(np.pi * size * nu) ** 4 / (size * np.sin(np.pi * nu)) ** 2
-        return float(density(np.array([nu]))[0]) * window
+        return float(density(np.array([nu]), DT, *parameter)[0]) * window
     return 2 * quad(integrand, 1e-12, 0.5, limit=800)[0]
 
 
-@pytest.mark.parametrize('key', COLUMNS)
-@pytest.mark.parametrize('size', [1, 2, 3, 16])
-def test_spectrum_gives_the_ieee_formula_at_every_cluster_size(key, size):
-    found = allan_variance_of(lambda nu: COLUMNS[key](nu, DT), size)
-    assert found == pytest.approx(float(allan_variance({key: 1.0}, size * DT)), rel=1e-9)
-
-
-@pytest.mark.parametrize('size', [1, 4, 64])
-def test_spectra_of_processes_and_power_laws_give_their_allan_variance(size):
+@pytest.mark.parametrize('size', [1, 2, 3, 4, 16, 64])
+def test_spectra_of_terms_processes_and_power_laws_give_their_allan_variance(size):
+    for key, density in COLUMNS.items():
+        assert allan_variance_of(density, size) == pytest.approx(
+            float(allan_variance({key: 1.0}, size * DT)), rel=1e-9), key
     # On both sides of the series, too.
     for time in (0.02, 0.3, 9.0, 11.0, 40.0):
-        found = allan_variance_of(lambda nu, time=time: spectrum.gauss_markov(nu, DT, time), size)
-        assert found == pytest.approx(float(gauss_markov_avar(1.0, time, size * DT)), rel=1e-5)
+        assert allan_variance_of(spectrum.gauss_markov, size, time) == pytest.approx(
+            float(gauss_markov_avar(1.0, time, size * DT)), rel=1e-5), time
     for exponent in (0.4, 0.7, 1.0, 1.3, 1.8):
-        found = allan_variance_of(lambda nu, of=exponent: spectrum.power_law(nu, DT, of), size)
-        assert found == pytest.approx(float(power_law_avar(1.0, exponent, size * DT)), rel=1e-6)
+        assert allan_variance_of(spectrum.power_law, size, exponent) == pytest.approx(
+            float(power_law_avar(1.0, exponent, size * DT)), rel=1e-6), exponent
 
 
 def test_gauss_markov_deviation_peaks_where_the_standard_says():
@@ -118,42 +114,34 @@ def test_allan_variance_of_a_moving_average_is_that_of_its_weights(width, size):
     assert low_passed_avar(3.0, window, size, dt) == pytest.approx(exact, rel=1e-10)
 
 
-MODELS = {
-    'terms': FittedModel({'quantization_noise': 2e-5, 'noise_density': 1e-3,
-                          'bias_instability': 2e-3, 'rate_random_walk': 1e-3}),
-    'low-pass': FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, 0.075),
-    'processes': FittedModel({'noise_density': 1e-3}, None,
-                             (GaussMarkov(1e-3, 0.5), GaussMarkov(3e-3, 20.0))),
-}
-
-
-@pytest.mark.parametrize('name', MODELS)
+@pytest.mark.parametrize('model', [
+    FittedModel({'quantization_noise': 2e-5, 'noise_density': 1e-3, 'bias_instability': 2e-3,
+                 'rate_random_walk': 1e-3}),
+    FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, 0.075),
+    FittedModel({'noise_density': 1e-3}, None, (GaussMarkov(1e-3, 0.5), GaussMarkov(3e-3, 20.0)))],
+    ids=['terms', 'low-pass', 'processes'])
 @pytest.mark.parametrize('m', [1, 3, 16, 100])
-def test_allan_variance_is_the_integral_over_the_spectrum(name, m):
+def test_allan_variance_is_the_integral_over_the_spectrum(model, m):
     # Fine enough for the random walk at its slow end: the weight falls with nu squared there.
     nu = np.geomspace(1e-7, 0.5, 400_000)
     weight = 4 * np.sin(np.pi * m * nu)**4 / (m * np.sin(np.pi * nu))**2
-    integrand = MODELS[name].density(nu / DT, DT) / DT * weight
+    integrand = model.density(nu / DT, DT) / DT * weight
     integral = float(np.sum((integrand[1:] + integrand[:-1]) / 2 * np.diff(nu)))
-    assert MODELS[name].allan_variance([m], DT)[0] == pytest.approx(integral, rel=2e-3)
+    assert model.allan_variance([m], DT)[0] == pytest.approx(integral, rel=2e-3)
 
 
-def moments(interval: float) -> tuple[float, float, float]:
-    """Weight of the state in the mean, variance of the mean, and what the state does not tell."""
+@pytest.mark.parametrize('interval', [1e-6, 5e-4, 0.99e-3, 1.01e-3, 0.1, 1.0, 30.0])
+def test_moments_of_a_mean_are_exact_on_both_sides_of_the_series(interval):
     with localcontext() as context:
         context.prec = 50
         x = Decimal(interval)
         weight = (1 - (-x).exp()) / x
         variance = 2 / x * (1 - weight)
-        return float(weight), float(variance), float(variance - weight**2)
-
-
-@pytest.mark.parametrize('interval', [1e-6, 5e-4, 0.99e-3, 1.01e-3, 0.1, 1.0, 30.0])
-def test_moments_of_a_mean_are_exact_on_both_sides_of_the_series(interval):
-    weight, variance, rest = moments(interval)
-    assert float(on_mean(1.0, interval)) == pytest.approx(weight, rel=1e-12)
-    assert float(mean_variance(1.0, interval)) == pytest.approx(variance, rel=1e-9)
-    assert float(rest_of_mean(1.0, interval)) == pytest.approx(rest, rel=1e-8)
+        rest = variance - weight**2
+    assert float(on_mean(1.0, interval)) == pytest.approx(float(weight), rel=1e-12)
+    assert float(mean_variance(1.0, interval)) == pytest.approx(float(variance), rel=1e-9)
+    # What the state does not tell.
+    assert float(rest_of_mean(1.0, interval)) == pytest.approx(float(rest), rel=1e-8)
 
 
 @pytest.mark.parametrize('length', [2, 3, 16, 60, 501])

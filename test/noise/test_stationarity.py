@@ -57,8 +57,7 @@ def test_segments_follow_one_another_and_know_their_means():
         begin = round(segment.start_s * RATE)
         part = record[begin:begin + round(segment.duration_s * RATE)]
         assert segment.mean == pytest.approx(part.mean(), abs=1e-9)
-        low, high = segment.ci95
-        assert low < segment.noise_density < high
+        assert segment.ci95[0] < segment.noise_density < segment.ci95[1]
 
 
 @pytest.mark.parametrize(('samples', 'from_', 'ratio'), [
@@ -95,18 +94,14 @@ def short_record(kind, samples, seed):
     return record[:samples]
 
 
-def with_gaps(record, period, lost):
-    estimator = Estimator()
-    for first in range(0, len(record), period):
-        estimator.update(record[first:first + period - lost])
-        estimator.skip(lost)
-    return estimator
-
-
 def alarms(kind, samples, seeds, period=10**6, lost=0):
+    """Count the records whose noise seems to change, with so many samples lost of each period."""
     said = 0
     for seed in seeds:
-        estimator = with_gaps(short_record(kind, samples, seed), period, lost)
+        record, estimator = short_record(kind, samples, seed), Estimator()
+        for first in range(0, samples, period):
+            estimator.update(record[first:first + period - lost])
+            estimator.skip(lost)
         powers = short_powers(estimator.finished().periodogram)
         said += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
     return said

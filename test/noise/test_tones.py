@@ -12,12 +12,8 @@ from scipy.signal import firwin, lfilter
 DT = 0.01
 
 
-def parts_of(samples):
-    return shown(samples).periodogram.sections()
-
-
-def lines_of(samples, sections=None):
-    sections = parts_of(samples) if sections is None else sections
+def lines_of(samples):
+    sections = shown(samples).periodogram.sections()
     bins = bins_of(sections, DT)
     return find_lines(sections, bins, 0, DT, grouped(bins, 0))
 
