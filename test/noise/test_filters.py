@@ -63,13 +63,13 @@ def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
 
 
 RATE_HZ, COUNT = 100.0, 60_000
+GYRO = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
 
 
 def without_bias(samples: np.ndarray, gain: float) -> np.ndarray:
     """Do as imu_complementary_filter does at rest: bias += gain * (sample - bias)."""
-    bias = lfilter([gain], [1, gain - 1], samples)
-    settled = int(20 / gain)
-    return (samples - np.concatenate([[0.0], bias[:-1]]))[settled:]
+    bias = lfilter([0, gain], [1, gain - 1], samples)
+    return (samples - bias)[int(20 / gain):]
 
 
 def sensor(seed: int, **more: float) -> np.ndarray:
@@ -78,9 +78,8 @@ def sensor(seed: int, **more: float) -> np.ndarray:
 
 def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: float) -> np.ndarray:
     """Ten samples a second of a gyroscope with flicker, behind a filter that has settled."""
-    gyro = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5, **terms}
     settling = int(20 * time_s) * 10
-    rows = simulate(gyro, settling + round(hours * 36_000), 10.0, seed)
+    rows = simulate({**GYRO, **terms}, settling + round(hours * 36_000), 10.0, seed)
     return without_bias(rows, 1 / (10 * time_s))
 
 
@@ -105,8 +104,7 @@ def hour(seed: int, **terms: float) -> np.ndarray:
 
 
 def zero_taken_every_minute(seed: int) -> np.ndarray:
-    rows = simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 36_600, 10.0, seed)
-    minutes = rows.reshape(-1, 600)
+    minutes = simulate(GYRO, 36_600, 10.0, seed).reshape(-1, 600)
     return (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel()
 
 
@@ -195,20 +193,11 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good(
                                            'record the raw topic') for verdict in verdicts)
 
 
-def levelling_off(time_s: float) -> np.ndarray:
-    process = {'sigma': 4e-5, 'correlation_time_s': time_s}
-    return simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 216_000, 10.0, 3)
-
-
-def vibrating_above_a_quiet_floor() -> np.ndarray:
-    return sensor(6) + 3e-3 * np.diff(np.random.default_rng(5).normal(size=COUNT + 1))
-
-
 def counts_one_by_one() -> np.ndarray:
     """Give an angle in counts of 3.6 arc seconds, of which one sample of a hundred has one."""
-    density, count = 6e-7, 1.732e-5
-    samples = round(3600 * RATE_HZ)
-    angle = np.cumsum(2e-5 + simulate({'noise_density': density}, samples, RATE_HZ, 4)) / RATE_HZ
+    count = 1.732e-5
+    rates = simulate({'noise_density': 6e-7}, round(3600 * RATE_HZ), RATE_HZ, 4)
+    angle = np.cumsum(2e-5 + rates) / RATE_HZ
     return np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ
 
 
@@ -216,8 +205,12 @@ def counts_one_by_one() -> np.ndarray:
     *((partial(sensor, 4, **more), RATE_HZ, set()) for more in (
         {}, {'bias_instability': 2e-5}, {'rate_random_walk': 1e-5},
         {'quantization_noise': 1e-5})),
-    *((partial(levelling_off, time_s), 10.0, {'gauss_markov'}) for time_s in (10.0, 100.0)),
-    (vibrating_above_a_quiet_floor, RATE_HZ, set()),
+    *((partial(simulate, {'noise_density': 7.9e-5, 'gauss_markov': {
+        'sigma': 4e-5, 'correlation_time_s': time_s}}, 216_000, 10.0, 3), 10.0, {'gauss_markov'})
+      for time_s in (10.0, 100.0)),
+    # A vibration above a quiet floor.
+    (lambda: sensor(6) + 3e-3 * np.diff(np.random.default_rng(5).normal(size=COUNT + 1)),
+     RATE_HZ, set()),
     (counts_one_by_one, RATE_HZ, {'coarse_resolution', 'poor_fit'})])
 def test_a_sensor_as_it_is_keeps_its_coefficients(record, rate, remarks):
     axis, found = characterized(record(), rate)

@@ -192,19 +192,18 @@ def fits_of(records):
         taken_in(np.transpose(records)).finished(), 1 / RATE)]
 
 
-def step_of(size, at, seed=1, noise='flicker', samples=36_000):
-    """Return the step that is found in a record whose mean steps."""
-    [fit] = fits_of([simulate(NOISES[noise], samples, RATE, seed) + size * (
-        np.arange(samples) >= at)])
-    return fit and fit.bias_step
-
-
 @pytest.mark.parametrize('at', [3_000, 18_000, 33_000])
-@pytest.mark.parametrize('size', [20 * FLICKER, -100 * FLICKER])
-def test_a_step_is_found_with_its_place_and_size(at, size):
-    found = step_of(size, at)
-    assert abs(found.at_s * RATE - at) < 600
-    assert found.size == pytest.approx(size, abs=5 * FLICKER)
+@pytest.mark.parametrize(('size', 'walk', 'most'), [
+    (20 * FLICKER, 0.0, 3e-5), (-100 * FLICKER, 0.0, 1e-4), (10 * FLICKER, 1.6e-6, 3e-5)])
+def test_a_step_is_found_with_its_place_and_size_and_bounds_the_random_walk(at, size, walk, most):
+    samples = simulate({**NOISES['flicker'], K: walk}, 36_000, RATE, 1)
+    samples[at:] += size
+    axis, remarks = characterized(samples, RATE)
+    assert remarks['bias_step'] == {'size': pytest.approx(size, abs=5 * FLICKER), 'unit': 'rad/s',
+                                    'after_s': pytest.approx(at / RATE, abs=60)}
+    found = axis.coefficients[K]
+    assert (found.observable, found.observable_in_s) == (False, None)
+    assert walk < found.upper95 < most
 
 
 def test_noise_of_any_colour_has_no_step():
@@ -235,12 +234,15 @@ def test_two_steps_too_small_to_be_certain_are_seldom_one_or_a_random_walk():
 
 @pytest.mark.slow
 def test_shares_of_steps_that_are_found_and_of_false_ones():
-    false = sum(step_of(0.0, 0, seed, noise, 72_000) is not None
-                for noise in NOISES for seed in range(200))
+    def is_found(size, at, seed, noise='flicker'):
+        [fit] = fits_of([simulate(NOISES[noise], 72_000, RATE, seed)
+                         + size * (np.arange(72_000) >= at)])
+        return fit.bias_step is not None
+
+    false = sum(is_found(0.0, 0, seed, noise) for noise in NOISES for seed in range(200))
     rng = np.random.default_rng(1)
-    found = [np.mean([step_of(size * FLICKER, int(rng.uniform(0.03, 0.97) * 72_000), 1000 + seed,
-                              samples=72_000) is not None for seed in range(40)])
-             for size in (3, 10, 30)]
+    found = [np.mean([is_found(size * FLICKER, int(rng.uniform(0.03, 0.97) * 72_000), 1000 + seed)
+                      for seed in range(40)]) for size in (3, 10, 30)]
     print(f'false: {false} of {200 * len(NOISES)}; found of 3, 10, 30 B: {found}')
     assert false <= 3
     assert found[1] > 0.9
