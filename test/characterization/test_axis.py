@@ -128,20 +128,3 @@ def test_the_model_describes_records_of_a_hundred_samples():
                for seed in range(60)]
     misfits = [axis.goodness_of_fit.acceptable is False for axis in several(records, RATE)]
     assert np.mean(misfits) <= 0.05
-
-
-@pytest.mark.parametrize(('size', 'at', 'walk'), [(10, 4000, 1.6e-6), (100, 2000, 0.0)])
-def test_a_step_of_the_mean_is_reported_and_bounds_the_random_walk(size, at, walk):
-    small = size == 10
-    samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
-                        'rate_random_walk': walk}, 18 * at, 10.0, seed=7 if small else 1)
-    samples[10 * at:] += size * 4.8e-5
-    axis, remarks = characterized(samples, 10.0)
-    step = remarks['bias_step']
-    assert step == {'size': pytest.approx(size * 4.8e-5, abs=0.8e-4 if small else None, rel=0.1),
-                    'unit': 'rad/s', 'after_s': pytest.approx(at, abs=40 if small else 60)}
-    found = axis.coefficients['rate_random_walk']
-    assert not found.observable
-    assert walk < found.upper95
-    assert not small or found.upper95 < 3e-5
-    assert found.observable_in_s is None

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A night with all that happens in one: each cause is found by its own code."""
 
-from characterized import messages, START_NS
+from characterized import messages
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
@@ -36,7 +36,12 @@ class Night:
         rng = np.random.default_rng(seed)
         self.period = hours * 3600 / rng.uniform(8, 12)
         self.settling = rng.uniform(500, 1000)
-        weather = self._weather(rng)
+        # A day's trend, and somebody who opens the window three times.
+        end = self.time[-1]
+        weather = 2 * np.sin(1.6 * np.pi * self.time / end + rng.uniform(0, 6))
+        for at in rng.permutation((0.2, 0.5, 0.75)):
+            since = np.maximum(self.time - (at + rng.uniform(0, 0.1)) * end, 0)
+            weather -= 4 * since / 500 * np.exp(1 - since / 500)
         self.slam = 0.37 * hours * 3600
         after = np.maximum(self.time - self.slam, 0)
         ring = np.where(after > 0, np.exp(-after / 0.6) * np.sin(0.4 * np.pi * rate * after), 0)
@@ -48,15 +53,6 @@ class Night:
         share = 1 / (LAG * rate)
         shown = lfilter([share], [1, share - 1], weather, zi=[(1 - share) * weather[0]])[0]
         self.celsius = np.round(21 + shown + 0.01 * rng.standard_normal(len(shown)), 2)
-
-    def _weather(self, rng):
-        """Give a day's trend and somebody who opens the window three times."""
-        end = self.time[-1]
-        found = 2 * np.sin(1.6 * np.pi * self.time / end + rng.uniform(0, 6))
-        for at in rng.permutation((0.2, 0.5, 0.75))[:3]:
-            since = np.maximum(self.time - (at + rng.uniform(0, 0.1)) * end, 0)
-            found -= 4 * since / 500 * np.exp(1 - since / 500)
-        return found
 
     def _axis(self, name, causes, seed, weather, rng):
         model = dict(GYRO if name.startswith('gyro') else ACCEL)
@@ -77,34 +73,25 @@ class Night:
                 self.time > 0.6 * self.time[-1])
         return rows
 
-    @property
-    def stamps(self):
-        return START_NS + np.rint(self.time * 1e9).astype(np.int64)
-
     def live(self, rng):
         """Give it to a stream as a topic does, which is saved and loaded in between."""
         stream = Characterization(kind='topic', topic='/imu')
         begin = 0
         while begin < len(self.time):
             part = slice(begin, begin + int(rng.integers(500, 20_000)))
-            stream.update(messages(self.rows[part], self.rate, begin))
-            stream.take_temperature(self.stamps[part], self.celsius[part])
+            block = messages(self.rows[part], self.rate, begin)
+            stream.update(block)
+            stream.take_temperature(block.header_ns, self.celsius[part])
             if rng.random() < 0.2:
                 stream = Characterization.from_state(stream.to_state())
             begin = part.stop
         return stream.result()
 
 
-def words(result, name):
-    """Return what is said of an axis."""
-    return {remark.code for remark in result.warnings
-            if name in remark.axes} & WORDS
-
-
 def is_right(night, result, name):
     """Tell whether words and numbers of an axis are those of its causes."""
     axis, why = result.axes[name], night.causes[name]
-    said = words(result, name)
+    said = {remark.code for remark in result.warnings if name in remark.axes} & WORDS
     unclear = 'walk' in why and 'trend_or_walk' in said
     if said - {'trend_or_walk'} != {word for cause, word in FOUND.items() if cause in why}:
         return False

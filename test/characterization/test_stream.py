@@ -22,13 +22,13 @@ from repeated import slow
 from whole_lines import refused, Varying
 
 RATE = 100.0
-GYRO = {'noise_density': 7e-5, 'bias_instability': 2.4e-5, 'rate_random_walk': 4e-6}
-ACCEL = {'noise_density': 1.5e-3, 'bias_instability': 4e-4, 'rate_random_walk': 6e-5}
 
 
 def still_imu(samples):
     """Draw six axes at rest, shape (samples, 6)."""
-    columns = [simulate(GYRO if name.startswith('gyro') else ACCEL, samples, RATE, seed)
+    gyro, accel = ({'noise_density': n, 'bias_instability': b, 'rate_random_walk': k}
+                   for n, b, k in ((7e-5, 2.4e-5, 4e-6), (1.5e-3, 4e-4, 6e-5)))
+    columns = [simulate(gyro if name.startswith('gyro') else accel, samples, RATE, seed)
                for seed, name in enumerate(AXES)]
     columns[5] += 9.81
     return np.stack(columns, axis=1)
