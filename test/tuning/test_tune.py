@@ -19,10 +19,7 @@ from scipy.signal import lfilter
 from whole_lines import refused
 
 HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
-WALKING = np.array([4e-6]), np.array([9e-10])
-MARKOV = np.array([4e-6]), np.array([5e-4]), np.array([40.0])
 PROCESS = {'processes': ((5e-4, 40.0),)}
-DECADES = {'walk': 1e-7, 'processes': ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0))}
 
 
 def one(value):
@@ -30,9 +27,8 @@ def one(value):
 
 
 @pytest.mark.parametrize(('filters', 'drift'), [
-    (Filters.with_random_walk(*WALKING, 1.0), {'walk': 3e-5}),
-    (Filters.markov(*MARKOV, 1.0), PROCESS)],
-    ids=['walking', 'markov'])
+    (Filters.with_random_walk(one(4e-6), one(9e-10), 1.0), {'walk': 3e-5}),
+    (Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0), PROCESS)], ids=['walking', 'markov'])
 def test_a_filter_predicts_what_the_kalman_filter_of_its_model_predicts_and_that_happens(
         filters, drift):
     truth = axis_of(2e-3, **drift)
@@ -88,7 +84,7 @@ def test_a_sensor_that_a_filter_models_keeps_its_numbers():
 
 def test_a_drift_that_no_random_walk_describes_is_not_said_to_be_known():
     """The exported walk of a flicker-like sensor is near zero; the tuned one covers its drift."""
-    axis = axis_of(1e-3, **DECADES)
+    axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
     process = tune(axis, 1.0, 60.0, 'gauss_markov')
     walk = process.sigma * (2 / process.correlation_time_s)**0.5
     again = assess(axis, process.noise_density, walk, 1.0, 60.0, process.correlation_time_s)
@@ -197,9 +193,6 @@ def test_axes_that_are_equal_for_a_filter_are_tuned_once_and_others_anew():
 AXIS = axis_of(1e-3, 1e-5)
 NO_NUMBERS = [(None, 'None'), ('1', "'1'"), (True, 'True'), (np.ones(2), 'array([1., 1.])'),
               ('x\n' * 10_000, "'" + 9 * 'x\\n' + 'x…n' + 9 * 'x\\n' + "'")]
-NOT_POSITIVE = [(0, '0'), (float('nan'), 'nan'), (10**400, 'inf')]
-OUT_OF_RANGE = [(1e-31, '1e-31'), (1e31, '1e+31')]
-
 TIMES = {
     'aiding_interval_s': [lambda time: imu_allan.tune(AXIS, time, 1e9),
                           lambda time: optimum(AXIS, time, 1e9),
@@ -231,8 +224,9 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
         ('a positive time', 'between a microsecond and a hundred years', ' s') if name in TIMES
         else ('above zero', 'between 1e-30 and 1e+30', ''))
     said = [*((value, f'{positive}, not {shown}') for value, shown in NO_NUMBERS),
-            *((value, f'{positive}, not {shown}{unit}') for value, shown in NOT_POSITIVE),
-            *((value, f'{between}, not {shown}{unit}') for value, shown in OUT_OF_RANGE)]
+            *((value, f'{positive}, not {shown}{unit}') for value, shown in (
+                (0, '0'), (float('nan'), 'nan'), (10**400, 'inf'))),
+            *((value, f'{between}, not {value:g}{unit}') for value in (1e-31, 1e31))]
     for value, line in said:
         for takes in (TIMES | NUMBERS)[name] if value is not None or name not in OPTIONAL else ():
             with refused(f'{name} must be {line}'):
