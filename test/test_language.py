@@ -123,19 +123,16 @@ def test_no_name_or_comment_has_english_of_its_own() -> None:
     assert not [line for line in lines if INTERNAL.search(line)]
 
 
-def glossary() -> list[str]:
-    return re.findall(r'^- \*\*(.*?)\*\*', (ROOT / 'docs' / 'glossary.md').read_text(),
-                      re.MULTILINE)
+GLOSSARY = (ROOT / 'docs' / 'glossary.md').read_text()
 
 
 def test_the_glossary_is_short_sorted_and_in_plain_words() -> None:
-    terms = glossary()
+    terms = re.findall(r'^- \*\*(.*?)\*\*', GLOSSARY, re.MULTILINE)
     assert 30 <= len(terms) <= MOST_TERMS
     assert terms == sorted(terms, key=str.lower)
 
 
 def test_every_term_of_art_that_is_shown_is_in_the_glossary() -> None:
-    page = (ROOT / 'docs' / 'glossary.md').read_text()
     shown = ' '.join([*(line for code in WORDS for line in explained(code)),
                       *(title_of(Finding(code)) for code in WORDS),
                       *(text for path in (ROOT / 'imu_allan').rglob('*.py')
@@ -144,7 +141,7 @@ def test_every_term_of_art_that_is_shown_is_in_the_glossary() -> None:
                       *(path.read_text() for path in PAGES if path.name != 'glossary.md')])
     used = {term for term in TERMS_OF_ART if re.search(rf'\b{term}', shown, re.IGNORECASE)}
     assert len(used) > 20
-    assert not {term for term in used if not re.search(rf'\b{term}', page, re.IGNORECASE)}
+    assert not {term for term in used if not re.search(rf'\b{term}', GLOSSARY, re.IGNORECASE)}
 
 
 def words_shown() -> set[str]:
@@ -168,24 +165,16 @@ def forms_of(word: str) -> set[str]:
         word.removesuffix(end) + other for end, other in endings if word.endswith(end)}
 
 
-def unexplained(words: set[str]) -> set[str]:
-    """Return the words that are in the glossary, in Python's manual and in our list nowhere."""
-    known = set(re.findall('[a-z]+', ' '.join(topics.values()).lower())) | set(ORDINARY)
-    known |= set(re.findall('[a-z]+', (ROOT / 'docs' / 'glossary.md').read_text().lower()))
-    return {word for word in words if not forms_of(word) & known}
-
-
 def test_a_word_that_the_program_shows_is_plain_or_in_the_glossary() -> None:
     shown = words_shown()
     assert len(shown) > 1000
-    new = unexplained(shown)
-    assert not new, 'say it in plain English, or explain it in docs/glossary.md'
-
-
-def test_the_list_of_ordinary_words_does_not_grow() -> None:
+    manual = ' '.join(topics.values()).lower()
+    known = {*re.findall('[a-z]+', manual + GLOSSARY.lower()), *ORDINARY}
+    assert not {word for word in shown if not forms_of(word) & known}, (
+        'say it in plain English, or explain it in docs/glossary.md')
+    # The list of ordinary words does not grow: there is room for a few; terms are explained.
     assert list(ORDINARY) == sorted(set(ORDINARY))
-    assert not set(ORDINARY) - set().union(*map(forms_of, words_shown()))
-    # There is room for a few plain words; terms go into the glossary.
+    assert not set(ORDINARY) - set().union(*map(forms_of, shown))
     assert len(ORDINARY) <= MOST_ORDINARY
 
 

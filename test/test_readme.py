@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
+PATH = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
 
 WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
 NEEDS_ROS = {
@@ -54,18 +55,16 @@ PAGES = ('README.md', 'docs/recipes.md', *(
 """Pages whose commands a reader types one after the other."""
 
 
+def blocks(page, language):
+    return re.findall(rf'^```{language}\n(.*?)^```', (ROOT / page).read_text(),
+                      re.MULTILINE | re.DOTALL)
+
+
 def commands(page):
     """Give the commands of all blocks of a page, those over several lines in one."""
-    blocks = re.findall(r'^```bash\n(.*?)^```', (ROOT / page).read_text(),
-                        re.MULTILINE | re.DOTALL)
-    lines = [re.sub(r'\s{2,}#.*', '', line).strip()
-             for block in blocks for line in re.sub(r'\\\n\s*', '', block).splitlines()]
+    lines = [re.sub(r'\s{2,}#.*', '', line).strip() for block in blocks(page, 'bash')
+             for line in re.sub(r'\\\n\s*', '', block).splitlines()]
     return [line for line in lines if line]
-
-
-def python_blocks(page):
-    return re.findall(r'^```python\n(.*?)^```', (ROOT / page).read_text(),
-                      re.MULTILINE | re.DOTALL)
 
 
 @pytest.fixture(scope='module')
@@ -85,12 +84,10 @@ def workplace(tmp_path_factory):
         'accel: {noise_density: 300 ug/sqrt(Hz)}\n')
     run = ['simulate', str(folder / 'consumer.yaml'), '--duration', '5min']
     assert main([*run, '--output', str(folder / 'imu_at_rest')]) == 0
-    for number in '12':
-        assert main([*run, '--seed', number, '--duration', '2min',
-                     '--output', str(folder / 'recordings' / f'imu_{number}')]) == 0
-        name = {'1': 'before', '2': 'after'}[number]
-        assert main(['analyze', str(folder / 'recordings' / f'imu_{number}'),
-                     '--json', str(folder / f'{name}.json')]) == 0
+    for number, name in (('1', 'before'), ('2', 'after')):
+        recording = str(folder / 'recordings' / f'imu_{number}')
+        assert main([*run, '--seed', number, '--duration', '2min', '--output', recording]) == 0
+        assert main(['analyze', recording, '--json', str(folder / f'{name}.json')]) == 0
     # A command of the page makes it; each of them can be tested alone.
     (folder / 'characterization').mkdir()
     shutil.copy(folder / 'before.json', folder / 'characterization' / 'result.json')
@@ -98,11 +95,6 @@ def workplace(tmp_path_factory):
     rows = ['gyro_x [deg/s],accel_z [g]', *(f'{gyro:.6f},{accel:.6f}' for gyro, accel in noise)]
     (folder / 'samples.csv').write_text('\n'.join(rows) + '\n')
     return folder
-
-
-def shortened(command):
-    """Take a minute where a page takes hours: the options are the same, the wait is not."""
-    return re.sub(r'--duration \w+', '--duration 1min', command)
 
 
 # One that several pages print is executed where it is printed first.
@@ -114,24 +106,24 @@ def test_command_of_the_tool_runs_as_printed(command, workplace, monkeypatch, ca
         shutil.rmtree(workplace / output[1], ignore_errors=True)
     # Of the shortened recording check cannot tell everything.
     well = (0, 4) if ' check ' in command else (0,)
-    # Fewer looks.
+    # Fewer looks, and a minute where a page takes hours: the options are the same.
     monkeypatch.setattr(live, 'GROWTH', 2)
+    shortened = re.sub(r'--duration \w+', '--duration 1min', command)
     if not set(command) & set('|&;<>*?$~'):
         # What needs no shell needs no process, whose start is half of the time.
         monkeypatch.chdir(workplace)
-        status = main(shlex.split(shortened(command))[1:])
+        status = main(shlex.split(shortened)[1:])
         assert (status in well, capsys.readouterr().err) == (True, '')
         return
     done = subprocess.run(
-        ['bash', '-c', shortened(command)], cwd=workplace, check=False, capture_output=True,
-        text=True, env=os.environ | {
-            'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'})
+        ['bash', '-c', shortened], cwd=workplace, check=False, capture_output=True, text=True,
+        env=os.environ | {'PATH': PATH})
     assert done.returncode in well, done.stderr
     assert done.stderr == ''
 
 
 @pytest.mark.parametrize('block', [
-    block for page in PAGES for block in python_blocks(page)])
+    block for page in PAGES for block in blocks(page, 'python')])
 def test_python_of_the_pages_runs(block, workplace, monkeypatch):
     import imu_allan
     monkeypatch.chdir(workplace)
@@ -176,9 +168,7 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
             cwd=tmp_path / 'clone', stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             env=os.environ | {
                 'HOME': str(tmp_path), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF',
-                'ROS_LOG_DIR': str(tmp_path),
-                'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'},
-            ) as process:
+                'ROS_LOG_DIR': str(tmp_path), 'PATH': PATH}) as process:
         said = ''
         for line in process.stdout:
             said += line
@@ -199,9 +189,9 @@ def test_every_other_command_is_one_whose_test_is_known(page):
 
 
 def test_every_make_command_is_a_target():
-    printed = {command.split()[1] for page in (*PAGES, 'CONTRIBUTING.md')
-               for command in re.findall(r'make [a-z-]+', ' '.join(
-                   [*commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text())]))}
+    printed = {target for page in (*PAGES, 'CONTRIBUTING.md') for line in (
+        *commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text()))
+        for target in re.findall(r'make ([a-z-]+)', line)}
     targets = set(re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE))
     assert {'demo', 'test', 'lint', 'setup'} <= printed <= targets
 
@@ -217,19 +207,21 @@ def test_links_pictures_and_files_that_are_named_are_there(page):
         assert (ROOT / name).exists(), name
 
 
+def made_by(program):
+    """Return what a program prints that imports the makers of pages."""
+    return subprocess.run([sys.executable, '-c', program], check=True, capture_output=True,
+                          text=True, cwd=ROOT / 'docs').stdout
+
+
 def test_commands_page_is_what_the_parsers_say():
-    shown = subprocess.run(
-        [sys.executable, '-c', 'import make_commands; print(make_commands.page(), end="")'],
-        check=True, capture_output=True, text=True, cwd=ROOT / 'docs').stdout
+    shown = made_by('import make_commands; print(make_commands.page(), end="")')
     assert (ROOT / 'docs' / 'commands.md').read_text() == shown
 
 
 def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypatch):
     monkeypatch.chdir(workplace)
-    steps = subprocess.run(
-        [sys.executable, '-c', 'import make_first_minutes as made\n'
-         'for _, *commands in made.STEPS: print(*commands, sep="\\n")'],
-        check=True, capture_output=True, text=True, cwd=ROOT / 'docs').stdout.splitlines()
+    steps = made_by('import make_first_minutes as made\n'
+                    'for _, *commands in made.STEPS: print(*commands, sep="\\n")').splitlines()
     page = (ROOT / 'docs' / 'first_minutes.md').read_text()
     assert re.findall(r'^\$ (.*)$', page, re.MULTILINE) == steps
     # Not 2: a page that was made before an option was renamed shows one that is gone.
@@ -238,21 +230,14 @@ def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypa
             assert main(shlex.split(command.partition(' | ')[0])[1:]) in (0, 1, 4), command
 
 
-@pytest.fixture(scope='module')
-def built_pages(tmp_path_factory):
-    """Return the folder of the pages as HTML; a warning is an error."""
+def test_documentation_builds_without_warnings(tmp_path):
     for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
-    folder = tmp_path_factory.mktemp('pages')
     subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',
-                    '-q', '-d', str(folder / 'doctrees'), str(ROOT / 'docs'),
-                    str(folder / 'html')], check=True)
-    return folder / 'html'
-
-
-def test_documentation_builds_without_warnings(built_pages):
-    page = (built_pages / 'statistics.html').read_text()
+                    '-q', '-d', str(tmp_path / 'doctrees'), str(ROOT / 'docs'),
+                    str(tmp_path / 'html')], check=True)
+    page = (tmp_path / 'html' / 'statistics.html').read_text()
     # What draws the formulas lies beside the pages, and nothing is fetched from elsewhere.
     [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)
-    assert (built_pages / drawn_by).is_file()
+    assert (tmp_path / 'html' / drawn_by).is_file()
     assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:', page)
