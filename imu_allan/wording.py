@@ -289,8 +289,8 @@ def clock_of(clock: str, topic: str | None) -> str:
 
 
 def is_table(topic: str | None) -> bool:
-    """Return whether a topic is a CSV file or several of a folder, not a topic of ROS."""
-    return topic is not None and (topic == NO_TOPIC or topic.lower().endswith('.csv'))
+    """Return whether a topic is a CSV file, one of a folder or columns, not a topic of ROS."""
+    return topic == NO_TOPIC or (topic or '').lower().endswith(('.csv', ' columns'))
 
 
 def faults_of(timeline: Timeline) -> list[str]:

@@ -36,7 +36,7 @@ from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 from imu_allan.sensor.units import convert
-from imu_allan.wording import NO_TOPIC
+from imu_allan.wording import NO_TOPIC, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,15 +62,19 @@ class CsvRecording(FileRecording):
         except ImuAllanError as error:
             raise type(error)(f'{printable(path)}: {error}') from error
         self.topics = [ImuTopic(NO_TOPIC, None)]
+        if self._apart:
+            self.topics = [ImuTopic(f'{sensor} columns', None) for sensor in SENSORS]
+            self.preferred = tuple(self.by_name)
         self.untimed = self._columns.clock is None
         if self._columns.temperature is not None:
             self.thermometers = [
-                ImuTopic(f'{NO_TOPIC}:{options.temperature or "temperature"}', None)]
+                ImuTopic(f'{imu.name}:{options.temperature or "temperature"}', None)
+                for imu in self.topics]
 
     @property
     def sensors(self) -> list[str]:
         """Return the sensors that have columns: 'gyro', 'accel' or both."""
-        return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
+        return sorted({*map(_sensor_of, self._columns.axes)})
 
     def span_ns(self) -> tuple[int, int] | None:
         """Return the smallest and largest stamp near the two ends; None if there are none."""
@@ -87,7 +91,10 @@ class CsvRecording(FileRecording):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the number of bytes consumed so far."""
         columns = self._columns
-        if topic != NO_TOPIC and columns.temperature is not None:
+        if self._apart and topic in self.by_name:
+            columns = replace(columns, ignored=('axes',), axes=tuple(
+                axis for axis in columns.axes if topic.startswith(_sensor_of(axis))))
+        elif topic != NO_TOPIC and columns.temperature is not None:
             # A slow temperature sensor leaves most of its cells empty; such rows are skipped.
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
@@ -193,6 +200,7 @@ class CsvRecording(FileRecording):
                 times = self._first_times(columns.clock.column, delimiter)
             _refuse_grouped_times(times)
             columns = replace(columns, clock=_with_unit(columns.clock, times, options.rate_hz))
+        self._apart = columns.clock is not None and _are_apart(columns, rows)
         self._report_ignored(columns)
         if columns.clock is None and options.rate_hz is None:
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
@@ -357,6 +365,18 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:
     """Return the nonempty cells of a column."""
     return [row[column] for row in rows if len(row) > column and row[column]]
+
+
+def _sensor_of(axis: tuple[int, int, float]) -> str:
+    return 'gyro' if axis[1] < 3 else 'accel'
+
+
+def _are_apart(columns: Columns, rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether rows often have one sensor only, as of two topics in one table."""
+    filled = [{_sensor_of(axis) for axis in columns.axes
+               if ''.join(row[axis[0]:axis[0] + 1]).lower() not in ('', 'nan')} for row in rows]
+    counts = Counter(map(len, filled))
+    return len(set().union(*filled)) == 2 and counts[1] > counts[2] / 4
 
 
 def _is_plausible_clock(rows: Sequence[Sequence[str]], clock: Clock) -> bool:

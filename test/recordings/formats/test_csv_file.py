@@ -15,6 +15,8 @@ from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.halves import choose_streams
+from imu_allan.recordings.thermometers import thermometer_of
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -48,6 +50,27 @@ def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
             count: int | None = None) -> Finding:
     return said(path, 'ignored_columns', perhaps_axes=perhaps_axes, columns=columns,
                 count=len(columns) if count is None else count)
+
+
+@pytest.mark.parametrize('empty', ['', 'NaN'])
+@pytest.mark.parametrize('together', [0, 1])
+def test_sensors_on_rows_of_their_own_are_the_halves_of_an_imu(path, empty, together):
+    # As pandas joins two tables, and PlotJuggler exports two topics.
+    rows = [(number, number, empty, '') for number in range(40)]
+    rows += [(number + 0.5 * (1 - together), number if together else empty, -number, 25)
+             for number in range(0, 40, 2)]
+    path.write_text('time [ms],gx,ax,temperature\n' + ''.join(
+        f'{",".join(map(str, row))}\n' for row in sorted({row[0]: row for row in rows}.values())))
+    with open_recording(path) as recording:
+        [gyro, accel] = choose_streams(recording)
+        assert [stream.half for stream in (gyro, accel)] == ['gyro', 'accel']
+        for stream, axis, expected in ((gyro, 0, np.arange(40)), (accel, 3, -np.arange(0, 40, 2))):
+            blocks = [*stream.select(read_blocks(recording, stream.topic))]
+            assert np.concatenate([block.samples for block in blocks])[:, axis].tolist() == [
+                *expected]
+            thermometer = thermometer_of(recording, stream.topic)
+            assert {25.0} == {*np.concatenate([block.samples[:, 0] for block, _ in
+                                               recording.decoded(thermometer.name)])}
 
 
 # A loaded machine may be slow at anything.
