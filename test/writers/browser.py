@@ -12,12 +12,9 @@ import json
 from pathlib import Path
 import re
 import shutil
-import socket
 import subprocess
 import tempfile
-import time
 from typing import Any
-from urllib.error import URLError
 from urllib.request import Request, urlopen
 
 import pytest
@@ -120,10 +117,10 @@ class Browser:
     def __init__(self, address: str) -> None:
         self._address = address
 
-    def call(self, path: str, body: dict[str, Any] | None = None) -> Any:
+    def call(self, path: str, body: dict[str, Any] | None = None, method: str = '') -> Any:
         """Send a command; without a body, ask."""
-        request = Request(self._address + path, method='GET' if body is None else 'POST',
-                          data=None if body is None else json.dumps(body).encode(),
+        request = Request(self._address + path, method=method or ('POST' if body else 'GET'),
+                          data=json.dumps(body).encode() if body else None,
                           headers={'Content-Type': 'application/json'})
         with urlopen(request, timeout=60) as answer:
             return json.load(answer)['value']
@@ -169,43 +166,20 @@ def running_browser() -> Iterator[Browser]:
     """Start a browser with a profile of its own; it ends with the context."""
     assert CHROMIUM
     assert DRIVER
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        port = probe.getsockname()[1]
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        driver = subprocess.Popen([DRIVER, f'--port={port}'], stdout=subprocess.DEVNULL,
-                                  stderr=subprocess.DEVNULL)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, subprocess.Popen(
+            [DRIVER, '--port=0'], stdout=subprocess.PIPE, text=True) as driver:
         try:
-            session = _start_session(port, profile)
-            browser = Browser(f'http://127.0.0.1:{port}/session/{session}')
-            try:
-                yield browser
-            finally:
-                request = Request(f'http://127.0.0.1:{port}/session/{session}', method='DELETE')
-                urlopen(request, timeout=30).close()
+            started = next(line for line in driver.stdout or () if ' successfully on port' in line)
+            address = f'http://127.0.0.1:{started.split()[-1].rstrip(".")}/session'
+            options = {'binary': CHROMIUM, 'args': [*_ARGUMENTS, f'--user-data-dir={profile}']}
+            session = Browser(address).call('', {'capabilities': {'alwaysMatch': {
+                'browserName': 'chrome', 'goog:chromeOptions': options,
+                'goog:loggingPrefs': {'browser': 'ALL', 'performance': 'ALL'}}}})
+            browser = Browser(f'{address}/{session["sessionId"]}')
+            yield browser
+            browser.call('', method='DELETE')
         finally:
             driver.terminate()
-            driver.wait(10)
-
-
-def _start_session(port: int, profile: str) -> str:
-    body = {'capabilities': {'alwaysMatch': {
-        'browserName': 'chrome',
-        'goog:chromeOptions': {'binary': CHROMIUM,
-                               'args': [*_ARGUMENTS, f'--user-data-dir={profile}']},
-        'goog:loggingPrefs': {'browser': 'ALL', 'performance': 'ALL'}}}}
-    request = Request(f'http://127.0.0.1:{port}/session', method='POST',
-                      data=json.dumps(body).encode(),
-                      headers={'Content-Type': 'application/json'})
-    for attempt in range(100):
-        try:
-            with urlopen(request, timeout=60) as answer:
-                return str(json.load(answer)['value']['sessionId'])
-        except URLError as error:
-            if attempt == 99 or not isinstance(error.reason, ConnectionRefusedError):
-                raise
-            time.sleep(0.1)
-    raise AssertionError('unreachable')
 
 
 def pages_in_print(page: Path, browser: Browser) -> int:

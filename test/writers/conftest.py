@@ -7,30 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from browser import Browser, running_browser
+from imu_allan import result as schema
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
-from imu_allan.result import (
-    AxisResult,
-    Backtest,
-    Coast,
-    Coefficient,
-    Curve,
-    DriftModel,
-    GaussMarkov,
-    GoodnessOfFit,
-    Innovations,
-    Result,
-    Segment,
-    Signal,
-    Source,
-    Span,
-    Stationarity,
-    Timeline,
-    Tone,
-    Trend,
-)
+from imu_allan.result import AxisResult, Result
 import numpy as np
 import pytest
 
@@ -51,13 +33,12 @@ def axis_result(name: str, coefficients: Mapping[str, float],
     for key, term in TERMS.items():
         unit = term.unit(quantity)
         if key in coefficients:
-            value = coefficients[key]
-            half = abs(value) * widths[key]
-            entries[key] = Coefficient(term.symbol, unit, True, value,
-                                       (value - half, value + half), None)
+            value, half = coefficients[key], abs(coefficients[key]) * widths[key]
+            entries[key] = schema.Coefficient(
+                term.symbol, unit, True, value, (value - half, value + half), None)
         else:
             bound = (upper or {}).get(key, GYRO.get(key, 1e-5) * .05)
-            entries[key] = Coefficient(term.symbol, unit, False, None, None, bound)
+            entries[key] = schema.Coefficient(term.symbol, unit, False, None, None, bound)
     tau = 2.0 ** np.arange(21) / RATE_HZ
     tau = tau[tau < DURATION_S / 2]
     adev = np.sqrt(allan_variance(dict(coefficients), tau))
@@ -69,12 +50,12 @@ def axis_result(name: str, coefficients: Mapping[str, float],
         low, high = wobble * (1 - np.minimum(.9, z * spread)), wobble * (1 + 1.4 * z * spread)
         return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
 
-    curve = Curve(tuple(tau.tolist()), tuple(wobble.tolist()), tuple(edf.tolist()),
-                  interval(1.0), interval(1.96), tuple(adev.tolist()))
+    curve = schema.Curve(tuple(tau.tolist()), tuple(wobble.tolist()), tuple(edf.tolist()),
+                         interval(1.0), interval(1.96), tuple(adev.tolist()))
     return AxisResult(**{
         'quantity': quantity.value, 'unit': quantity.unit, 'coefficients': entries,
         'mean': 0.01 if name != 'accel_z' else 9.80665, 'band_limit_s': None, 'tones': (),
-        'goodness_of_fit': GoodnessOfFit(0.4, 0.01, True), 'curve': curve, **fields})
+        'goodness_of_fit': schema.GoodnessOfFit(0.4, 0.01, True), 'curve': curve, **fields})
 
 
 def build_result(scale: float = 1.0, **fields: Any) -> Result:
@@ -87,17 +68,18 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
         upper = {}
         if name.endswith('z'):
             upper['rate_random_walk'] = values.pop('rate_random_walk') * 0.5
-        drift = DriftModel(values['noise_density'], values.get('rate_random_walk', 0.0), (
-            GaussMarkov(values['bias_instability'], 30.0),), 0.1, DURATION_S / 3)
-        tones = (Tone(23.4, 2e-4), Tone(46.8, 1e-4)) if name == 'gyro_z' else ()
+        drift = schema.DriftModel(values['noise_density'], values.get('rate_random_walk', 0.0), (
+            schema.GaussMarkov(values['bias_instability'], 30.0),), 0.1, DURATION_S / 3)
+        tones = (schema.Tone(23.4, 2e-4), schema.Tone(46.8, 1e-4)) if name == 'gyro_z' else ()
         axes[name] = axis_result(name, values, upper, tones=tones, drift_model=drift)
     return Result(**{
         'imu_allan_version': '0.1.0',
-        'source': Source('recording', 'rec/imu_2026', '/imu/data_raw', 'imu_link',
-                         '2026-11-21T10:00:00Z', 'header'),
-        'timeline': Timeline(RATE_HZ, int(DURATION_S * RATE_HZ), DURATION_S, missing=1200,
-                             gaps=(Span(1500.0, 4.0), Span(7000.0, 2.0)),
-                             motion=(Span(4000.0, 300.0), Span(9000.0, 45.0))),
+        'source': schema.Source('recording', 'rec/imu_2026', '/imu/data_raw', 'imu_link',
+                                '2026-11-21T10:00:00Z', 'header'),
+        'timeline': schema.Timeline(
+            RATE_HZ, int(DURATION_S * RATE_HZ), DURATION_S, missing=1200,
+            gaps=(schema.Span(1500.0, 4.0), schema.Span(7000.0, 2.0)),
+            motion=(schema.Span(4000.0, 300.0), schema.Span(9000.0, 45.0))),
         'axes': axes,
         'warnings': (
             finding('motion', count=2, excluded_s=345.0),
@@ -130,23 +112,26 @@ def filtered(result: Result) -> Result:
         k = axis.coefficients['rate_random_walk'].value or 0.0
         # Eight parts whose noise is the same throughout.
         segments = tuple(
-            Segment(place * DURATION_S / 8, DURATION_S / 8, 0.01 * (1 + 1e-3 * place),
-                    n * (1 + 0.002 * wobble), (n * 0.99, n * 1.012), n * 0.05 * (1.2 + wobble))
+            schema.Segment(place * DURATION_S / 8, DURATION_S / 8, 0.01 * (1 + 1e-3 * place),
+                           n * (1 + 0.002 * wobble), (n * 0.99, n * 1.012),
+                           n * 0.05 * (1.2 + wobble))
             for place, wobble in enumerate((0, 1, -1, .5, -.5, .2, -.8, .9)))
         # Columns with a hole, whose mean wanders.
         sigma = n * RATE_HZ**0.5
         columns = [None if 120 <= i < 130 else (axis.mean or 0) + 0.05 * sigma * float(
             np.sin(i / 40)) for i in range(400)]
-        signal = Signal(DURATION_S / 400, *(
+        signal = schema.Signal(DURATION_S / 400, *(
             tuple(None if mean is None else mean + side * 4 * sigma for mean in columns)
             for side in (-1, 0, 1)))
         axes[name] = replace(
-            axis, signal=signal, stationarity=Stationarity(True, 0.4, segments), trend=Trend(),
-            drift_model=DriftModel(n, k, (GaussMarkov(n * 0.1, 100.0),), 0.01, 4000.0),
-            backtest=Backtest(
-                DURATION_S / 2, DURATION_S / 2,
-                tuple(Innovations(h, 1 + 0.02 * i, int(5000 / h)) for i, h in enumerate(horizons)),
-                tuple(Coast(h, n * (h**-0.5), n * (h**-0.5) * 1.1) for h in horizons)))
+            axis, signal=signal, trend=schema.Trend(),
+            stationarity=schema.Stationarity(True, 0.4, segments),
+            drift_model=schema.DriftModel(
+                n, k, (schema.GaussMarkov(n * 0.1, 100.0),), 0.01, 4000.0),
+            backtest=schema.Backtest(DURATION_S / 2, DURATION_S / 2, tuple(
+                schema.Innovations(h, 1 + 0.02 * i, int(5000 / h))
+                for i, h in enumerate(horizons)), tuple(
+                schema.Coast(h, n * (h**-0.5), n * (h**-0.5) * 1.1) for h in horizons)))
     return replace(result, axes=axes)
 
 
