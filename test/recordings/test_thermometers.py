@@ -5,11 +5,9 @@
 from pathlib import Path
 from typing import Any
 
-from bags import mcap_written, START_NS
+from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
-from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.thermometers import temperatures, thermometer_of
@@ -37,31 +35,20 @@ def samples() -> np.ndarray:
     return rows
 
 
-def imu_rows(samples: np.ndarray) -> tuple[list[bytes], list[int]]:
-    stamps = START_NS + np.rint(SECONDS[:len(samples)] * 1e9).astype(np.int64)
-    rows = encode_imu_rows(ImuBlock(stamps, stamps, samples, np.zeros(
-        (len(samples), 2), np.bool_), 'imu_link'))
-    return [row.tobytes() for row in rows], stamps.tolist()
-
-
-def heat(celsius: float, stamp_ns: int, frame_id: str = 'imu_link') -> bytes:
-    types = STORE.types
-    header = types['std_msgs/msg/Header'](
-        types['builtin_interfaces/msg/Time'](stamp_ns // 10**9, stamp_ns % 10**9), frame_id)
-    return bytes(STORE.serialize_cdr(types[TEMPERATURE](header, celsius, 0.0), TEMPERATURE))
-
-
 def write(path: Path, samples: np.ndarray, thermometers: dict[str, str],
           imu: str = '/imu/data_raw', headers: bool = True) -> Path:
     """Write an Imu topic, and one for each thermometer, with its frame_id; every 2 s."""
     definition = full_definition(STORE, TEMPERATURE)
+    stamps = START_NS + np.rint(SECONDS[:len(samples)] * 1e9).astype(np.int64)
+    messages = ImuBlock(stamps, stamps, samples, np.zeros((len(samples), 2), np.bool_), 'imu_link')
     with mcap_written(path) as message:
-        for number, (row, stamp) in enumerate(zip(*imu_rows(samples), strict=True)):
+        for number, (stamp, row) in enumerate(serialized(messages)):
             message(imu, stamp, row)
-            if number % 20 == 0:
-                for name, frame_id in thermometers.items():
-                    message(name, stamp, heat(CELSIUS[number], stamp if headers else 0, frame_id),
-                            TEMPERATURE, definition)
+            for name, frame_id in thermometers.items() if number % 20 == 0 else ():
+                heat = STORE.types[TEMPERATURE](
+                    stamped(STORE, 0, frame_id, stamp if headers else 0), CELSIUS[number], 0.0)
+                message(name, stamp, STORE.serialize_cdr(heat, TEMPERATURE), TEMPERATURE,
+                        definition)
     return path
 
 
@@ -78,17 +65,16 @@ def follows(result: Result) -> bool:
 
 
 @pytest.mark.parametrize('headers', [True, False])
-def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, capsys, headers):
+def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, output_of, headers):
     thermometers = {'/imu/temperature': '', '/battery/temperature': ''}
     path = write(tmp_path / 'a.mcap', samples, thermometers, headers=headers)
     assert follows(analyze(path))
-    assert main(['info', str(path)]) == 0
-    assert '  temperature from /imu/temperature' in capsys.readouterr().out.splitlines()
+    assert '  temperature from /imu/temperature' in output_of('info', path).splitlines()
 
 
-def chosen(path: Path, topic: str | None = None, **options: str) -> str | None:
+def chosen(path: Path, **options: str) -> str | None:
     with open_recording(path, options=RecordingOptions(**options)) as recording:
-        found = thermometer_of(recording, topic or recording.topics[0].name)
+        found = thermometer_of(recording, recording.topics[0].name)
         return None if found is None else found.name
 
 

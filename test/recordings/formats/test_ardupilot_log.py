@@ -4,15 +4,14 @@
 
 from pathlib import Path
 from struct import calcsize, pack
-import subprocess
 import sys
 
 from bags import read, said
 from imu_allan import analyze
-from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
+from measured_command import run
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -118,10 +117,10 @@ def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_pat
         'ACC', 500, 1800, 0.1))
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
-        [remark] = recording.remarks
+        assert recording.remarks == [said(
+            path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
+            reason=recording.remarks[0].values['reason'])]
         [(stamps, celsius)] = temperatures(recording, 'GYR', 'header')
-    assert remark == said(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
-                          reason=remark.values['reason'])
     assert stamps.tolist() == [values[0] * 1000 for _, values in imu()]
     assert set(celsius.tolist()) == {41.5}
     axes = analyze(path).axes
@@ -153,13 +152,11 @@ def test_batches_are_unrolled_and_show_n_alone(tmp_path):
             sigma / np.sqrt(1000), rel=0.05)
 
 
-def test_a_thin_log_says_what_to_set(tmp_path, capsys):
+def test_a_thin_log_says_what_to_set(tmp_path, fails_with):
     path = write(tmp_path / 'a.bin', imu(step_us=100_000))
-    assert main(['analyze', str(path)]) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {path}: no topic of type sensor_msgs/msg/Imu; it holds IMU (ArduPilot '
-        'IMU); 10 Hz are too thin; set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot '
-        'for raw samples at the full rate\n')
+    fails_with(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds IMU (ArduPilot IMU); 10 '
+               'Hz are too thin; set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot '
+               'for raw samples at the full rate', 'analyze', path)
 
 
 def test_without_pymavlink_the_package_is_named(tmp_path, monkeypatch):
@@ -174,10 +171,9 @@ def test_without_pymavlink_the_package_is_named(tmp_path, monkeypatch):
 def test_damage_is_quiet(tmp_path):
     path = write(tmp_path / 'a.bin', imu())
     path.write_bytes(path.read_bytes()[:5000] + bytes(3000) + path.read_bytes()[5000:])
-    shown = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(path)], check=True,
-                           capture_output=True, text=True)
-    assert shown.stderr == ''
-    assert '  read as     ArduPilot IMU, as logged' in shown.stdout.splitlines()
+    status, shown, err, *_ = run('info', path)
+    assert (status, err) == (0, '')
+    assert '  read as     ArduPilot IMU, as logged' in shown.splitlines()
 
 
 @pytest.mark.parametrize(('given', 'reason'), [

@@ -26,18 +26,13 @@ def write(folder: Path, name: str, rate_hz: int, sigma: float, up: float = 0.0,
         for n, (z, y, x) in enumerate(noise.tolist()))]))
 
 
-def phone(folder: Path) -> Path:
-    write(folder, 'Gyroscope', 200, 1e-3)
-    write(folder, 'GyroscopeUncalibrated', 200, 5e-3)
-    write(folder, 'TotalAcceleration', 100, 1e-2, 9.81)
-    write(folder, 'Accelerometer', 100, 1e-2)
-    write(folder, 'Magnetometer', 50, 1e-6)
-    (folder / 'Metadata.csv').write_text('version,device name\n3,phone\n')
-    return folder
-
-
-def test_the_files_of_both_sensors_are_one_imu(tmp_path):
-    result = analyze(phone(tmp_path))
+def test_the_files_of_both_sensors_are_one_imu_and_others_can_be_chosen(tmp_path):
+    for sensor in (('Gyroscope', 200, 1e-3), ('GyroscopeUncalibrated', 200, 5e-3),
+                   ('TotalAcceleration', 100, 1e-2, 9.81), ('Accelerometer', 100, 1e-2),
+                   ('Magnetometer', 50, 1e-6)):
+        write(tmp_path, *sensor)
+    (tmp_path / 'Metadata.csv').write_text('version,device name\n3,phone\n')
+    result = analyze(tmp_path)
     axes = result.axes
     assert [axes[name].sample_rate_hz for name in ('gyro_x', 'accel_z')] == pytest.approx(
         [200, 100])
@@ -49,12 +44,9 @@ def test_the_files_of_both_sensors_are_one_imu(tmp_path):
     assert (chosen['topics'], chosen['chosen'], chosen['others']) == (
         4, ['Gyroscope.csv', 'TotalAcceleration.csv'],
         ['Accelerometer.csv', 'GyroscopeUncalibrated.csv'])
-
-
-def test_other_files_of_the_folder_can_be_chosen(tmp_path):
     options = RecordingOptions(gyro_topic='GyroscopeUncalibrated.csv',
                                accel_topic='Accelerometer.csv')
-    with open_recording(phone(tmp_path), options=options) as recording:
+    with open_recording(tmp_path, options=options) as recording:
         assert choose_streams(recording) == [
             Stream('GyroscopeUncalibrated.csv', 'gyro'), Stream('Accelerometer.csv', 'accel')]
         blocks = [block for block, _ in recording.decoded('GyroscopeUncalibrated.csv')]
@@ -124,24 +116,17 @@ def test_tables_without_times_are_counted_at_the_rate(tmp_path):
             Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
 
 
-def times(folder: Path, name: str, start: int) -> None:
-    """Write a sensor at 100 Hz from a number of seconds on."""
-    sensor = name.rpartition('_')[2]
-    (folder / f'{name}.csv').write_text('\n'.join([
-        f'time,{sensor}_x,{sensor}_y,{sensor}_z',
-        *(f'{start + n / 100:.2f},{n % 7},{n % 5},{n % 3}' for n in range(3000))]))
-
-
-def test_tables_of_two_recordings_are_no_imu(tmp_path, capsys):
-    times(tmp_path, 'run1_gyro', 1_700_000_000)
-    times(tmp_path, 'run2_accel', 1_700_086_400)
+def test_tables_of_two_recordings_are_no_imu(tmp_path, output_of):
+    for run, sensor, start in ((1, 'gyro', 1_700_000_000), (2, 'accel', 1_700_086_400)):
+        (tmp_path / f'run{run}_{sensor}.csv').write_text('\n'.join([
+            f'time,{sensor}_x,{sensor}_y,{sensor}_z',
+            *(f'{start + n / 100:.2f},{n % 7},{n % 5},{n % 3}' for n in range(3000))]))
     reason = ('run1_gyro.csv ends 24 h before run2_accel.csv begins: two recordings, or two '
               'clocks; --gyro-topic run1_gyro.csv --accel-topic run2_accel.csv takes them for '
               'one IMU nevertheless')
     with refused(f'{tmp_path}: {reason}'):
         analyze(tmp_path)
-    assert main(['info', str(tmp_path)]) == 0
-    assert f'not one IMU: {reason}' in capsys.readouterr().out.splitlines()
+    assert f'not one IMU: {reason}' in output_of('info', tmp_path).splitlines()
     options = RecordingOptions(gyro_topic='run1_gyro.csv', accel_topic='run2_accel.csv')
     with open_recording(tmp_path, options=options) as recording:
         assert [stream.half for stream in choose_streams(recording)] == ['gyro', 'accel']
