@@ -5,6 +5,7 @@
 from collections.abc import Callable
 from functools import partial
 from io import StringIO
+from itertools import count
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
@@ -113,9 +114,9 @@ def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
 def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummary, int]:
     """Draw six axes, let the detector see them; give what it cut out and what came out."""
     detector = MotionDetector(1 / rate_hz)
-    count, given = int(hours * 3600 * rate_hz), 0
-    for first in range(0, count, 403_200):
-        size = min(403_200, count - first)
+    total, given = int(hours * 3600 * rate_hz), 0
+    for first in range(0, total, 403_200):
+        size = min(403_200, total - first)
         time = (first + np.arange(size)) / rate_hz
         rows = np.column_stack([axis(size, time) for axis in axes])
         for at in range(0, size, 4032):
@@ -129,51 +130,43 @@ def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummar
 
 def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
     """Give six axes at rest, of `kind`."""
-    streams = iter(range(100 * seed, 100 * seed + 100))
-
-    def noise(**coefficients: object) -> Axis:
-        stream = NoiseStream(coefficients, rate_hz, next(streams))
-        return lambda count, _: stream.draw(count)
-
-    def total(*parts: Axis) -> Axis:
-        return lambda count, time: sum(part(count, time) for part in parts)
-
-    def quantized(source: Axis, step: float) -> Axis:
-        return lambda count, time: np.round(source(count, time) / step) * step
-
-    def tone(frequency_hz: float, amplitude: float) -> Axis:
-        return lambda _, time: amplitude * np.sin(2 * np.pi * frequency_hz * time)
-
-    def warm_up(change: float, seconds: float) -> Axis:
-        return lambda _, time: change * (1 - np.exp(-time / seconds))
-
-    usual = partial(noise, noise_density=N, bias_instability=B)
+    seeds = count(100 * seed)
     sigma = N * rate_hz ** 0.5
+
+    def axis(*tones: tuple[float, float], slope: float = 0.0, warm_up: float = 0.0,
+             step: float = 0.0, **coefficients: object) -> Axis:
+        stream = NoiseStream(coefficients, rate_hz, next(seeds))
+
+        def draw(rows: int, time: np.ndarray) -> np.ndarray:
+            values = stream.draw(rows) + slope * time + warm_up * (1 - np.exp(-time / 600)) + sum(
+                amplitude * np.sin(2 * np.pi * frequency_hz * time)
+                for frequency_hz, amplitude in tones)
+            return np.round(values / step) * step if step else values
+
+        return draw
+
+    usual = partial(axis, noise_density=N, bias_instability=B)
     if kind == 'terms':
-        return [noise(noise_density=N), usual(rate_random_walk=K),
-                noise(noise_density=N, bias_instability=10 * B, rate_random_walk=100 * K),
-                noise(quantization_noise=0.1 * N, noise_density=N / 100),
-                noise(rate_random_walk=K), noise(bias_instability=B)]
+        return [axis(noise_density=N), usual(rate_random_walk=K),
+                axis(noise_density=N, bias_instability=10 * B, rate_random_walk=100 * K),
+                axis(quantization_noise=0.1 * N, noise_density=N / 100),
+                axis(rate_random_walk=K), axis(bias_instability=B)]
     if kind == 'drift':
-        return [total(noise(noise_density=N), lambda _, time: 1e-6 * time, warm_up(0.01, 600)),
-                total(noise(noise_density=N / 1000), warm_up(0.01, 600)),
-                noise(noise_density=N / 10,
-                      gauss_markov={'sigma': 1e-3, 'correlation_time_s': 30.0}),
-                noise(noise_density=N / 100,
-                      gauss_markov={'sigma': 1e-4, 'correlation_time_s': 1.0}),
-                noise(noise_density=N / 100,
-                      gauss_markov={'sigma': 1e-4, 'correlation_time_s': 0.2}),
-                total(usual(), tone(0.01, 5 * sigma))]
+        return [axis(noise_density=N, slope=1e-6, warm_up=0.01),
+                axis(noise_density=N / 1000, warm_up=0.01),
+                *(axis(noise_density=N / less, gauss_markov={
+                    'sigma': drift, 'correlation_time_s': time_s}) for less, drift, time_s in (
+                    (10, 1e-3, 30.0), (100, 1e-4, 1.0), (100, 1e-4, 0.2))),
+                usual((0.01, 5 * sigma))]
     if kind == 'outputs':
-        return [quantized(usual(rate_random_walk=K), 3 * sigma),
-                quantized(usual(rate_random_walk=30 * K), 10 * sigma),
-                quantized(noise(rate_random_walk=K), 5 * N),
-                *3 * [lambda count, _: np.full(count, 9.81)]]
-    return [total(usual(), tone(0.07 * rate_hz, 20 * sigma)),
-            total(usual(), tone(7.0, 20 * sigma), tone(7.05, 10 * sigma)),
-            total(usual(), tone(0.3, 10 * sigma)), total(usual(), tone(0.467, 3 * sigma)),
-            total(usual(), tone(8.0, 20 * sigma), tone(8.01, 20 * sigma)),
-            quantized(total(usual(), tone(0.001, 5 * sigma)), 2 * sigma)]
+        return [usual(rate_random_walk=K, step=3 * sigma),
+                usual(rate_random_walk=30 * K, step=10 * sigma),
+                axis(rate_random_walk=K, step=5 * N),
+                *3 * [lambda rows, _: np.full(rows, 9.81)]]
+    return [usual((0.07 * rate_hz, 20 * sigma)), usual((7.0, 20 * sigma), (7.05, 10 * sigma)),
+            usual((0.3, 10 * sigma)), usual((0.467, 3 * sigma)),
+            usual((8.0, 20 * sigma), (8.01, 20 * sigma)),
+            usual((0.001, 5 * sigma), step=2 * sigma)]
 
 
 @pytest.mark.parametrize('kind', ['terms', 'drift', 'outputs', 'tones'])
