@@ -21,15 +21,8 @@ from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.report import report_html
 from imu_allan.writers.result_file import load_result
 from imu_allan.writers.table import print_result
-from mutations import (
-    assert_harmless_on_a_terminal,
-    each,
-    mutated_bytes,
-    mutated_document,
-    mutated_text,
-    rounds,
-    run_command,
-)
+import mutations
+from mutations import run_command
 import pytest
 from rich.console import Console
 from whole_lines import refused
@@ -93,7 +86,7 @@ class Judge:
         HTMLParser().feed(report_html(result))
         console = Console(file=io.StringIO(), width=110)
         print_result(result, console)
-        assert_harmless_on_a_terminal(console.file.getvalue())
+        mutations.assert_harmless_on_a_terminal(console.file.getvalue())
         # Figures take seconds, nearly all of it the time of matplotlib.
         if choice.random() < self.share_drawn:
             for files, form in (((self.file,), 'svg'), ((self.whole, self.file), 'png')):
@@ -103,19 +96,19 @@ class Judge:
 def a_result(judge: Judge, choice: Random) -> None:
     kind = choice.random()
     if kind < .75:
-        document = mutated_document(DOCUMENT, choice, same_types=choice.random() < .8)
+        document = mutations.mutated_document(DOCUMENT, choice, same_types=choice.random() < .8)
         judge(json.dumps(document).encode(), choice)
     elif kind < .9:
-        text = mutated_text(TEXT, choice, ['"tau_s"', '[]', '{}', 'NaN', 'Infinity'])
+        text = mutations.mutated_text(TEXT, choice, ['"tau_s"', '[]', '{}', 'NaN', 'Infinity'])
         judge(text.encode(errors='surrogatepass'), choice)
     else:
-        judge(mutated_bytes(TEXT.encode(), choice), choice)
+        judge(mutations.mutated_bytes(TEXT.encode(), choice), choice)
 
 
-@rounds(30)
+@mutations.rounds(30)
 def test_damaged_result_files_are_used_or_refused(tmp_path, count, seed):
     judge = Judge(tmp_path, .01)
-    each(count, seed, lambda choice: a_result(judge, choice))
+    mutations.each(count, seed, lambda choice: a_result(judge, choice))
     assert judge.used > count / 5
 
 

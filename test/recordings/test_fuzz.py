@@ -9,16 +9,8 @@ from random import Random
 import time
 from typing import Any
 
-from bags import (
-    block,
-    COMPRESSIONS,
-    IMU,
-    ROS1_COMPRESSIONS,
-    write_bag,
-    write_db3,
-    write_mcap,
-    write_metadata,
-)
+import bags
+from bags import block
 from imu_allan.block import ImuBlock
 from mutations import mutated_bytes, read_in_part
 import numpy as np
@@ -35,7 +27,7 @@ def by(write: Callable[..., Path], *arguments: Any, **options: Any) -> Callable[
 
 
 def db3_zstd(folder: Path) -> Path:
-    path = write_db3(folder / 'a', MESSAGES)
+    path = bags.write_db3(folder / 'a', MESSAGES)
     path.write_bytes(zstandard.compress(path.read_bytes()))
     return path
 
@@ -48,8 +40,9 @@ def csv(folder: Path) -> Path:
 
 
 def metadata(folder: Path) -> Path:
-    write_mcap(folder / 'a_0.mcap', MESSAGES)
-    return write_metadata(folder, ['a_0.mcap'], [('/imu', IMU, 600), ('/x', 'a_msgs/msg/B', 0)])
+    bags.write_mcap(folder / 'a_0.mcap', MESSAGES)
+    return bags.write_metadata(
+        folder, ['a_0.mcap'], [('/imu', bags.IMU, 600), ('/x', 'a_msgs/msg/B', 0)])
 
 
 def ulog(folder: Path) -> Path:
@@ -79,13 +72,14 @@ def ardupilot(folder: Path) -> Path:
         *imu(200), *raw('GYR', 1000, 200, 0.01), *batch])
 
 
-CHECKED = {f'mcap {name}': by(write_mcap, compression=name, chunk_size=20_000,
-                              others=lambda n: n % 3 == 0) for name in COMPRESSIONS}
+CHECKED = {f'mcap {name}': by(bags.write_mcap, compression=name, chunk_size=20_000,
+                              others=lambda n: n % 3 == 0) for name in bags.COMPRESSIONS}
 """By the checksum of each chunk."""
 SOURCES = CHECKED | {
-    'mcap without chunks': by(write_mcap, use_chunking=False),
-    'db3': by(write_db3, [('/x', 'a_msgs/msg/B')]), 'db3 zstd': db3_zstd,
-    **{f'ros1 {name}': by(write_bag, name, lambda n: n % 3) for name in ROS1_COMPRESSIONS},
+    'mcap without chunks': by(bags.write_mcap, use_chunking=False),
+    'db3': by(bags.write_db3, [('/x', 'a_msgs/msg/B')]), 'db3 zstd': db3_zstd,
+    **{f'ros1 {name}': by(bags.write_bag, name, lambda n: n % 3)
+       for name in bags.ROS1_COMPRESSIONS},
     'csv': csv, 'metadata': metadata, 'ulog': ulog, 'ardupilot': ardupilot}
 
 

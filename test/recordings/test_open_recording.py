@@ -12,20 +12,8 @@ import subprocess
 import sys
 import tempfile
 
-from bags import (
-    assert_same,
-    block,
-    database,
-    IMU,
-    insert,
-    joined,
-    mcap_written,
-    read,
-    refusal,
-    START_NS,
-    write_db3,
-    write_mcap,
-)
+import bags
+from bags import assert_same, block, read, refusal, write_mcap
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.errors import printable
@@ -60,7 +48,7 @@ def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, name, content, r
 
 def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp_path):
     assert_same(block(10), read(write_mcap(tmp_path / 'a.db3', block(10)))[0])
-    write_db3(tmp_path / 'a.mcap', block(10))
+    bags.write_db3(tmp_path / 'a.mcap', block(10))
     (tmp_path / 'link').symlink_to(tmp_path / 'a.mcap')
     assert_same(block(10), read(tmp_path / 'link')[0])
     os.mkfifo(tmp_path / 'pipe')
@@ -116,7 +104,7 @@ def test_the_only_topic_need_not_be_named_and_is_reported_if_it_holds_nothing_re
 
 def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):
     path = tmp_path / 'a.mcap'
-    with mcap_written(path) as message:
+    with bags.mcap_written(path) as message:
         message('/json', 1, b'{}', encodings=('json', 'jsonschema'))
     assert refusal(path) == ('no topic of type sensor_msgs/msg/Imu; it holds /json '
                              '(sensor_msgs/msg/Imu encoded as json)')
@@ -169,7 +157,7 @@ def messages(topics: int, each: int) -> list[Message]:
     choice.shuffle(order)
     found = []
     for place, number in enumerate(order):
-        stamp = START_NS + place * 1_000_000
+        stamp = bags.START_NS + place * 1_000_000
         frame = 'other_link' if number % 5 == 0 and place % 3 == 0 else 'imu_link'
         data = encode_imu(stamp, block(1, first=place).samples[0], frame)
         if number % 7 == 0 and place % 11 == 0:
@@ -181,9 +169,9 @@ def messages(topics: int, each: int) -> list[Message]:
 def write_packed_db3(path: Path, recorded: Sequence[Message]) -> Path:
     plain = path.with_suffix('.plain')
     topics = list(dict.fromkeys(topic for topic, *_ in recorded))
-    with closing(database(plain, [(topic, IMU) for topic in topics])) as opened:
+    with closing(bags.database(plain, [(topic, bags.IMU) for topic in topics])) as opened:
         for topic, *message in recorded:
-            insert(opened, [message], topics.index(topic) + 1)
+            bags.insert(opened, [message], topics.index(topic) + 1)
         opened.commit()
     path.write_bytes(zstandard.compress(plain.read_bytes()))
     return path
@@ -194,7 +182,7 @@ def read_whole(opening: Callable[[], AbstractContextManager[Recording]], topic: 
     """Return all messages, the frame_id of each, and the remarks."""
     with opening() as recording:
         blocks = list(read_blocks(recording, topic))
-        return (joined(blocks), [part.frame_id for part in blocks for _ in range(len(part))],
+        return (bags.joined(blocks), [part.frame_id for part in blocks for _ in range(len(part))],
                 recording.remarks)
 
 

@@ -4,21 +4,8 @@
 
 from pathlib import Path
 
-from bags import (
-    assert_same,
-    block,
-    figures,
-    IMU,
-    joined,
-    mcap_written,
-    read,
-    refusal,
-    said,
-    serialized,
-    write_db3,
-    write_mcap,
-    write_metadata,
-)
+import bags
+from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, write_metadata
 from imu_allan.recordings import open_recording, read_blocks
 from measured_command import run
 import pytest
@@ -55,7 +42,7 @@ def test_a_split_bag_is_read_in_order(split_bag):
         assert recording.size_bytes == sum(
             path.stat().st_size for path in split_bag.glob('*.mcap'))
         positions: list[int] = []
-        after = joined(read_blocks(recording, '/imu', positions.append))
+        after = bags.joined(read_blocks(recording, '/imu', positions.append))
         assert recording.remarks == []
     assert_same(block(1500), after)
     assert positions == sorted(positions)
@@ -89,17 +76,17 @@ def test_without_usable_metadata_the_files_are_read_in_the_order_of_their_number
 
 
 def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
-    others = joined([block(500), block(500, first=1000)])
+    others = bags.joined([block(500), block(500, first=1000)])
     file = split_bag / 'bag_10.mcap'
     file.write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
     assert_same(others, after)
-    assert remark == said(split_bag, 'damaged_recording', fault='file', reason=(
+    assert remark == bags.said(split_bag, 'damaged_recording', fault='file', reason=(
         f'{file}: a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'))
     file.unlink()
     after, [remark] = read(split_bag)
     assert_same(others, after)
-    assert remark == said(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
+    assert remark == bags.said(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
     for path in split_bag.glob('*.mcap'):
         path.unlink()
     missing = 'missing bag_9.mcap, bag_10.mcap, bag_11.mcap' + NO_FILE
@@ -151,19 +138,19 @@ def test_a_compressed_file_is_unpacked_where_there_is_room_and_nothing_is_left_t
 
 def test_messages_compressed_one_by_one_are_read(tmp_path):
     messages = block(300)
-    stamped = [(stamp, zstandard.compress(row)) for stamp, row in serialized(messages)]
+    stamped = [(stamp, zstandard.compress(row)) for stamp, row in bags.serialized(messages)]
     stamped[7] = stamped[7][0], stamped[7][1][:20]
     path = tmp_path / 'bag_0.mcap'
-    with mcap_written(path) as message:
+    with bags.mcap_written(path) as message:
         for stamp, data in stamped:
             message('/imu', stamp, data)
     write_metadata(tmp_path, [path.name], [('/imu', IMU, 300)],
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
-    assert remark == said(path, 'malformed_messages', what='message', count=1, topic='/imu',
-                          type='sensor_msgs/Imu', first=remark.values['first'])
-    assert figures(remark.values['first']) == [0, 312]
-    assert_same(joined([block(7), block(292, first=8)]), after)
+    assert remark == bags.said(path, 'malformed_messages', what='message', count=1, topic='/imu',
+                               type='sensor_msgs/Imu', first=remark.values['first'])
+    assert bags.figures(remark.values['first']) == [0, 312]
+    assert_same(bags.joined([block(7), block(292, first=8)]), after)
 
 
 @pytest.mark.parametrize('listed', [
@@ -193,8 +180,8 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
         recording.remark('many_definitions')
         list(recording.decoded('/imu'))
         assert recording.remarks[1:] == [
-            said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu',
-                 by='metadata.yaml')]
+            bags.said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu',
+                      by='metadata.yaml')]
 
 
 EXPANDING = {

@@ -5,20 +5,8 @@
 import bz2
 import struct
 
-from bags import (
-    assert_same,
-    block,
-    chunk_starts,
-    COMPRESSIONS,
-    figures,
-    read,
-    refusal,
-    ROS1_COMPRESSIONS,
-    ros1_record,
-    said,
-    write_bag,
-    write_mcap,
-)
+import bags
+from bags import assert_same, block, chunk_starts, figures, read, said, write_bag, write_mcap
 from imu_allan.recordings import open_recording
 import lz4.frame
 from mcap.writer import IndexType
@@ -28,8 +16,8 @@ import pytest
 from repeated import combined
 
 MESSAGES = block(3000)
-KINDS = [*((write_mcap, {'compression': name}) for name in COMPRESSIONS),
-         *((write_bag, {'compression': name}) for name in ROS1_COMPRESSIONS)]
+KINDS = [*((write_mcap, {'compression': name}) for name in bags.COMPRESSIONS),
+         *((write_bag, {'compression': name}) for name in bags.ROS1_COMPRESSIONS)]
 
 
 @pytest.mark.parametrize(('write', 'options'), [
@@ -88,18 +76,18 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
     (b'#ROSBAG V1.2\nsomething else',
      'ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix'),
     (b'#ROSBAG V2.0', 'cut short within its first line; copy it again'),
-    (b'#ROSBAG V2.0\n' + ros1_record(op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
+    (b'#ROSBAG V2.0\n' + bags.ros1_record(op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
      'encrypted; decrypt it with: rosbag decrypt')])
 def test_other_versions_and_encrypted_bags_are_refused(tmp_path, content, reason):
-    assert refusal(tmp_path / 'a.bag', content) == reason
+    assert bags.refusal(tmp_path / 'a.bag', content) == reason
 
 
 TINY = {
     'messages of 20 connections': b''.join(
-        ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
+        bags.ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
         for number in range(7, 27)),
-    'connections': ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
-    'others': ros1_record(op=b'\4')}
+    'connections': bags.ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
+    'others': bags.ros1_record(op=b'\4')}
 
 
 COMPRESS = {'lz4': lz4.frame.compress, 'bz2': bz2.compress}
@@ -111,8 +99,8 @@ def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compress
     path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
     plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
     packed = COMPRESS[compression](plain)
-    chunk = ros1_record(packed, op=b'\5', compression=compression.encode(),
-                        size=struct.pack('<I', len(plain)))
+    chunk = bags.ros1_record(packed, op=b'\5', compression=compression.encode(),
+                             size=struct.pack('<I', len(plain)))
     content, place = path.read_bytes(), chunk_starts(path)[2]
     assert len(packed) < 500_000
     # Cut short behind it, so that the bag has no index and all of its chunks are gone through.

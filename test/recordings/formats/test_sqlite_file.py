@@ -9,19 +9,8 @@ from pathlib import Path
 import shutil
 import sqlite3
 
-from bags import (
-    assert_same,
-    block,
-    files_in,
-    IMU,
-    insert,
-    joined,
-    read,
-    refusal,
-    said,
-    serialized,
-    write_db3,
-)
+import bags
+from bags import assert_same, block, files_in, IMU, joined, read, said, serialized, write_db3
 from imu_allan.recordings import open_recording
 from measured_command import run
 import numpy as np
@@ -49,7 +38,7 @@ def test_messages_of_differing_size_are_read_in_order(tmp_path):
     parts = [block(10), block(3, 'a_much_longer_frame_id', 10), block(700, first=13)]
     with sqlite3.connect(path) as database:
         for part in parts[1:]:
-            insert(database, serialized(part))
+            bags.insert(database, serialized(part))
     after, _ = read(path)
     assert after.receive_ns.tolist() == joined(parts).receive_ns.tolist()
     assert after.samples.tobytes() == joined(parts).samples.tobytes()
@@ -62,7 +51,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path, wr
     database.execute('PRAGMA journal_mode = WAL')
     database.execute('PRAGMA wal_autocheckpoint = 0')
     database.execute('DELETE FROM messages WHERE id > 4000')
-    insert(database, serialized(block(100, first=4000)))
+    bags.insert(database, serialized(block(100, first=4000)))
     database.commit()
     killed = tmp_path / 'killed'
     killed.mkdir()
@@ -124,7 +113,7 @@ def test_pages_that_lead_back_give_no_message_twice(tmp_path):
 
 
 def test_what_is_no_database_is_refused(tmp_path):
-    assert refusal(tmp_path / 'a.db3', b'SQLite format 3\0' + bytes(200)) == (
+    assert bags.refusal(tmp_path / 'a.db3', b'SQLite format 3\0' + bytes(200)) == (
         'not a readable rosbag2 database (file is not a database)')
 
 

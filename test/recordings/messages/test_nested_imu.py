@@ -13,18 +13,8 @@ from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
 import numpy as np
-from other_types import (
-    full_definition,
-    imu,
-    recorded,
-    samples,
-    stamped,
-    START_NS,
-    STEP_NS,
-    store_with,
-    vector,
-    write_mcap,
-)
+import other_types
+from other_types import full_definition, imu, samples, stamped, START_NS, store_with, write_mcap
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
 from whole_lines import refused
@@ -33,7 +23,7 @@ DRIVER = 'my_driver/msg/Vectornav'
 TEXT = ('std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'
         'sensor_msgs/MagneticField mag\nfloat32[] extras\n')
 COUNT = 200
-STAMPS = START_NS + STEP_NS * np.arange(COUNT)
+STAMPS = START_NS + other_types.STEP_NS * np.arange(COUNT)
 
 
 def driver_messages(store, inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
@@ -45,7 +35,7 @@ def driver_messages(store, inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda 
             store, number, 'inner', int(inner_ns(number)))
         yield store.types[DRIVER](
             header, raw(number), imu(store, number, inner),
-            field(header, vector(store, [1, 2, 3]), np.zeros(9)),
+            field(header, other_types.vector(store, [1, 2, 3]), np.zeros(9)),
             np.arange(extras(number), dtype=np.float32))
 
 
@@ -85,7 +75,7 @@ def test_strings_and_sequences_of_any_length_may_stand_before_and_after(tmp_path
 
 
 @pytest.mark.parametrize(('inner_ns', 'uses_own'), [
-    (lambda n: START_NS + 7 + n * STEP_NS, True),
+    (lambda n: START_NS + 7 + n * other_types.STEP_NS, True),
     (lambda n: START_NS // 10**9 * 10**9 + n // 200 * 10**9, False),
     (lambda _: START_NS, False),
 ], ids=['fine', 'whole seconds', 'constant'])
@@ -102,7 +92,7 @@ def test_bags_of_rosbags_are_read_as_folders(tmp_path, storage):
     with Ros2Writer(tmp_path / 'bag', version=9, storage_plugin=storage) as writer:
         connection = writer.add_connection('/sensor', DRIVER, typestore=store)
         for number, message in enumerate(cdr(store, driver_messages(store))):
-            writer.write(connection, START_NS + number * STEP_NS, message)
+            writer.write(connection, START_NS + number * other_types.STEP_NS, message)
     assert_read(tmp_path / 'bag')
 
 
@@ -126,9 +116,10 @@ def test_definitions_in_idl_are_understood(tmp_path):
 
 def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
     kind = 'my_driver/msg/Two'
-    path = recorded(tmp_path, kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'},
-                    lambda store, n: store.types[kind](
-                        imu(store, n), [imu(store, n + 1), imu(store, n + 2)]), 20)
+    path = other_types.recorded(
+        tmp_path, kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'},
+        lambda store, n: store.types[kind](
+            imu(store, n), [imu(store, n + 1), imu(store, n + 2)]), 20)
     assert refusal(path) == (
         '3 Imu topics; choose one with --topic: /sensor.left (20 messages), /sensor.others[0] (20 '
         'messages), /sensor.others[1] (20 messages)')
@@ -213,10 +204,9 @@ def test_a_few_lines_that_define_billions_of_messages_are_not_searched_for_ever(
 def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
     kind = 'geometry_msgs/msg/Vector3Stamped'
     store = store_with({})
-    path = write_mcap(
-        tmp_path / 'a.mcap', kind, full_definition(store, kind),
-        [store.serialize_cdr(store.types[kind](stamped(store, n), vector(store, [1, 2, 3])), kind)
-         for n in range(3)], topic='/filter/free_acceleration')
+    made = store.types[kind](stamped(store, 0), other_types.vector(store, [1, 2, 3]))
+    path = write_mcap(tmp_path / 'a.mcap', kind, full_definition(store, kind),
+                      [store.serialize_cdr(made, kind)], topic='/filter/free_acceleration')
     assert refusal(path, topic='/filter/free_acceleration') == (
         f'topic /filter/free_acceleration is of type {kind}, not sensor_msgs/msg/Imu; no raw data '
         '(xsens_mti_driver: filtered, gravity removed)')
@@ -249,7 +239,7 @@ def own(folder):
         return store.types[OWN](1.7e9 + number / 128, np.roll(SINGLE[number], 3), inner,
                                 number, -number, 7, 'x' * (number % 3))
 
-    return recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make, COUNT)
+    return other_types.recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make, COUNT)
 
 
 def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
