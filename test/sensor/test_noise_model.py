@@ -133,7 +133,8 @@ def test_a_datasheet_may_limit_what_is_no_noise():
         'gravity_error': 20e3 * UG, 'band_limit': 0.01, 'lines': 1e3 * UG,
         'turn_on_bias': 2e3 * UG})
     assert set(model.limits['accel_x']) == {'gravity_error', 'band_limit', 'lines'}
-    assert model.as_written['accel_y']['gravity_error'] == '20 mg'
+    assert model.as_written['accel_z'] == {
+        'gravity_error': '20 mg', 'band_limit': '10 ms', 'lines': '1 mg', 'turn_on_bias': '2 mg'}
     assert model.axes['accel_x'] == {}
 
 
