@@ -147,7 +147,7 @@ def smooth(rows):
      'different rates apart'),
     ({'frame_id': 'imu_2'},
      "other: frame 'imu_2', but 'imu_link' in night1; analyze different IMUs apart"),
-    ({'gyro_alone': True},
+    ({'absent': np.tile([False, True], (SAMPLES, 1))},
      'other: axes gyro_x, gyro_y, but gyro_x, gyro_y, accel_x in night1; analyze them apart'),
     ({'change': smooth}, Varying(
         'other: gyro_x falls by another low-pass than in night1 (noise at the fast end -<number> '
