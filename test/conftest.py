@@ -3,16 +3,18 @@
 """What holds for every test."""
 
 from collections.abc import Callable, Iterator
+from importlib import import_module
 import os
 from pathlib import Path
+import re
 import signal
 import tempfile
+import traceback
 from typing import Any
 
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
-from rosdep_workspace import lacking, said
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -108,8 +110,42 @@ def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
+ON_PYPI_ALONE = frozenset((
+    'allantools', 'isal', 'lz4', 'mcap', 'plotly', 'rich', 'rosbags', 'zstandard'))
+"""A test that needs one of them skips where it is missing."""
+ROOT = Path(__file__).parents[1]
+MAY_ASK = ('test', 'imu_allan/recordings', 'imu_allan/cli', 'imu_allan/writers')
+"""Tests and the offline tool. Where numerics or nodes ask, a missing package is a fault."""
+
+
+def _lacking(error: BaseException | None) -> str | None:
+    """Name the package of PyPI for want of which a test ended; None where that is no excuse."""
+    while error is not None:
+        name = error.name if isinstance(error, ModuleNotFoundError) else None
+        if name is not None and name.partition('.')[0] in ON_PYPI_ALONE:
+            places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
+            asking = [place for place in places if ROOT in place.parents]
+            if asking and asking[-1].relative_to(ROOT).as_posix().startswith(MAY_ASK):
+                return name.partition('.')[0]
+        error = error.__cause__
+    return None
+
+
+def _said(text: str, path: Path) -> str | None:
+    """Name the package of PyPI that a program of a test said it lacks, and that is lacking."""
+    # A node has no excuse for a traceback.
+    words = 'needs the Python package ' + ('' if 'node' in path.parts else "|No module named '")
+    for name in re.findall(rf'(?:{words})(\w+)', text):
+        if name in ON_PYPI_ALONE:
+            try:
+                import_module(name)
+            except ModuleNotFoundError:
+                return str(name)
+    return None
+
+
 def _skip_if_lacking(report: Any, error: BaseException | None, path: Path) -> None:
-    if report.failed and (name := lacking(error) or said(report.longreprtext + ''.join(
+    if report.failed and (name := _lacking(error) or _said(report.longreprtext + ''.join(
             text for _, text in report.sections), path)):
         report.outcome = 'skipped'
         report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not install: '
