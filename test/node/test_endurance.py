@@ -22,7 +22,6 @@ from ros_harness import (
     Health,
     LARGEST_MB,
     PATIENCE_S,
-    Process,
     resident_mb,
     Ros,
 )
@@ -95,20 +94,6 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
         pytest.skip('the computer had no time for the flood')
 
 
-def most_mb_until(ros: Ros, health: Health, node: Process, numbered: float) -> float:
-    """Wait for messages, lost ones too; return the most memory held until then."""
-    most = 0.0
-
-    def arrived() -> bool:
-        nonlocal most
-        # A fit comes and goes within a second: a single look would be a matter of luck.
-        most = max(most, resident_mb(node.popen.pid))
-        return sum(health.number('reception', key) for key in ('received', 'lost')) >= numbered
-
-    ros.until(arrived, 7200)
-    return most
-
-
 @pytest.mark.parametrize(('hours', 'speed', 'best_effort'), [
     # At full speed the simulator waits for a subscription that keeps all.
     (0.01, 0.0, False),
@@ -125,9 +110,16 @@ def test_memory_and_cost_stay_as_samples_pile_up(
         shared_memory=True)
     health, total = Health(ros), hours * 3.6e6
     samples, memories, cpu = [], [], []
-    for part in range(1, 9):
-        memories.append(most_mb_until(ros, health, node, total * part / 8 - (
-            200 if best_effort else 0)))
+
+    def arrived() -> bool:
+        # A fit comes and goes within a second: a single look would be a matter of luck.
+        memories[-1] = max(memories[-1], resident_mb(node.popen.pid))
+        return sum(health.number('reception', key) for key in ('received', 'lost')) >= (
+            total * len(memories) / 8 - (200 if best_effort else 0))
+
+    for _ in range(8):
+        memories.append(0.0)
+        ros.until(arrived, 7200)
         samples.append(health.number('reception', 'received'))
         cpu.append(node.scheduled_s())
         print(f'{samples[-1]:12.0f} samples {memories[-1]:6.1f} MB {cpu[-1]:8.1f} s of CPU',

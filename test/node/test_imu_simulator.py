@@ -135,10 +135,6 @@ def test_a_model_that_is_not_there_is_one_line(ros: Ros) -> None:
 RATE_HZ = 20.0
 SAMPLES = 13_000
 """More than ten minutes, without which there is no backtest."""
-NOISE_MODEL = """
-gyro: {noise_density: 0.01 deg/s/sqrt(Hz), bias_instability: 10 deg/h}
-accel: {noise_density: 100 ug/sqrt(Hz), rate_random_walk: 1e-4 m/s^3/sqrt(Hz)}
-"""
 
 
 def numbers(document: Any, path: str = '') -> dict[str, float]:
@@ -158,7 +154,9 @@ def backtests(document: Any) -> dict[str, Any]:
 def test_node_and_recording_agree_to_1e_9_on_what_was_published(
         ros: Ros, recording: Recording) -> None:
     model = ros.folder / 'model.yaml'
-    model.write_text(NOISE_MODEL)
+    model.write_text(
+        'gyro: {noise_density: 0.01 deg/s/sqrt(Hz), bias_instability: 10 deg/h}\n'
+        'accel: {noise_density: 100 ug/sqrt(Hz), rate_random_walk: 1e-4 m/s^3/sqrt(Hz)}\n')
     ros.start('imu_allan_node', {'publish_period': 1.0}, shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': SAMPLES / RATE_HZ, 'speed': 0.0,

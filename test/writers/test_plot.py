@@ -130,9 +130,13 @@ def test_a_figure_for_a_paper_has_its_column_s_width_and_text_that_survives(resu
     assert [[name.get_text() for name in panel.get_legend().get_texts()]
             for panel in figure.axes] == [[*'xyz']] * 2
     paper = figure.bbox
-    boxes, hidden = [], hidden_ticks(figure)
+    boxes, hidden = [], []
+    for axis in figure.findobj(Axis):
+        low, high = sorted(axis.get_view_interval())
+        # Numbers beyond the ends of an axis are there and not drawn.
+        for tick in axis.get_major_ticks():
+            hidden += [] if low <= tick.get_loc() <= high else [tick.label1, tick.label2]
     for text in figure.findobj(Text):
-        # Numbers beside an axis that lie outside of it are there and not drawn.
         box = text.get_window_extent()
         if not (text.get_visible() and text.get_text().strip()) or text in hidden:
             continue
@@ -142,17 +146,6 @@ def test_a_figure_for_a_paper_has_its_column_s_width_and_text_that_survives(resu
         boxes.append((text.get_text(), box))
     for place, (one, box) in enumerate(boxes):
         assert not [other for other, its in boxes[:place] if box.overlaps(its)], one
-
-
-def hidden_ticks(figure):
-    """Return the numbers that lie beyond the ends of their axis."""
-    hidden = []
-    for axis in figure.findobj(Axis):
-        low, high = sorted(axis.get_view_interval())
-        for tick in axis.get_major_ticks():
-            if not low <= tick.get_loc() <= high:
-                hidden += [tick.label1, tick.label2]
-    return hidden
 
 
 def test_plot_gives_a_figure_and_takes_a_result_alone(result):

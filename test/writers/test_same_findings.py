@@ -122,8 +122,15 @@ def recorded(faults: Iterable[str]) -> Result:
     return with_words(imu.result())
 
 
-def assert_the_same_everywhere(result: Result) -> None:
+@pytest.mark.parametrize('faults', [*AT_ONCE, *(slow((fault,)) for fault in FAULTS)],
+                         ids=', '.join)
+def test_every_front_end_shows_the_same_findings_in_the_same_order_on_one_screen(faults):
+    result = recorded(faults)
     codes = [found.code for found in result.warnings]
+    if faults == SEVERAL:
+        assert len(codes) > 3
+    else:
+        assert {code for fault in faults if (code := FAULTS[fault][1])} <= {*codes}
     titles = [title_of(found) for found in result.warnings]
     assert [found['code'] for found in json.loads(result.to_json())['warnings']] == codes
     line = findings_line(result)
@@ -140,21 +147,10 @@ def assert_the_same_everywhere(result: Result) -> None:
     # /diagnostics and the log of the node.
     assert [key.split('/')[1] for key in remark_values(result.warnings)] == codes
     good_to_know = sum(found.severity == 'know' for found in result.warnings)
-    said = re.search(r'Good to know(?: \((\d+)\)|: (\d+) findings)', printed(result))
+    screen = printed(result)
+    said = re.search(r'Good to know(?: \((\d+)\)|: (\d+) findings)', screen)
     assert (int(said[1] or said[2]) if said else 0) == good_to_know
-
-
-@pytest.mark.parametrize('faults', [*AT_ONCE, *(slow((fault,)) for fault in FAULTS)],
-                         ids=', '.join)
-def test_every_front_end_shows_the_same_findings_in_the_same_order_on_one_screen(faults):
-    result = recorded(faults)
-    codes = {code for fault in faults if (code := FAULTS[fault][1])}
-    if faults == SEVERAL:
-        assert len(result.warnings) > 3
-    else:
-        assert codes <= {one.code for one in result.warnings}
-    assert_the_same_everywhere(result)
-    lines = printed(result).splitlines()
+    lines = screen.splitlines()
     assert len(lines) + 1 <= 24
     assert max(map(len, lines)) <= 80
     assert lines[0].startswith('Gyroscope: ')
