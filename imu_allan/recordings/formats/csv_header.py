@@ -335,7 +335,8 @@ def meaning_of(name: str, unit: str | None = None) -> str | None:
         return 'time'
     if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
         lower = with_unit[1]
-    if (short := re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])', lower)) is not None:
+    short = re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])', lower)
+    if short is not None:
         return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
     for sensor, pattern in _AXES.items():
         if (match := pattern.fullmatch(lower)) is not None:
