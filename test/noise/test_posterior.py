@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import nnls
+from scipy.signal import butter, lfilter
 
 
 def bins_of_record(samples, dt):
@@ -180,6 +181,17 @@ def test_evidence_of_white_noise_is_its_integral(spectra):
     integral = np.log(quad(likelihood, at - 0.05, at + 0.05, points=[at])[0]) - rows.loss[0]
     assert rows.evidence[0] - rows.prior[0] == pytest.approx(integral, abs=0.01)
     assert draws.evidence - rows.prior[0] == pytest.approx(integral, abs=0.01)
+
+
+@pytest.mark.parametrize('corner', [0.002, 0.1])
+def test_detection_limits_of_slow_terms_are_those_in_front_of_a_low_pass(corner):
+    plain = simulate(QUIET, 400_000, RATE, 3)
+    filtered = lfilter(*butter(3, 2 * corner), plain)[10_000:]
+    groups = [grouped(bins_of_record(samples, 1 / RATE), 0)
+              for samples in (plain[10_000:], filtered)]
+    in_front, behind = (prepared([one], 1 / RATE)[0].unit[0] for one in groups)
+    slow = [search.B, search.K]
+    np.testing.assert_allclose(behind[slow] / in_front[slow], 1, rtol=0.35)
 
 
 def test_axes_have_the_same_posterior_together_as_alone():
