@@ -4,7 +4,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from math import floor, log10
+from warnings import warn
 
 from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
@@ -77,6 +79,11 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     AxisResult
         The axis object of a result file, SI units.
 
+    Warns
+    -----
+    UserWarning
+        If a finding has to be acted upon, as for a recording.
+
     Raises
     ------
     ValueError
@@ -104,7 +111,13 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
                          'characterize one axis at a time')
     estimator = Estimator()
     estimator.update(samples)
-    return axis_results(estimator, sample_rate_hz, [Quantity(quantity)])[0][0]
+    [(axis, remarks)] = axis_results(estimator, sample_rate_hz, [Quantity(quantity)])
+    for remark in remarks:
+        if remark.severity == 'act':
+            # Its words come from a writer; nothing else here depends on writers.
+            words = import_module('imu_allan.writers.words')
+            warn(f'{remark.code}: {words.message_of(remark)}', stacklevel=2)
+    return axis
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 import tracemalloc
 from typing import Any
+import warnings
 
 from characterized import characterized, messages, one_axis, several, taken_in
 from imu_allan.characterization import Characterization
@@ -84,6 +85,14 @@ def test_steps_that_falsify_the_noise_density_are_to_be_acted_upon(step, severit
     assert far_off == (severity == 'act')
 
 
+def test_what_has_to_be_acted_upon_is_a_warning_of_python():
+    with pytest.warns(UserWarning, match='^coarse_resolution: the output steps by 0.03 rad/s'):
+        characterize(np.round(WHITE / 0.03) * 0.03, RATE)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        characterize(WHITE[:20_000], RATE)
+
+
 @pytest.mark.parametrize('samples', [np.full(1000, 2.0), [], [1.0], WHITE[:2], WHITE[:40],
                                      np.arange(63) % 3 * 1.0])
 def test_an_axis_that_is_constant_or_too_short_has_a_curve_at_most(samples):
@@ -119,7 +128,7 @@ def test_fits_of_a_growing_record_hold_no_memory(lengths, settled, before):
 
 
 @pytest.mark.parametrize(('start', 'stop'), [(0, 20_000), (50_000, 50_600)])
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error', 'ignore:stood_still')
 def test_an_axis_that_stood_still_for_a_while_has_no_coefficients(start, stop):
     samples = WHITE[:60_000].copy()
     samples[start:stop] = 0.25
