@@ -9,9 +9,9 @@ import subprocess
 import sys
 import time
 
-from bags import mcap_written
+from bags import mcap_written, serialized
 import imu_allan
-from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.cdr import encode_imu
 from imu_allan.cli import workers
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
@@ -95,8 +95,8 @@ def two_topics(tmp_path, model):
     with mcap_written(path) as write:
         for topic, rate in (('/front/imu', 100.0), ('/../up', 50.0)):
             for block in simulated_blocks(model, rate, 3000, start_ns=START_NS):
-                for stamp, row in zip(block.receive_ns, encode_imu_rows(block), strict=True):
-                    write(topic, int(stamp), row.tobytes())
+                for stamp, row in serialized(block):
+                    write(topic, stamp, row)
     return path
 
 

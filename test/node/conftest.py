@@ -5,6 +5,7 @@
 from collections.abc import Iterator
 import contextlib
 import importlib.util
+from itertools import count
 import os
 from pathlib import Path
 import random
@@ -87,13 +88,15 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
     lock.close()
 
 
+_NAMESPACES = (f'/test{number}' for number in count(1))
+
+
 @pytest.fixture
-def ros(ros_context: 'Context', tmp_path: Path,
-        request: pytest.FixtureRequest) -> 'Iterator[Ros]':
+def ros(ros_context: 'Context', tmp_path: Path) -> 'Iterator[Ros]':
     """Give a test its namespace, its node and the means to start processes."""
     from ros_harness import Ros
 
-    harness = Ros(ros_context, tmp_path, _namespace(request.config))
+    harness = Ros(ros_context, tmp_path, next(_NAMESPACES))
     yield harness
     harness.close()
 
@@ -113,19 +116,11 @@ def health(ros: 'Ros') -> 'Health':
 
 
 @pytest.fixture(scope='module')
-def shared_ros(ros_context: 'Context', tmp_path_factory: pytest.TempPathFactory,
-               request: pytest.FixtureRequest) -> 'Iterator[Ros]':
+def shared_ros(
+        ros_context: 'Context', tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Ros]':
     """Give the tests of a file one namespace, for processes that they share."""
     from ros_harness import Ros
 
-    harness = Ros(ros_context, tmp_path_factory.mktemp('shared'), _namespace(request.config))
+    harness = Ros(ros_context, tmp_path_factory.mktemp('shared'), next(_NAMESPACES))
     yield harness
     harness.close()
-
-
-_COUNT = pytest.StashKey[int]()
-
-
-def _namespace(config: pytest.Config) -> str:
-    config.stash[_COUNT] = config.stash.get(_COUNT, 0) + 1
-    return f'/test{config.stash[_COUNT]}'

@@ -9,7 +9,6 @@ from typing import Any
 from bags import mcap_written, serialized
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
-from imu_allan.cdr import encode_imu
 from imu_allan.node.imu_type import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
@@ -28,7 +27,6 @@ from ros_harness import (
     Ros,
     said_in,
     SECOND,
-    START_NS,
     start_repeatedly,
 )
 from sensor_msgs.msg import Temperature
@@ -206,16 +204,15 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
     ros.until(lambda: publisher.get_subscription_count() == 1)
     results = ros.listen(String, 'imu_allan/result')
     seconds, per_kelvin = np.arange(7200) / 2.0, 2e-3
-    samples = np.random.default_rng(3).normal(0, 1e-3, (7200, 6))
-    samples[:, 0] += per_kelvin * celsius(seconds)
-    for number, (second, sample) in enumerate(zip(seconds, samples, strict=True)):
-        stamp = START_NS + round(second * 1e9)
-        driver.send(encode_imu(stamp, sample, 'imu'))
-        if number % 8 == 0:
-            # In kelvin, which is taken as in a recording.
-            reading = Temperature(temperature=float(celsius(second)) + 273.15)
-            reading.header.stamp.sec, reading.header.stamp.nanosec = divmod(stamp, SECOND)
-            publisher.publish(reading)
+    block = at_rest(7200, 2.0, seed=3, noise=1e-3, mean=0)
+    block.samples[:, 0] += per_kelvin * celsius(seconds)
+    for first in range(0, len(block), 8):
+        # In kelvin, which is taken as in a recording.
+        reading = Temperature(temperature=float(celsius(seconds[first])) + 273.15)
+        reading.header.stamp.sec, reading.header.stamp.nanosec = divmod(
+            int(block.header_ns[first]), SECOND)
+        publisher.publish(reading)
+        driver.replay(block.part(slice(first, first + 8)))
 
     def fitted() -> Any:
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}

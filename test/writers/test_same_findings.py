@@ -3,7 +3,7 @@
 """Simulated faults: every front end shows the same findings in the same order, on one screen."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import replace
 import json
 import re
 from typing import Any
@@ -31,44 +31,38 @@ SPEC = parse_model('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}\n'
                    'accel: {noise_density: 200 ug/sqrt(Hz)}\n')
 
 
-@dataclass
-class Messages:
-    """What a fault changes: samples, both stamps, and which messages arrive."""
-
-    x: np.ndarray
-    header_ns: np.ndarray
-    receive_ns: np.ndarray
-    kept: np.ndarray
+Fault = Callable[[ImuBlock], ImuBlock | None]
 
 
-def lossy(m: Messages) -> None:
-    m.kept &= np.random.default_rng(2).random(len(m.x)) > 0.2
+def lossy(block: ImuBlock) -> ImuBlock:
+    return block.part(np.random.default_rng(2).random(len(block)) > 0.2)
 
 
-def slower_later(m: Messages) -> None:
-    for stamps in (m.header_ns, m.receive_ns):
+def slower_later(block: ImuBlock) -> None:
+    for stamps in (block.header_ns, block.receive_ns):
         stamps[6000:] += stamps[6000:] - stamps[6000]
 
 
-def jumped(m: Messages) -> None:
-    m.header_ns[6000:] -= int(3600e9)
+def jumped(block: ImuBlock) -> None:
+    block.header_ns[6000:] -= int(3600e9)
 
 
-def replayed(m: Messages) -> None:
-    m.receive_ns -= (m.receive_ns - m.receive_ns[0]) * 9 // 10
+def replayed(block: ImuBlock) -> None:
+    block.receive_ns[:] -= (block.receive_ns - block.receive_ns[0]) * 9 // 10
 
 
-def samples(rows: Any, columns: Any, become: Any) -> Callable[[Messages], None]:
+def samples(rows: Any, columns: Any, become: Any) -> Fault:
     """Give a fault in some rows and columns of the samples: a number, or what becomes of them."""
-    def fault(m: Messages) -> None:
-        m.x[rows, columns] = become(m.x[rows, columns]) if callable(become) else become
+    def fault(block: ImuBlock) -> None:
+        x = block.samples
+        x[rows, columns] = become(x[rows, columns]) if callable(become) else become
     return fault
 
 
 ALL, GYRO, ACCEL = slice(None), slice(0, 3), slice(3, 6)
 NUMBER = np.arange(12_000.0)[:, None]
 
-FAULTS: dict[str, tuple[Callable[[Messages], None], str | None]] = {
+FAULTS: dict[str, tuple[Fault, str | None]] = {
     'constant': (samples(ALL, 2, 0.5), 'constant_axis'),
     'saturated': (samples(ALL, 0, lambda x: np.clip(x, -1e-4, 1e-4)), 'saturated'),
     'deadband': (samples(ALL, 1, lambda x: np.where(np.abs(x) < 1e-3, 0.0, x)), 'deadband'),
@@ -106,18 +100,15 @@ AT_ONCE = (
 
 def recorded(faults: Iterable[str]) -> Result:
     """Two minutes of a simulated IMU at rest with some faults."""
-    blocks = list(simulated_blocks(parse_model(
+    [block] = simulated_blocks(parse_model(
         'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}'),
-        RATE_HZ, 12_000, start_ns=10**18))
-    m = Messages(*(np.concatenate([getattr(block, name) for block in blocks])
-                   for name in ('samples', 'header_ns', 'receive_ns')), np.ones(12_000, bool))
-    m.x[:, 5] += 9.80665 - m.x[:, 5].mean()
+        RATE_HZ, 12_000, start_ns=10**18, block_samples=12_000)
+    block = replace(block, receive_ns=block.header_ns.copy())
+    block.samples[:, 5] += 9.80665 - block.samples[:, 5].mean()
     for fault in faults:
-        FAULTS[fault][0](m)
+        block = FAULTS[fault][0](block) or block
     imu = Characterization(kind='recording', path='rec', topic='/imu')
-    for rows in np.array_split(np.flatnonzero(m.kept), len(blocks)):
-        imu.update(ImuBlock(m.header_ns[rows], m.receive_ns[rows], m.x[rows],
-                            np.zeros((len(rows), 2), bool), blocks[0].frame_id))
+    imu.update(block)
     imu.finish()
     return with_words(imu.result())
 
