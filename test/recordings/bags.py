@@ -126,11 +126,7 @@ def write_mcap(
     path: Path, messages: ImuBlock, *, compression: str = 'zstd', chunk_size: int = 50_000,
     others: Callable[[int], int] = lambda _: 0, **options: object,
 ) -> Path:
-    """
-    Write topic /imu with the mcap library.
-
-    `others` tells how many messages of /other, of varying size, stand before each Imu message.
-    """
+    """Write topic /imu, and `others` messages of /other, of varying size, before each."""
     with mcap_written(path, compression=COMPRESSIONS[compression], chunk_size=chunk_size,
                       **options) as message:
         message('/imu', definition='float64 x')

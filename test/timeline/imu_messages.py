@@ -20,11 +20,7 @@ SIGMA = 0.01
 
 def still(count: int, rate_hz: float = 100.0, *, seed: int = 0, frame_id: str = 'imu_link',
           late: NDArray[np.float64] | None = None) -> ImuBlock:
-    """
-    Give even messages of white noise and gravity, received 0.3 ms after they were stamped.
-
-    `late` delays the header stamps, in sample intervals; a message never overtakes the one before.
-    """
+    """Give even messages at rest, received 0.3 ms later; `late` delays headers, in intervals."""
     places = np.arange(count, dtype=np.float64)
     if late is not None:
         places = np.maximum.accumulate(places + late - 0.01 * places) + 0.01 * places
