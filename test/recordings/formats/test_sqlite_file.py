@@ -98,9 +98,8 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
 
 def test_pages_that_lead_back_give_no_message_twice(tmp_path):
     path = write_db3(tmp_path / 'a.db3', WHOLE)
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         [[root]] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
-    database.close()
     data, page = bytearray(path.read_bytes()), (root - 1) * 4096
     # Of two cells next to each other, both lead to the first's child.
     first, second = (page + int.from_bytes(data[page + at:page + at + 2], 'big')
@@ -119,14 +118,13 @@ def test_what_is_no_database_is_refused(tmp_path):
 
 def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     path = write_db3(tmp_path / 'a.db3', block(4))
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.executescript(
             'CREATE TABLE m(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp, data);'
             'INSERT INTO m SELECT * FROM messages; DROP TABLE messages;'
             'ALTER TABLE m RENAME TO messages;'
             "INSERT INTO messages VALUES (5, 1, 5, 'text'), (6, 1, 6, NULL), (7, 1, 'x', 1.5);"
             "INSERT INTO messages SELECT 8, 1, 'no time', data FROM messages WHERE id = 4;")
-    database.close()
     after, [remark] = read(path)
     assert after.receive_ns.tolist() == [*block(4).receive_ns.tolist(), 0]
     assert_same(block(4), after.part(slice(4)))
@@ -289,9 +287,8 @@ def test_no_file_that_a_journal_names_is_deleted(tmp_path):
                           reason='rosbag2 leaves none')
     assert victim.read_bytes() == b'anything at all'
     # SQLite itself carries the attack out.
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.execute('SELECT count(*) FROM messages')
-    database.close()
     assert not victim.exists()
 
 
