@@ -22,31 +22,27 @@ from whole_lines import refused
 DRIVER = 'my_driver/msg/Vectornav'
 TEXT = ('std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'
         'sensor_msgs/MagneticField mag\nfloat32[] extras\n')
+STORE = store_with({DRIVER: TEXT})
 COUNT = 200
 STAMPS = START_NS + other_types.STEP_NS * np.arange(COUNT)
 
 
-def driver_messages(store, inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
+def driver_messages(inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
     """Make messages whose nested Imu is stamped by `inner_ns`, by default like the outer."""
-    field = store.types['sensor_msgs/msg/MagneticField']
+    field = STORE.types['sensor_msgs/msg/MagneticField']
     for number in range(COUNT):
-        header = stamped(store, number)
+        header = stamped(STORE, number)
         inner = header if inner_ns is None else stamped(
-            store, number, 'inner', int(inner_ns(number)))
-        yield store.types[DRIVER](
-            header, raw(number), imu(store, number, inner),
-            field(header, other_types.vector(store, [1, 2, 3]), np.zeros(9)),
-            np.arange(extras(number), dtype=np.float32))
-
-
-def cdr(store, messages):
-    return [store.serialize_cdr(message, DRIVER) for message in messages]
+            STORE, number, 'inner', int(inner_ns(number)))
+        yield STORE.serialize_cdr(STORE.types[DRIVER](
+            header, raw(number), imu(STORE, number, inner),
+            field(header, other_types.vector(STORE, [1, 2, 3]), np.zeros(9)),
+            np.arange(extras(number), dtype=np.float32)), DRIVER)
 
 
 def mcap_of(path: Path, **options) -> Path:
-    store = store_with({DRIVER: TEXT})
-    return write_mcap(path / 'a.mcap', DRIVER, full_definition(store, DRIVER),
-                      cdr(store, driver_messages(store, **options)))
+    return write_mcap(path / 'a.mcap', DRIVER, full_definition(STORE, DRIVER),
+                      driver_messages(**options))
 
 
 def assert_read(path: Path, count: int = COUNT) -> ImuBlock:
@@ -88,15 +84,14 @@ def test_its_own_stamp_is_used_where_it_advances_finely(tmp_path, inner_ns, uses
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))
 def test_bags_of_rosbags_are_read_as_folders(tmp_path, storage):
-    store = store_with({DRIVER: TEXT})
     with Ros2Writer(tmp_path / 'bag', version=9, storage_plugin=storage) as writer:
-        connection = writer.add_connection('/sensor', DRIVER, typestore=store)
-        for number, message in enumerate(cdr(store, driver_messages(store))):
+        connection = writer.add_connection('/sensor', DRIVER, typestore=STORE)
+        for number, message in enumerate(driver_messages()):
             writer.write(connection, START_NS + number * other_types.STEP_NS, message)
     assert_read(tmp_path / 'bag')
 
 
-IDL = """{line}
+IDL = f"""{'=' * 80}
 IDL: my_driver/msg/Simple
 #include "sensor_msgs/msg/Imu.idl"
 module my_driver {{ module msg {{ struct Simple {{
@@ -109,7 +104,7 @@ module my_driver {{ module msg {{ struct Simple {{
 def test_definitions_in_idl_are_understood(tmp_path):
     kind = 'my_driver/msg/Simple'
     store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
-    assert_read(write_mcap(tmp_path / 'a.mcap', kind, IDL.format(line='=' * 80), [
+    assert_read(write_mcap(tmp_path / 'a.mcap', kind, IDL, [
         store.serialize_cdr(store.types[kind]('a', imu(store, n)), kind) for n in range(20)],
         'ros2idl'), 20)
 
@@ -130,10 +125,8 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
 
 def without_definitions(folder: Path) -> Path:
     """Write a database as ROS 2 Humble does, which holds no definitions."""
-    store = store_with({DRIVER: TEXT})
-    messages = cdr(store, driver_messages(store))
     with closing(database(folder / 'a.db3', [('/sensor', DRIVER)])) as opened:
-        insert(opened, zip(STAMPS.tolist(), map(bytes, messages), strict=True))
+        insert(opened, zip(STAMPS.tolist(), map(bytes, driver_messages()), strict=True))
         opened.commit()
     return folder / 'a.db3'
 
@@ -165,11 +158,10 @@ def test_a_place_without_definitions_is_refused(tmp_path):
 
 
 def test_messages_that_do_not_fit_their_definition_are_reported(tmp_path):
-    store = store_with({DRIVER: TEXT})
-    made = cdr(store, driver_messages(store))
+    made = list(driver_messages())
     made[5] = bytes(made[5])[:300]
     made[9] = b'\0\1\0\0'
-    path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER), made)
+    path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(STORE, DRIVER), made)
     messages, [remark] = read(path)
     assert len(messages) == COUNT - 2
     assert remark == said(path, 'malformed_messages', what='message', count=2, topic='/sensor',
@@ -262,7 +254,7 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
     ({'gyro': 'raw'}, '--gyro raw: not three numbers in my_driver/msg/Frame; name a field with x, '
                       'y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz'),
     ({'gyro': 'raw[3:6] b c'}, '--gyro b c: b c cannot be turned into rad/s; write rad/s or '
-                               'deg/s'),
+                               'deg/s, of counts deg/s/131'),
     ({'gyro': 'raw[0:3]', 'stamp': 't'}, '--stamp t: name a number and its unit (s, ms, us or '
                                          'ns), or a field with seconds and nanoseconds'),
     ({'gyro': '..'}, '--gyro ..: not a field path such as imu.gyro[0:3]'),
