@@ -111,7 +111,7 @@ def test_a_column_that_is_no_temperature_is_reported(tmp_path):
     [remark] = [remark for remark in analyze(path).warnings if remark.code == 'thermometer']
     line = (f'{path}: line 2: 0.0,0,warm lacks a number in a column that is read. A column that '
             'holds none can be left out: --columns names the others, and --rate takes the place '
-            'of the time')
+            'of the time. A time is a number or like 2024-06-24 19:02:59.75')
     assert remark.values == {'fault': 'unread', 'reason': line}
     with refused(line):
         analyze(path, reading=RecordingOptions(temperature='temp'))

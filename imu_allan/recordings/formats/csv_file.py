@@ -114,7 +114,8 @@ class CsvRecording(FileRecording):
             raise ImuAllanError(
                 f'{printable(self.path)}: {first_rejected} lacks a number in a column that is '
                 'read. A column that holds none can be left out: --columns names the others, and '
-                '--rate takes the place of the time')
+                '--rate takes the place of the time. A time is a number or like '
+                '2024-06-24 19:02:59.75')
         if rejected:
             self.remark(
                 'malformed_messages', what='line', count=rejected, first=first_rejected)

@@ -349,7 +349,7 @@ def test_times_of_another_form_are_no_numbers_and_reported(path, options):
     assert refusal(path, text, **options) == (
         'line 2: 24.06.2014 19:02:59.75,1 lacks a number in a column that is read. A column that '
         'holds none can be left out: --columns names the others, and --rate takes the place of '
-        'the time')
+        'the time. A time is a number or like 2024-06-24 19:02:59.75')
     block, _ = read(path, options=replace(named(gyro_x='gx'), rate_hz=100.0))
     assert block.header_ns.tolist() == [0, 10_000_000]
 
