@@ -193,14 +193,17 @@ class CsvRecording(FileRecording):
         else:
             self._data_at, self._first_line = behind, self._first_line + 1
             _refuse_more_fields_than_names(names, rows)
-        if columns.clock is not None:
-            times = _column(rows, columns.clock.column)
-            if not times and not columns.clock.unit:
+        if (clock := columns.clock) is not None:
+            if self._dated and any(map(_DATE.match, _column(
+                    [_cells(each, delimiter) for each in text.split('\n')], clock.column))):
+                clock = replace(clock, unit='ns')
+            times = _column(rows, clock.column)
+            if not times and not clock.unit:
                 # Another topic of the table may have begun long before, so this column starts
                 # empty.
-                times = self._first_times(columns.clock.column, delimiter)
+                times = self._first_times(clock.column, delimiter)
             _refuse_grouped_times(times)
-            columns = replace(columns, clock=_with_unit(columns.clock, times, options.rate_hz))
+            columns = replace(columns, clock=_with_unit(clock, times, options.rate_hz))
         self._apart = columns.clock is not None and _are_apart(columns, rows)
         self._report_ignored(columns)
         if columns.clock is None and options.rate_hz is None:
@@ -345,7 +348,7 @@ def _nanoseconds(time: re.Match[str]) -> str:
     except ValueError:
         return time[0]
     ahead = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
-    return f'{seconds - ahead}{part:0<9}'
+    return str((seconds - ahead) * 10**9 + int(f'{part:0<9}'))
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
