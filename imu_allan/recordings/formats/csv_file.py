@@ -26,8 +26,10 @@ from imu_allan.recordings.formats.csv_header import (
     Clock,
     Columns,
     echoed_imu,
+    is_number,
     is_remark,
     is_rest_of_imu,
+    names_columns,
     QUOTES,
     read_header,
     with_units_below,
@@ -156,17 +158,25 @@ class CsvRecording(FileRecording):
         # For 30,000 columns with names of 30 characters: all topics of a robot in one export.
         longest = 1 << 20
         with self._stored.open('rb') as file:
-            # Up to 100 lines stand before the header line; loggers write about five on the device.
+            # Up to 100 lines stand before the header line, such as those of a device that starts;
+            # if none names an axis, it is the first that is no comment, as its names are unknown.
+            header, has_mark, behind = '', False, 0
             for number in range(1, 102):
-                self._data_at, self._first_line = file.tell(), number
-                line = file.readline(longest)
+                at, line = file.tell(), file.readline(longest)
                 if len(line) == longest and not line.endswith(b'\n'):
                     raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                         'samples')
-                header = _decoded(line)
-                if not is_remark(header, options):
+                text = _decoded(line)
+                cells = cells_of(text)[1]
+                is_header = names_columns(text, options) and not (
+                    header and any(map(is_number, cells)))
+                if is_header or not (header or is_remark(text)):
+                    header, has_mark, behind = text, line.startswith(BOM_UTF8), file.tell()
+                    self._data_at, self._first_line = at, number
+                if is_header or not line or (header and is_number(cells[0])):
                     break
-            behind, after = file.tell(), file.read(_LOOKED_AT) + file.readline(longest)
+            file.seek(behind)
+            after = file.read(_LOOKED_AT) + file.readline(longest)
         delimiter, names = cells_of(header)
         text = after.decode('utf-8', 'replace')
         self._decimal_comma = (delimiter != ',' and
@@ -188,7 +198,7 @@ class CsvRecording(FileRecording):
             self._first_line += 1
         if columns.headless:
             rows = self._rows(header, delimiter) + rows
-            if line.startswith(BOM_UTF8):
+            if has_mark:
                 self._data_at += len(BOM_UTF8)
         else:
             self._data_at, self._first_line = behind, self._first_line + 1

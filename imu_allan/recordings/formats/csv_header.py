@@ -214,16 +214,19 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
     return Clock(time, unit and unit.strip())
 
 
-def is_remark(line: str, options: RecordingOptions) -> bool:
-    """Return whether a line is empty or a comment, but not a header that begins like one."""
-    if not line.lstrip().startswith(('#', '%', '//')):
-        return line.isspace()
+def is_remark(line: str) -> bool:
+    """Return whether a line is empty or begins like a comment, as some headers do, too."""
+    return line.isspace() or line.lstrip().startswith(('#', '%', '//'))
+
+
+def names_columns(line: str, options: RecordingOptions) -> bool:
+    """Return whether a line has the name of an axis, or one that the user gives."""
     # Searching a hundred lines of a megabyte for axis names takes seconds.
     cells = cells_of(line[:1 << 14])[1]
     names = [cell.strip(' "') for cell in cells]
-    return not (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
-                or any(_with_name(name, names) for _, text in options.columns
-                       for name in (text, text.rpartition(' ')[0])))
+    return (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
+            or any(_with_name(name, names) for _, text in options.columns
+                   for name in (text, text.rpartition(' ')[0])))
 
 
 def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,

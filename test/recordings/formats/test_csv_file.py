@@ -290,6 +290,8 @@ def fields(form: str) -> str:
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
     ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
      '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
+    ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\nmillis,ax,ay,az,gx,gy,gz\n'
+     '500,4,5,6,1,2,3\n', [500_000_000]),
     ('# timestamp[ns] w.x w.y w.z a.x a.y a.z\n'
      f'{STAMP} 1 2 3 4 5 6\n', [STAMP]),
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
@@ -298,6 +300,7 @@ def fields(form: str) -> str:
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
+        'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, fast'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
