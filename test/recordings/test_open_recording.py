@@ -39,6 +39,14 @@ import zstandard
      'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin or CSV '
      'file'),
     ('a.mcap', b'\x89MCAP', 'not an MCAP file'),
+    ('a.db3', b'SQLite format 3\0' + bytes(200),
+     'not a readable rosbag2 database (file is not a database)'),
+    ('a.bag', b'#ROSBAG V1.2\nsomething else',
+     'ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix'),
+    ('a.bag', b'#ROSBAG V2.0', 'cut short within its first line; copy it again'),
+    ('a.bag', b'#ROSBAG V2.0\n' + bags.ros1_record(
+        op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
+     'encrypted; decrypt it with: rosbag decrypt'),
     ('metadata.yaml', b'rosbag2_bagfile_information:\n',
      'describes the recording in its folder; name the folder'),
 ])

@@ -72,16 +72,6 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
     assert figures(remark.values['end']) == [100, places[4]]
 
 
-@pytest.mark.parametrize(('content', 'reason'), [
-    (b'#ROSBAG V1.2\nsomething else',
-     'ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix'),
-    (b'#ROSBAG V2.0', 'cut short within its first line; copy it again'),
-    (b'#ROSBAG V2.0\n' + bags.ros1_record(op=b'\3', encryptor=b'rosbag/AesCbcEncryptor'),
-     'encrypted; decrypt it with: rosbag decrypt')])
-def test_other_versions_and_encrypted_bags_are_refused(tmp_path, content, reason):
-    assert bags.refusal(tmp_path / 'a.bag', content) == reason
-
-
 TINY = {
     'messages of 20 connections': b''.join(
         bags.ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))

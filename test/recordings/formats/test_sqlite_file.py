@@ -111,11 +111,6 @@ def test_pages_that_lead_back_give_no_message_twice(tmp_path):
     assert 4900 < len(after) < 5000
 
 
-def test_what_is_no_database_is_refused(tmp_path):
-    assert bags.refusal(tmp_path / 'a.db3', b'SQLite format 3\0' + bytes(200)) == (
-        'not a readable rosbag2 database (file is not a database)')
-
-
 def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     path = write_db3(tmp_path / 'a.db3', block(4))
     with closing(sqlite3.connect(path)) as database:
