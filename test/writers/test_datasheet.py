@@ -226,6 +226,13 @@ def test_a_certificate_says_unit_person_place_and_verdict(result):
     assert {'b', 'script'} & {tag for tag, _ in page.tags} == {'b'}
 
 
+def test_every_number_of_a_reason_stands_behind_a_figure_and_has_its_reason(result):
+    page = certificate(result)
+    listed = page.count('<li>')
+    numbers = {int(text) for text in re.findall(r'<small>[^<]*</small> <sup>(\d+)</sup>', page)}
+    assert numbers == {*range(1, listed + 1)}
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(shutil.which('chromium') is None or shutil.which('pdfinfo') is None,
                     reason='needs chromium and pdfinfo')
