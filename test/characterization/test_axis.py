@@ -4,12 +4,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 import tracemalloc
 from typing import Any
 import warnings
 
 from characterized import characterized, messages, one_axis, several, taken_in
+from drifting_axes import axis_of as drifting
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.characterization.findings import halves_remarks
@@ -151,17 +151,12 @@ HALVES_HZ = 10.0
 HALF_S = 3600.0
 
 
-@cache
-def some_axis() -> AxisResult:
-    return characterize(WHITE[:2000], RATE)
-
-
 def axis_of(first: float, second: float, steps: int = 118,
             shorter: Innovations | None = None) -> AxisResult:
     """Return an axis whose halves had these errors over a minute, under each other's model."""
     innovations = shorter or Innovations(10.0, 1.0, 700, (1.0, 1.0)), Innovations(
         60.0, (first + second) / 2, steps, (first, second))
-    return replace(some_axis(), backtest=Backtest(HALF_S, HALF_S, innovations, ()))
+    return drifting(1e-3, backtest=Backtest(HALF_S, HALF_S, innovations, ()))
 
 
 def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady() -> None:
@@ -232,7 +227,7 @@ def test_steady_sensors_are_hardly_ever_reported_to_change(hours: float) -> None
             series = estimator.finished().periodogram
             tested = backtest(series.series, series.cell, 1 / HALVES_HZ)
             for at in range(0, len(tested), 3):
-                axes = {f'gyro_{letter}': replace(some_axis(), backtest=found)
+                axes = {f'gyro_{letter}': drifting(1e-3, backtest=found)
                         for letter, found in zip('xyz', tested[at:at + 3], strict=True)}
                 seen[name] += bool(halves_remarks(axes))
     print(f'\n{hours:.2g} h: reported {seen} of 60')
