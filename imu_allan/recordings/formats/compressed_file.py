@@ -40,6 +40,8 @@ class CompressedRecording(Recording):
         self.thermometers = self._inner.thermometers
         self.other_topics = self._inner.other_topics
         self.reasons = self._inner.reasons
+        self.preferred, self.preferred_for = self._inner.preferred, self._inner.preferred_for
+        self.untimed = self._inner.untimed
         self.remarks += self._inner.remarks
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import bags
 from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, write_metadata
 from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.recordings.halves import choose_streams
 from measured_command import run
 import pytest
 from whole_lines import Varying
@@ -113,6 +114,14 @@ def packed_gigabyte(size: int) -> bytes:
     """Return a gigabyte of zeros, compressed, which declares its size or (-1) none."""
     compressor = zstandard.ZstdCompressor().compressobj(size=size)
     return b''.join(compressor.compress(bytes(1 << 22)) for _ in range(256)) + compressor.flush()
+
+
+def test_of_a_compressed_file_the_same_is_read_as_of_the_file(tmp_path):
+    path = tmp_path / 'imu.csv'
+    path.write_text('time [ms],gx,ax\n' + ''.join(f'{n},1,\n{n}.5,,2\n' for n in range(40)))
+    with open_recording(path) as plain, open_recording(compress(path)) as packed:
+        assert choose_streams(plain) == choose_streams(packed)
+        assert len(choose_streams(packed)) == 2
 
 
 def test_a_compressed_file_is_unpacked_where_there_is_room_and_nothing_is_left_there(
