@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from math import sqrt
 
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
@@ -19,6 +20,40 @@ from numpy.typing import NDArray
 
 
 @dataclass
+class LatestRows(Record):
+    """
+    The newest rows of all axes without a gap, to compare those after a gap with.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (n, 6)
+        At most 256.
+    scatter : ndarray, shape (6,)
+        Standard deviation of means of 16 rows; zero while unknown.
+
+    """
+
+    rows: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
+    scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+
+    def add(self, rows: NDArray[np.float64], after_gap: bool) -> None:
+        """Add the rows of a block."""
+        self.rows = np.concatenate([self.rows[:0] if after_gap else self.rows, rows[-256:]])[-256:]
+
+    def moved(self, rows: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return for each axis whether its mean is another one in `rows`, which follow a gap."""
+        count = len(self.rows) // 16
+        # Fewer means say too little of their scatter: then an earlier one is used.
+        if count >= 4:
+            self.scatter = self.rows[-16 * count:].reshape(count, 16, 6).mean(axis=1).std(axis=0)
+        rows = rows[:256]
+        change = np.abs(rows.mean(axis=0) - self.rows.mean(axis=0))
+        # Means of 16 rows also vary by slow noise; hardly ever by four sigmas.
+        far = change > 4 * max(1.0, sqrt(16 / len(rows))) * self.scatter
+        return np.asarray(far & (self.scatter > 0))
+
+
+@dataclass
 class Group(Record):
     """Axes that have always been present together."""
 
@@ -28,6 +63,8 @@ class Group(Record):
     end: int = 0    # grid place after the newest sample
     new_run: bool = False    # whether a run has begun since then
     away: bool = False    # whether the newest block lacked these axes
+    moved: bool = False    # whether their means are others in the next block
+    latest: LatestRows = field(default_factory=LatestRows)
 
     def check(self) -> None:
         """Raise ValueError if axes and their names differ in number."""
@@ -38,7 +75,23 @@ class Group(Record):
         """Return a group of some of the axes, which continue on their own."""
         return replace(self, columns=self.columns[some],
                        estimator=self.estimator.select(np.flatnonzero(some).tolist()),
-                       thermometer=self.thermometer.copy())
+                       thermometer=self.thermometer.copy(), latest=self.latest.copy())
+
+    def parted(self, block: EvenBlock) -> list[Group]:
+        """
+        Return the group before a block is added, split if only one sensor begins a run with it.
+
+        The mean of an accelerometer is another one after the IMU was turned, during motion that
+        was cut out or while messages were lost. That step is no noise.
+        """
+        if block.first_index <= self.end or not self.estimator.samples:
+            return [self]
+        sensor = self.columns // 3
+        begins = np.isin(sensor, sensor[self.latest.moved(block.samples)[self.columns]])
+        if begins.any() and not begins.all():
+            return [replace(self.part(begins), moved=True), self.part(~begins)]
+        self.moved = bool(begins.all())
+        return [self]
 
     def add(self, block: EvenBlock, epoch_ns: int | None, interval_ns: float | None) -> None:
         """
@@ -48,6 +101,7 @@ class Group(Record):
         the block's `start_s`. `interval_ns`: sample interval by the clock.
         """
         estimator, skipped = self.estimator, 0
+        self.latest.add(block.samples, block.new_run or block.first_index > self.end)
         if not estimator.samples:
             # Samples left out at the very beginning still take up time.
             estimator.signal.skip(block.first_index)
@@ -56,8 +110,12 @@ class Group(Record):
             estimator.start_run()
         elif block.first_index > self.end:
             skipped = block.first_index - self.end
-            estimator.skip(skipped)
-        self.new_run = self.away = False
+            if self.moved:
+                estimator.start_run()
+                estimator.signal.skip(skipped)
+            else:
+                estimator.skip(skipped)
+        self.new_run = self.moved = self.away = False
         first = last = None
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)

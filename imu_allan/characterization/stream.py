@@ -328,6 +328,8 @@ class Characterization:
                 for group in memory.groups:
                     group.new_run |= block.new_run
                     group.away |= not there[group.columns[0]]
+            memory.groups = [part for group in memory.groups for part in (
+                group.parted(block) if there[group.columns[0]] else [group])]
             for group in memory.groups:
                 if there[group.columns[0]]:
                     group.add(block, memory.epoch_ns, self._timeline.interval_ns)

@@ -13,6 +13,7 @@ from math import log
 
 from imu_allan.block import EvenBlock
 from imu_allan.state import Record
+from imu_allan.timeline.clock import Bools
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import Segment, Windows
@@ -229,20 +230,28 @@ class MotionDetector(Record):
         if not short and (begins := level.deeper_rest(segment, first, last)) is not None:
             self._begin_at_rest(segment, level, begins, last)
             return
-        rest = segment.means[first:last]
         if moving.any():
-            rest = rest[~moving]
             louder = level.contrast(loudness[moving])
             self.summary.louder += float(louder.sum())
             self.summary.compared += len(louder)
-        if len(rest) and not short:
-            self._excursions.take(rest, windows.time(segment, segment.base + first),
-                                  self._windows.size * self.interval_s)
+        if not short:
+            self._follow(segment, first, moving)
         if not short:
             time_s = windows.time(segment, segment.base + last)
             for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
                 # A sensor whose noise changes more than ten times has no level at all.
                 self.summary.changes = (*self.summary.changes[:9], (time_s, ratio))
+
+    def _follow(self, segment: Segment, first: int, moving: Bools) -> None:
+        """Look for slow turns within each rest: after motion, another mean is another attitude."""
+        for windows in np.split(np.arange(len(moving)), np.flatnonzero(np.diff(moving)) + 1):
+            if moving[windows[0]]:
+                self.forget_means()
+            else:
+                begin, end = first + windows[0], first + windows[-1] + 1
+                self._excursions.take(
+                    segment.means[begin:end], self._windows.time(segment, segment.base + begin),
+                    self._windows.size * self.interval_s)
 
     def _begin_at_rest(self, segment: Segment, level: RestLevel, first: int, last: int) -> None:
         """Take windows from array index `first` on as rest, and all before as motion."""

@@ -40,6 +40,31 @@ def characterized(rows, index=None):
     return stream.result()
 
 
+def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis():
+    rows = still_imu(48_000)
+    upright = characterized(rows)
+    turned, rng = rows.copy(), np.random.default_rng(4)
+    # Put down at 2 degrees, upside down and on its side, as seen by an accelerometer.
+    for part, level in enumerate([[0, 0, 0], [0.34, 0, 0], [0, 0, -19.62], [0, 9.81, -9.81]]):
+        turned[12_000 * part:12_000 * (part + 1), 3:] += level
+        turned[12_000 * part - 400:12_000 * part] += rng.normal(0, 0.5, (400, 6)) if part else 0
+    result = characterized(turned)
+    assert len(result.timeline.motion) == 3
+    assert not {'poor_fit', 'slow_motion', 'band_limited', 'bias_step'} & {
+        found.code for found in result.warnings}
+    for name, axis in result.axes.items():
+        assert axis.coefficients['noise_density'].value == pytest.approx(
+            upright.axes[name].coefficients['noise_density'].value, rel=0.02)
+        for key in ('bias_instability', 'rate_random_walk'):
+            (low, high), (lowest, highest) = (
+                ends(one.axes[name].coefficients[key]) for one in (upright, result))
+            assert low <= highest
+            assert lowest <= high
+    # What was cut out takes its time in the signals of both sensors.
+    ends_s = {axis.signal.step_s * len(axis.signal.mean) for axis in result.axes.values()}
+    assert max(ends_s) - min(ends_s) < 0.01 * result.timeline.duration_s
+
+
 def said(result, code):
     return [found for found in result.warnings if found.code == code]
 
