@@ -13,10 +13,10 @@ from dataclasses import replace
 
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.judgments import UNEVEN
-from imu_allan.noise.posterior.likelihood import PLAIN
+from imu_allan.noise.posterior.likelihood import PLAIN, spectrum
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.posterior.prepared import prepared
-from imu_allan.noise.posterior.search import B, K
+from imu_allan.noise.posterior.search import B, K, N
 from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 
@@ -56,10 +56,10 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
                       record.dof[of] / np.maximum(record.whole[of], 1e-9))
     # Reduce the degrees of freedom of parts where no model describes the whole record.
     dof = np.minimum(spectra.dof, spectra.whole * known)
-    # Fit all but one part, each part alone, and all; the first and last also without random walk.
-    seen = np.concatenate((~own, own, np.ones_like(own[:1])))
+    # Fit each part alone, all but one, and all; the latter two also without random walk.
+    seen = np.concatenate((own, ~own, np.ones_like(own[:1])))
     spectra = spectra.select(np.zeros(len(seen), np.int64)).with_dof(dof * seen)
-    which = np.concatenate((np.arange(len(seen)), np.arange(count), [2 * count]))
+    which = np.concatenate((np.arange(len(seen)), np.arange(count, len(seen))))
     flicker = np.arange(len(which)) >= len(seen)
     rows = model.row.take(np.zeros(len(which), np.int64))
     x, has = rows.x.copy(), rows.has.copy()
@@ -69,9 +69,15 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     has[flicker, K] = False
     has[flicker, B] |= not model.row.has[0, PLAIN]
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
-    loss = maximise_rows(spectra, replace(
-        rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))).loss
-    without, alone, [whole], still, [whole_still] = np.split(
+    rows = replace(rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))
+    # Parts may differ in their white noise, which says nothing of the random walk.
+    lam, slopes, used = spectrum(spectra, rows.take(np.array([2 * count])), x[[2 * count]])
+    white = spectra.dof[-1] * (slopes[np.searchsorted(used, N), 0] / 2 / lam[0])**2
+    level = (own @ (white * spectra.power[-1] / lam[0])) / np.maximum(own @ white, 1e-9)
+    columns = spectra.columns.copy()
+    columns[:, N] *= np.where(level > 0, level, 1.0) @ own
+    loss = maximise_rows(replace(spectra, columns=columns), rows).loss
+    alone, without, [whole], still, [whole_still] = np.split(
         loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
     # Leaving parts out is a test only if all parts together show the random walk. They need not,
     # unless the mean is known to move: then it may have moved once more.
