@@ -47,6 +47,17 @@ def test_noise_that_is_higher_at_first_is_reported_with_its_size_and_widens_the_
     assert steady.coefficients['noise_density'].between is None
 
 
+def test_white_noise_that_changes_hides_no_random_walk():
+    walking = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1.2e-4}
+    records = [simulate(walking, SAMPLES, RATE, seed) for seed in range(6)]
+    added = np.random.default_rng(6).normal(0, 0.003, (6, SAMPLES // 2))
+    louder = [np.append(record[:SAMPLES // 2], record[SAMPLES // 2:] + own)
+              for record, own in zip(records, added, strict=True)]
+    shown = [[axis.coefficients['rate_random_walk'].observable for axis in several(some, RATE)]
+             for some in (records, louder)]
+    assert shown == [[True] * 6] * 2
+
+
 def test_segments_follow_one_another_and_know_their_means():
     record = simulate(SENSOR, SAMPLES, RATE, 2) + 1e-5 * np.arange(SAMPLES) / RATE
     axis = characterize(record, RATE)
