@@ -260,8 +260,13 @@ def ramp_of(posterior: Posterior) -> Estimate:
     return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
 
 
-def reported_trends(posterior: Posterior) -> tuple[ReportedTrend, ...]:
-    """Return the trends of the mean to report, each from its most probable model."""
+def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
+                    ) -> tuple[ReportedTrend, ...]:
+    """
+    Return the trends of the mean to report, each from its most probable model.
+
+    `record`: to include the uncertainty of the nuisances in that of the sizes.
+    """
     weight: dict[str, float] = defaultdict(float)
     for model in posterior.models:
         for key in {one.kind.key for one in model.trends}:
@@ -277,24 +282,32 @@ def reported_trends(posterior: Posterior) -> tuple[ReportedTrend, ...]:
             columns = tuple((float(share @ size[:, k]), float(np.sqrt(
                 share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
                 for k in range(first, first + one.width))
+            if record is not None:
+                _, beside = _with_nuisances(model, record)
+                columns = tuple((value, max(within, float(whole))) for (value, within), whole
+                                in zip(columns, beside[first:], strict=False))
             low, high = one.interval
             found.append(ReportedTrend(one.kind, one.value, low, high, columns))
     return tuple(found)
 
 
+def _with_nuisances(model: Drawn, record: RecordSpectrum) -> tuple[Array, Array]:
+    """Return sizes and standard errors of all regressors, beside nuisances that are not known."""
+    slopes = [slope for one in model.trends
+              for slope in one.kind.slopes(one.value, record.duration_s)]
+    groups = record.groups(*waveforms(model.trends, record.duration_s), *slopes)
+    row = replace(model.row, of=np.zeros(1, np.int64))
+    spectra = model.spectra.with_regressors([groups], [int(model.row.of[0])])
+    _, _, size, covariance = fitted_mean(spectra, row, row.x)
+    return size[0, 0], np.sqrt(np.diag(covariance[0, 0]))
+
+
 def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
     """Estimate the ramp of the most probable model, including its trends' nuisance uncertainty."""
-    best = posterior.models[0]
-    slopes = [slope for one in best.trends
-              for slope in one.kind.slopes(one.value, record.duration_s)]
-    groups = record.groups(*posterior.trends(record.duration_s), *slopes)
-    row = replace(best.row, of=np.zeros(1, np.int64))
-    spectra = best.spectra.with_regressors([groups], [int(best.row.of[0])])
-    _, _, size, covariance = fitted_mean(spectra, row, row.x)
-    value, error = float(size[0, 0, 0]), float(np.sqrt(covariance[0, 0, 0, 0]))
+    [value, *_], [error, *_] = _with_nuisances(posterior.models[0], record)
     half = -float(ndtri(_ENDS[0])) * error
-    return Estimate(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error, value, value - half,
-                    value + half, abs(value) + half)
+    return Estimate(bool(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error), float(value),
+                    float(value - half), float(value + half), float(abs(value) + half))
 
 
 def moving_mean(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform, Array] | None:

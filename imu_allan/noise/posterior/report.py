@@ -161,7 +161,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     found['rate_ramp'] = ramp
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
-    moving = reported_trends(posterior)
+    moving = reported_trends(posterior, record)
     if sum(one.kind.key == 'bias_step' for one in moving) > 1:
         # Two steps may as well be a bump or something else.
         moving = tuple(one for one in moving if one.kind.key != 'bias_step')
