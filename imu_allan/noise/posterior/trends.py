@@ -196,21 +196,21 @@ class Bank:
         return [self.regressors(kind, grid)
                 for kind, grid in zip(self.kinds, self.grids, strict=True)]
 
-    def regressors(self, kind: TrendKind, values: Array) -> Array:
+    def regressors(self, kind: TrendKind, values: Array, slowest: int = _SLOWEST) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
         trends = [kind.columns(float(value), self.duration_s) for value in values]
         found = regressors(self._record.sections, self._record.dt,
-                           [trend for each in trends for trend in each], _SLOWEST)
+                           [trend for each in trends for trend in each], slowest)
         return np.asarray(found.T.reshape(len(values), len(trends[0]), -1))
 
 
 class AxisBank:
     """Candidate trends at the slowest coefficients of one axis, without those of lines."""
 
-    def __init__(self, bank: Bank, record: RecordSpectrum) -> None:
-        self.bank, self.record, self.kinds = bank, record, bank.kinds
+    def __init__(self, bank: Bank, record: RecordSpectrum, slowest: int = _SLOWEST) -> None:
+        self.bank, self.record, self.kinds, self._slowest = bank, record, bank.kinds, slowest
         bins = record.bins
-        used = slow = bins.whole & (bins.index <= _SLOWEST)
+        used = slow = bins.whole & (bins.index <= slowest)
         if record.keep is not None:
             used = slow & record.keep
         # Which of the slowest coefficients are not part of a line
@@ -231,7 +231,7 @@ class AxisBank:
         if self.record.trends or beside:
             trends = [*self.record.trends, *waveforms(beside, self.bank.duration_s)]
             others.append(regressors(
-                self.record.sections, self.record.dt, trends, _SLOWEST)[self._which])
+                self.record.sections, self.record.dt, trends, self._slowest)[self._which])
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
         value = (self._coefficient * root)[:, :, None]
         value = value - basis @ (basis.transpose(0, 2, 1) @ value)
@@ -241,7 +241,7 @@ class AxisBank:
         """Return the gains of a kind along its grid, or at `values`, shape (noises, values)."""
         return about.gains(
             self._columns[number] if values is None else
-            self.bank.regressors(self.kinds[number], values)[:, :, self._which])
+            self.bank.regressors(self.kinds[number], values, self._slowest)[:, :, self._which])
 
 
 @dataclass(frozen=True)
@@ -450,8 +450,22 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
         about = search.bank.about(beside.frequency, lam, others)
         number = search.bank.kinds.index(first.kind)
         gains = search.bank.gains(about, number)[0]
-        found = (*others, likeliest(search.bank, number, about, gains, others))
+        first = likeliest(search.bank, number, about, gains, others)
+        if first.kind.key == 'bias_step' and gains.max() > 30:
+            first = _located(search.bank, number, first, others, beside.frequency, lam)
+        found = (*others, first)
     return search, found
+
+
+def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found], frequency: Array,
+             lam: Array) -> Found:
+    """Locate a large step by faster coefficients, too, as it would be seen beside its place."""
+    for slowest in (8 * _SLOWEST, 64 * _SLOWEST):
+        finer = AxisBank(bank.bank, bank.record, slowest)
+        values = found.value + bank.bank.duration_s / slowest * np.arange(-4, 4.1, 0.25)
+        gains = finer.gains(finer.about(frequency, lam, others), number, values)[0]
+        found = replace(found, value=float(values[_largest(gains)]))
+    return found
 
 
 def likeliest(bank: AxisBank, number: int, about: Whitened, gains: Array,
