@@ -289,7 +289,7 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
                records: Sequence[RecordSpectrum | None], bank: Bank
                ) -> list[list[TrendSet]]:
     """
-    Fit the models of each axis with every promising trend, and then greedily with a second one.
+    Fit the models of each axis with every promising trend, then greedily with two and three.
 
     Parameters
     ----------
@@ -319,8 +319,8 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
     for search in searches:
         search.begin(of_axis(still, search.axis))
-    # A third trend could not be distinguished from noise.
-    for _ in range(2):
+    # Temperature, a cycle and a warm-up may act at once; a fourth trend would pass for noise.
+    for _ in range(3):
         fitted = _fitted(spectra, [each for search in searches for each in search.candidates()])
         for search in searches:
             own = [one for at, one in fitted if at is search]
