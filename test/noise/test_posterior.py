@@ -4,7 +4,7 @@
 
 from collections import defaultdict
 
-from characterized import covers, holds, joint_fits, shown, together
+from characterized import covers, joint_fits, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
