@@ -20,9 +20,14 @@ KINDS = [*((write_mcap, {'compression': name}) for name in bags.COMPRESSIONS),
          *((write_bag, {'compression': name}) for name in bags.ROS1_COMPRESSIONS)]
 
 
+def name_of(argument):
+    """Name a writer, or its options, the same in every process."""
+    return getattr(argument, '__name__', None) or str(argument)
+
+
 @pytest.mark.parametrize(('write', 'options'), [
     *KINDS, (write_mcap, {'index_types': IndexType.NONE}), (write_mcap, {'use_chunking': False})],
-    ids=str)
+    ids=name_of)
 @pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 5 * (n % 70 == 0)],
                          ids=['alone', 'alternating', 'bursts'])
 def test_every_bit_of_what_another_library_wrote_is_read(tmp_path, write, options, others):
@@ -36,7 +41,7 @@ def test_every_bit_of_what_another_library_wrote_is_read(tmp_path, write, option
     assert remarks == []
 
 
-@pytest.mark.parametrize(('write', 'options'), KINDS, ids=str)
+@pytest.mark.parametrize(('write', 'options'), KINDS, ids=name_of)
 def test_a_damaged_chunk_is_left_out_and_reading_goes_on_at_the_next(tmp_path, write, options):
     path = write(tmp_path / 'a', MESSAGES, **options)
     whole, starts = path.read_bytes(), chunk_starts(path)
