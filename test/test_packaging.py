@@ -25,6 +25,7 @@ SOURCES = sorted(path for folder in ('imu_allan', 'test', 'launch', 'demo', 'ben
                                      'examples')
                  for path in (ROOT / folder).rglob('*.py') if '_build' not in path.parts)
 
+
 def dependencies(*kinds):
     return {element.text or '' for kind in kinds for element in PACKAGE_XML.findall(kind)}
 
