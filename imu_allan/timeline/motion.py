@@ -236,7 +236,6 @@ class MotionDetector(Record):
             self.summary.compared += len(louder)
         if not short:
             self._follow(segment, first, moving)
-        if not short:
             time_s = windows.time(segment, segment.base + last)
             for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
                 # A sensor whose noise changes more than ten times has no level at all.

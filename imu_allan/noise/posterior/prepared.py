@@ -75,8 +75,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         slower.append(_of_slower_half(one))
         # A stop band passes for the end of a steep slope, so that all groups together give far
         # too strong a random walk.
-        expected = np.maximum(one.design @ first.theta, 1e-300)
-        expected = np.clip(one.design @ slower[-1], 1e-300, expected)
+        expected = np.maximum(np.minimum(one.design @ first.theta, one.design @ slower[-1]),
+                              1e-300)
         about = about_mean(one)(expected)
         white = one.design[:, ALWAYS]
         # Lower power is only rounding error, or underflows when squared.
@@ -111,8 +111,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, ALWAYS], information, whole),
         regressors(groups), groups[0].records, table,
         unexplained_losses(groups[0].frequency, dof, np.stack(power)))
-    return spectra, [
-        _start(*each) for each in zip(groups, unit, level, slower, strict=True)]
+    return spectra, [_start(*each) for each in zip(groups, unit, level, slower, strict=True)]
 
 
 def _scale(key: str, dt: float) -> float:
@@ -141,10 +140,15 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
 
 def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, least: Array
             ) -> Array:
-    """Return the power of groups relative to that of white noise in the pass band."""
+    """
+    Return the power of groups relative to that of white noise in the pass band.
+
+    `least`, shape (spectra,): white noise of the slower half of the groups.
+    """
     passed = np.where(dof > 100, power, level) / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
+    # The pass band of a very slow filter may lie below all of these.
     reference = np.maximum(reference, least)
     return np.asarray(np.maximum(passed / reference[:, None], 1e-9))
 
