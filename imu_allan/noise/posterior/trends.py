@@ -463,7 +463,7 @@ def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found],
     """Locate a large step by faster coefficients, too, as it would be seen beside its place."""
     for slowest in (8 * _SLOWEST, 64 * _SLOWEST):
         finer = AxisBank(bank.bank, bank.record, slowest)
-        values = found.value + bank.bank.duration_s / slowest * np.arange(-4, 4.1, 0.25)
+        values = found.value + bank.bank.duration_s / slowest * np.arange(-8, 8.1, 0.5)
         gains = finer.gains(finer.about(frequency, lam, others), number, values)[0]
         found = replace(found, value=float(values[_largest(gains)]))
     return found
