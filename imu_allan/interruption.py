@@ -33,29 +33,36 @@ def quiet_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+_came: list[bool] = []
+
+
 @contextmanager
 def interrupt_despite_errors() -> Iterator[None]:
-    """Let Ctrl-C end the process silently, even where an import turns it into another error."""
+    """Let Ctrl-C end the process silently, even where a library turns it into another error."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    came = False
+    _came.clear()
 
     def interrupt(*_: object) -> None:
-        nonlocal came
-        came = True
+        _came.append(True)
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     except Exception:
-        if came:
-            # As numpy does, which then reports a broken installation.
+        if _came:
             raise SystemExit(EXIT_INTERRUPTED) from None
         raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def raise_if_interrupted() -> None:
+    """Raise KeyboardInterrupt if Ctrl-C came, which numpy may have turned into another error."""
+    if _came:
+        raise KeyboardInterrupt
 
 
 def drop_stdout() -> None:

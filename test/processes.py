@@ -40,9 +40,9 @@ class Interrupt:
             try:
                 os.kill(os.getpid(), signal.SIGINT)
             except KeyboardInterrupt:
-                if name != 'numpy':
+                if name not in ('numpy', 'scipy'):
                     raise
-                # What its C code makes of it.
+                # What their C code makes of it.
                 raise ImportError('PyCapsule_Import could not import module') from None
 
 

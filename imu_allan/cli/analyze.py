@@ -26,6 +26,7 @@ from imu_allan.cli.recording_options import (
 from imu_allan.cli.tasks import folder_names, Task
 from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.interruption import raise_if_interrupted
 from imu_allan.writers.atomic import RESULT
 from imu_allan.writers.output_path import require_writable
 
@@ -140,6 +141,7 @@ def run(args: argparse.Namespace) -> int:
             try:
                 result, unsaved = outcome()
             except Exception as error:
+                raise_if_interrupted()
                 if not apart and not isinstance(error, ImuAllanError):
                     raise
                 complaints.append(error_of(error, task.path))

@@ -189,10 +189,12 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize('module', ['contextlib', 'imu_allan.cli.main', 'numpy', 'scipy'])
+@pytest.mark.parametrize(('module', 'recordings'), [
+    ('contextlib', 1), ('imu_allan.cli.main', 1), ('numpy', 1), ('scipy', 1), ('scipy', 2)])
 @pytest.mark.usefixtures('children_unmeasured')
-def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recording):
-    done = interrupted('imu_allan.__main__', module, 'analyze', str(recording), '--no-progress')
+def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recordings, recording):
+    done = interrupted('imu_allan.__main__', module, 'analyze', *[str(recording)] * recordings,
+                       '--no-progress')
     assert (done.returncode, done.stderr) == (130, '')
 
 

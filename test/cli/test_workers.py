@@ -85,6 +85,30 @@ def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
         assert not [path for path in output.rglob('.*') if path.is_file()]
 
 
+MAKE_FOLDER_INTERRUPTED = """
+import os, signal
+from imu_allan.__main__ import main
+
+made = os.mkdir
+
+
+def mkdir(path, *mode):
+    made(path, *mode)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+os.mkdir = mkdir
+raise SystemExit(main())
+"""
+
+
+def test_ctrl_c_as_a_folder_is_made_to_unpack_into_removes_it(tmp_path, packed):
+    done = subprocess.run(
+        [sys.executable, '-c', MAKE_FOLDER_INTERRUPTED, 'info', str(packed)], timeout=60,
+        env=marked(tmp_path) | {'TMPDIR': str(tmp_path)}, check=False, capture_output=True)
+    assert (done.returncode, done.stderr, list(tmp_path.iterdir())) == (130, b'', [])
+
+
 def test_jobs_give_the_same_results_and_errors_in_the_same_order(
         recording, tmp_path, model, fails_with):
     other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))

@@ -26,6 +26,7 @@ from imu_allan.recordings import (
     Recording,
     recordings_in,
 )
+from imu_allan.recordings.formats import compressed_file
 import pytest
 from whole_lines import refused
 import zstandard
@@ -211,13 +212,13 @@ def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(
     unpacked.mkdir()
     monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))
     made: list[int] = []
-    once = tempfile.mkdtemp
+    once = compressed_file.make_folder
 
-    def counted(*args: str | None, **kwargs: str | None) -> str:
+    def counted() -> Path:
         made.append(len(list(unpacked.iterdir())))
-        return once(*args, **kwargs)
+        return once()
 
-    monkeypatch.setattr(tempfile, 'mkdtemp', counted)
+    monkeypatch.setattr(compressed_file, 'make_folder', counted)
     path = write_packed_db3(tmp_path / 'h.db3.zstd', [
         message for message in messages(3, 200) if message[0] != '/imu_0'])
     output_of('analyze', path, '--all-topics', '--no-progress', '--output', tmp_path / 'out')

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Temporary folders for unpacked or copied files, and their removal."""
 
+import atexit
 import errno
 from pathlib import Path
+import secrets
 import shutil
 import tempfile
 
@@ -15,7 +17,11 @@ RESERVED_DISK_BYTES = 1 << 28
 
 def make_folder() -> Path:
     """Create a temporary folder that only this user can access."""
-    return Path(tempfile.mkdtemp(prefix='imu_allan_'))
+    folder = Path(tempfile.gettempdir(), f'imu_allan_{secrets.token_hex(8)}')
+    # Ctrl-C may come before the caller knows of the folder.
+    atexit.register(remove_folder, folder)
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 def room_in(folder: Path | str) -> int:
