@@ -58,7 +58,7 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
     gram = found[:, :, count:].reshape(*target.shape, count)
     if count == 1:
         single = np.where(gram[..., 0] > 0, gram[..., 0], 1.0)
-        gain = 0.5 * (target**2 / single - np.log(single)).sum(axis=(1, 2))
+        gain = 0.5 * (target * (target / single) - np.log(single)).sum(axis=(1, 2))
         return gain, target / single, (1 / single)[..., None]
     norm = np.einsum('...ii->...i', gram)
     scale = np.sqrt(np.where(norm > 0, norm, 1.0))
