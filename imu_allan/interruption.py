@@ -48,6 +48,16 @@ def interrupt_despite_errors() -> Iterator[None]:
         _came.append(True)
         raise KeyboardInterrupt
 
+    def dropped(what: 'sys.UnraisableHookArgs') -> None:
+        if what.exc_type is not KeyboardInterrupt:
+            sys.__unraisablehook__(what)
+            return
+        from threading import Timer
+
+        # A callback of the interpreter, in which an exception has no effect, soon ends.
+        Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    sys.unraisablehook = dropped
     signal.signal(signal.SIGINT, interrupt)
     try:
         yield
@@ -57,6 +67,7 @@ def interrupt_despite_errors() -> Iterator[None]:
         raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        sys.unraisablehook = sys.__unraisablehook__
 
 
 def raise_if_interrupted() -> None:

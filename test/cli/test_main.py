@@ -190,7 +190,8 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path):
 
 
 @pytest.mark.parametrize(('module', 'recordings'), [
-    ('contextlib', 1), ('imu_allan.cli.main', 1), ('numpy', 1), ('scipy', 1), ('scipy', 2)])
+    ('contextlib', 1), ('imu_allan.cli.main', 1), ('numpy', 1), ('mcap', 1), ('scipy', 1),
+    ('scipy', 2)])
 @pytest.mark.usefixtures('children_unmeasured')
 def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recordings, recording):
     done = interrupted('imu_allan.__main__', module, 'analyze', *[str(recording)] * recordings,
