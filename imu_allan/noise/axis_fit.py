@@ -13,7 +13,13 @@ from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.posterior.trends import Bank, lags_of, TRENDS, with_temperature
+from imu_allan.noise.posterior.trends import (
+    Bank,
+    lags_of,
+    TRENDS,
+    waveforms,
+    with_temperature,
+)
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
@@ -101,6 +107,19 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
+
+    def fit_again(numbers: Sequence[int]) -> None:
+        for number, posterior in zip(numbers, _weighed([sources[number] for number in numbers],
+                                                       dt, bank), strict=True):
+            first[number] = posterior
+
+    # Only beside other trends may a cycle show that is more than a wave.
+    cyclic = []
+    for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
+        if (without := _without_found_cycle(source, posterior, finished)) is not None:
+            cyclic.append(number)
+            sources[number] = without
+    fit_again(cyclic)
     # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
     moved = []
     for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
@@ -109,9 +128,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
             mean, noise = found_mean
             sources[number] = source.without_moving_mean(
                 finished, source.record.without_leak(mean, noise), mean)
-    for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, bank),
-                                 strict=True):
-        first[number] = posterior
+    fit_again(moved)
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
@@ -241,6 +258,22 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
                 finished, replace(cycle.record, trends=()))
         left.append(source)
     return left
+
+
+def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator
+                         ) -> _Source | None:
+    """Remove a cycle that was found beside other trends; None if there is none with harmonics."""
+    found = posterior.models[0].trends
+    frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
+    if source.cycle is not None or not frequencies_hz:
+        return None
+    others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
+                       source.record.duration_s)
+    cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
+    if cycle is None or len(cycle.cycle.cosines) <= 2:
+        return None
+    return replace(source, cycle=cycle).without_moving_mean(
+        finished, replace(cycle.record, trends=()))
 
 
 def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
