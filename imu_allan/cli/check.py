@@ -117,7 +117,12 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
                          (args.certificate, datasheet.certificate_html)):
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
-    console_of().print(datasheet.verdict_table(verdicts, specification.name or args.spec))
+    console, table = console_of(), datasheet.verdict_table(
+        verdicts, specification.name or args.spec)
+    if table.__rich_measure__(console, console.options.update(width=1000)).maximum > console.width:
+        # Rather than break intervals and units, leave out what two other columns show.
+        del table.columns[6]
+    console.print(table)
     outcome = datasheet.overall(verdicts)
     print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')

@@ -151,6 +151,17 @@ def test_what_is_undecided_is_explained_and_has_a_status_of_its_own(
         *([] if reason is None else [f'  (1) gyro_x K: {reason}'])]
 
 
+def test_a_terminal_too_narrow_for_the_ratio_breaks_no_interval_and_no_unit(
+        against, result_file, capsys, monkeypatch):
+    monkeypatch.setenv('COLUMNS', '80')
+    against(result_file, 'gyro: {noise_density: 0.008 deg/s/sqrt(Hz), rate_random_walk: '
+            '0.0001 deg/h/sqrt(h)}')
+    headings, *rows = capsys.readouterr().out.splitlines()[1:8]
+    assert 'ratio' not in headings
+    assert all(re.search(r'(\.\. \d|< ).* deg/\S+\) +(pass|fail|cannot tell)', row)
+               for row in rows)
+
+
 def test_a_constant_sensor_fails_its_check(tmp_path, against, capsys):
     rows = '\n'.join(f'{i / 100},0.5,0.25,{(i * i) % 7}' for i in range(5000))
     (tmp_path / 'dead.csv').write_text(f'time_s,gyro_x,gyro_y,gyro_z\n{rows}\n')
