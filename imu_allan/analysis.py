@@ -23,7 +23,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.recordings.same_recording import files_digest, Fingerprint
+from imu_allan.recordings.same_recording import files_digest, Fingerprint, Seen
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
 from imu_allan.result import Result
@@ -80,14 +80,14 @@ class Taken:
 
     recording: Recording
     stream: Stream
-    unit: AccelerationUnit
+    noted: Callable[[], list[Finding]]
     blocks: Iterable[ImuBlock]
     characterization: Characterization
     shortfall: list[Finding]
 
     def remarks(self) -> list[Finding]:
         """Return the findings about the recording, complete once all blocks have been read."""
-        return [*self.recording.remarks, *self.unit.remarks, *self.shortfall]
+        return [*self.recording.remarks, *self.noted(), *self.shortfall]
 
     def take_temperature(self) -> None:
         """Read the thermometer beside the IMU, by the clock that was chosen for the samples."""
@@ -335,10 +335,10 @@ def _taken(recording: Recording, choice: Choice, progress: Progress,
 
 def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
     """Yield each stream, ready to be read."""
-    for stream, options, blocks, unit in _streams(recording, choice, progress):
+    for stream, options, blocks, noted in _streams(recording, choice, progress):
         shortfall: list[Finding] = []
         part = _part(recording, choice, blocks, shortfall)
-        yield Taken(recording, stream, unit, part,
+        yield Taken(recording, stream, noted, part,
                     _characterization(recording, stream.topic, options), shortfall)
 
 
@@ -370,7 +370,8 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
 
 
 def _streams(recording: Recording, choice: Choice, progress: Progress
-             ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock], AccelerationUnit]]:
+             ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock],
+                                 Callable[[], list[Finding]]]]:
     """Yield each stream, ready to be read, with the options that apply to it."""
     streams = choose_streams(recording, choice.topic)
     for number, stream in enumerate(streams):
@@ -380,19 +381,19 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
             options = replace(options, rate_hz=None)
         elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
-        blocks, unit = in_si_units(recording, stream, offset_progress(
+        blocks, noted = in_si_units(recording, stream, offset_progress(
             progress, number * recording.size_bytes, len(streams)))
-        yield stream, options, blocks, unit
+        yield stream, options, blocks, noted
 
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
-                ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
-    """Return the blocks of a stream, and the object that converts them from g if needed."""
-    blocks: Iterable[ImuBlock] = stream.select(read_blocks(recording, stream.topic, progress))
-    unit = AccelerationUnit()
+                ) -> tuple[Iterable[ImuBlock], Callable[[], list[Finding]]]:
+    """Return the blocks of a stream, converted from g if needed, and its findings at the end."""
+    unit, seen = AccelerationUnit(), Seen()
+    blocks = seen.each(stream.select(read_blocks(recording, stream.topic, progress)))
     if recording.options.accel_unit is None and recording.options.accel is None:
         blocks = unit.each(blocks)
-    return blocks, unit
+    return blocks, lambda: [*unit.remarks, *seen.remarks]
 
 
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:

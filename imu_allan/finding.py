@@ -165,6 +165,7 @@ CODES: Mapping[str, Code] = {
     'short_part': _know(recorded_s=Seconds, asked_s=Seconds),
     'ignored_columns': _know(perhaps_axes=Flag, count=Count, columns=tuple[Text, ...]),
     'merged_messages': _know(count=Count),
+    'repeated_part': _know(messages=Count),
     'many_topics': _know(what=Text, listed=Count),
     'many_definitions': _know(),
     'no_metadata': _know(reason=Text | None),

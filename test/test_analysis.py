@@ -68,6 +68,19 @@ def test_the_same_recording_given_twice_is_refused(written, first, other):
             analyze([one, two])
 
 
+@pytest.mark.parametrize(('first', 'seed', 'repeated'), [
+    (0, 1, 36_000), (9000, 1, 27_000), (0, 2, 0)],
+    ids=['the whole', 'a part', 'a device that counts from its start'])
+def test_what_a_recording_holds_twice_counts_once(written, first, seed, repeated):
+    path, other = written(), written(seed=seed, name='other.csv', part=slice(first, None))
+    with path.open('a') as file:
+        file.write(other.read_text().partition('\n')[2])
+    result = analyze(path)
+    assert result.timeline.samples == pytest.approx(72_000 if seed == 2 else 36_000, abs=300)
+    assert [one.values['messages'] for one in result.warnings if one.code == 'repeated_part'] == (
+        [pytest.approx(repeated, abs=300)] if repeated else [])
+
+
 def test_recordings_of_one_time_with_other_values_are_two(written):
     assert len(analyze([written(), written(seed=2, name='other.csv')]).recordings) == 2
 

@@ -141,7 +141,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
     failure = ''
-    blocks, unit = in_si_units(recording, Stream(topic), progress)
+    blocks, noted = in_si_units(recording, Stream(topic), progress)
     count = 0
     first: NDArray[np.float64] | None = None
     changes = [False] * len(AXES)
@@ -180,7 +180,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     heat = thermometer_of(recording, topic)
     if heat is not None:
         rows.append(('temperature', f'from {heat.name}'))
-    rows += [('warning', message_of(remark)) for remark in unit.remarks]
+    rows += [('warning', message_of(remark)) for remark in noted()]
     return lines + [line for name, text in rows
                     for line in _wrapped(f'  {name:<{_INDENT - 2}}', text)]
 
@@ -201,8 +201,9 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
     from imu_allan.wording import clock_of, counted, duration, is_table, named
     from imu_allan.writers.words import message_of
 
-    timeline = summary.timeline
-    rows = [] if is_table(topic) else [('frame_id', summary.frame_id or '(empty)')]
+    timeline, table = summary.timeline, is_table(topic)
+    stamp = 'time' if table else 'header stamp'
+    rows = [] if table else [('frame_id', summary.frame_id or '(empty)')]
     if summary.start_time is not None:
         rows.append(('start', summary.start_time))
     rows.append(('duration', duration(timeline.duration_s)))
@@ -228,10 +229,10 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
         ('rejected', timeline.rejected)) if number]
     found += [counted(number, what) for what, number in (
         ('duplicate', timeline.duplicates),
-        ('repeated header stamp', summary.header_repeats),
-        ('backward header stamp', summary.header_backward),
-        ('repeated receive stamp', summary.receive_repeats),
-        ('backward receive stamp', summary.receive_backward),
+        (f'repeated {stamp}', summary.header_repeats),
+        (f'backward {stamp}', summary.header_backward),
+        ('repeated receive stamp', 0 if table else summary.receive_repeats),
+        ('backward receive stamp', 0 if table else summary.receive_backward),
         ('clock jump', summary.clock_jumps)) if number]
     rows.append(('faults', ', '.join(found) or 'none'))
     listed = 5

@@ -267,7 +267,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         Condition('faults', bool(faults), WARN, '; '.join(
             [f'{", ".join(faults)} {_LATELY}', *(message for _, message in remarks)])),
         Condition('jumped', facts.recent['clock_jumps'] > 0, WARN,
-                  f'the {summary.clock} clock jumped: no difference is taken across the jump', ''),
+                  f'the {summary.clock} stamps jumped: no difference is taken across a jump', ''),
         Condition('rejected', rejected > 0, WARN,
                   f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
                   'absent',

@@ -15,10 +15,11 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.imu_type import IMU
-from imu_allan.node.same_imu import Known, LONGEST_LOOK_S, Seen
+from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.sequential import rest_s, SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
+from imu_allan.recordings.same_recording import Seen
 from imu_allan.result import Backtest, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of

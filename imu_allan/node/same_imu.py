@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Decide whether incoming messages belong to the IMU of the current run, or repeat earlier ones.
+Decide whether incoming messages belong to the IMU of the current run.
 
 An IMU is recognized by its frame_id, by the rate of its messages and, if another publisher sends
 them, by its noise level.
@@ -9,11 +9,9 @@ them, by its noise level.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
-from imu_allan.recordings.same_recording import is_kept
 from imu_allan.result import Source
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
@@ -39,11 +37,6 @@ _FEWEST_GROUPS = 4
 """With fewer groups their scatter cannot be estimated. Chosen by judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
 """Fewest messages whose noise level can be compared."""
-_MOST = 2048
-"""Samples remembered in total (110 kB), chosen by their stamps. If the start of a repetition is
-lost, one of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
-_SHORTEST_NS = 1_000_000_000
-"""Recordings are longer than this; stamps that stand still are another fault."""
 
 
 @dataclass
@@ -203,87 +196,6 @@ class Known(Record):
     def _stamps(self, blocks: Sequence[ImuBlock]) -> NDArray[np.int64]:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
                                for block in blocks])
-
-
-@dataclass
-class Seen(Record):
-    """
-    Earlier samples, remembered so that a recording played in a loop counts once.
-
-    Counting samples twice would make intervals narrower than the data allow.
-    """
-
-    stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    samples: Floats = field(default_factory=lambda: np.empty((0, 6)))
-    bits: int = 0  # one sample in 2**bits is remembered
-    last_ns: int = 0
-
-    def __post_init__(self) -> None:
-        # Whether the current samples repeat earlier ones.
-        self.looping = False
-
-    def check(self) -> None:
-        """Raise ValueError if the attributes are inconsistent."""
-        if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
-                or not 0 <= self.bits < 64 or self.last_ns < 0):
-            raise ValueError('what is remembered of earlier samples is damaged')
-
-    def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
-        """Return the samples of these blocks that are not repetitions."""
-        passed = []
-        # A short recording that is played fast may start several times in one block.
-        for block in (part for whole in blocks for part in _passes(whole)):
-            again = 0 if self.looping else self._begins_again(block)
-            if again is not None:
-                new = block.header_ns > self.last_ns
-                self.looping = not new.any()
-                # If the node joined in the middle, the beginning of the recording is new once.
-                new[:again] = True
-                block = block.part(new)
-            if len(block):
-                self._remember(block)
-                self.last_ns = max(self.last_ns, int(block.header_ns.max()))
-                passed.append(block)
-        return passed
-
-    def _remember(self, block: ImuBlock) -> None:
-        fresh = block.header_ns > self.last_ns
-        kept = fresh & is_kept(block.header_ns, self.bits)
-        first = 8   # remembered from the start, so that a repetition is recognized at once
-        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
-        if not kept.any():
-            return
-        self.stamps = np.append(self.stamps, block.header_ns[kept])
-        self.samples = np.concatenate([self.samples, block.samples[kept]])
-        while len(self.stamps) > _MOST:
-            self.bits += 1
-            kept = is_kept(self.stamps, self.bits)
-            kept[:first] = True
-            self.stamps, self.samples = self.stamps[kept], self.samples[kept]
-
-    def _begins_again(self, block: ImuBlock) -> int | None:
-        """Return the row of the first sample that repeats an earlier one, or None."""
-        if not len(self.stamps) or self.last_ns - int(self.stamps[0]) < _SHORTEST_NS:
-            return None
-        back = block.header_ns < self.last_ns
-        if not back.any():
-            return None
-        for row in np.flatnonzero(back & np.isin(block.header_ns, self.stamps)).tolist():
-            same = self.samples[self.stamps == block.header_ns[row]]
-            # Absent axes are NaN, which have to compare as equal.
-            if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
-                return int(row)
-        return None
-
-
-def _passes(block: ImuBlock) -> Iterator[ImuBlock]:
-    """Split messages where their stamps fall back by at least the length of a recording."""
-    falls = np.flatnonzero(np.diff(block.header_ns) < -_SHORTEST_NS) + 1
-    if len(falls) > 1 + len(block) // FEWEST_MESSAGES:
-        # Too often for a recording: the stamps of two clocks alternate.
-        falls = falls[:0]
-    for first, last in pairwise([0, *falls.tolist(), len(block)]):
-        yield block.part(slice(first, last))
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:

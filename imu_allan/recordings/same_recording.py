@@ -1,19 +1,29 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Detection of recordings that hold the same messages: copies, conversions or parts of each other.
+Detection of messages that come twice, in one recording or in several.
 
 The same data given twice would count as new data and make the intervals too narrow.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 import hashlib
+from itertools import pairwise
 from pathlib import Path
 from stat import S_ISDIR
 
 from imu_allan.block import ImuBlock
+from imu_allan.finding import Finding, finding
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
+
+_MOST = 2048
+"""Samples remembered in total (110 kB), chosen by their stamps. If the start of a repetition is
+lost, one of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
+_SHORTEST_NS = 1_000_000_000
+"""Recordings are longer than this; stamps that stand still are another fault."""
 
 
 def files_digest(path: str | Path) -> str | None:
@@ -123,8 +133,103 @@ def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
     """Choose one message in 2^bits by stamp; more bits choose a subset of what fewer choose."""
     if bits == 0:
         return np.ones(len(stamps), np.bool_)
-    # Multiply by 2^64 over the golden ratio (Knuth, volume 3, section 6.4) to spread regular
-    # stamps evenly.
-    spread = stamps.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    kept: NDArray[np.bool_] = spread >> np.uint64(64 - bits) == 0
+    # One product leaves out thousands of stamps in a row at some regular steps; two mix them all
+    # (Stafford's variant 13 of the mixer of MurmurHash3).
+    mixed = stamps.astype(np.uint64)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        mixed = (mixed ^ mixed >> np.uint64(shift)) * np.uint64(factor)
+    kept: NDArray[np.bool_] = mixed >> np.uint64(64 - bits) == 0
     return kept
+
+
+@dataclass
+class Seen(Record):
+    """
+    Earlier samples, remembered so that what is played or written again counts once.
+
+    Counting samples twice would make intervals narrower than the data allow.
+    """
+
+    stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    samples: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
+    bits: int = 0  # one sample in 2**bits is remembered
+    last_ns: int = 0
+
+    def __post_init__(self) -> None:
+        # Whether the current samples repeat earlier ones.
+        self.looping = False
+        self._passed_over = 0
+
+    @property
+    def remarks(self) -> list[Finding]:
+        """Return the finding that the user should know; its code is `repeated_part`."""
+        return ([finding('repeated_part', messages=self._passed_over)] if self._passed_over
+                else [])
+
+    def each(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
+        """Yield the samples that are not repetitions."""
+        for block in blocks:
+            yield from self.unseen([block])
+
+    def check(self) -> None:
+        """Raise ValueError if the attributes are inconsistent."""
+        if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
+                or not 0 <= self.bits < 64 or self.last_ns < 0):
+            raise ValueError('what is remembered of earlier samples is damaged')
+
+    def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
+        """Return the samples of these blocks that are not repetitions."""
+        passed = []
+        # A short recording that is played fast may start several times in one block.
+        for block in (part for whole in blocks for part in _passes(whole)):
+            again = 0 if self.looping else self._begins_again(block)
+            if again is not None:
+                new = block.header_ns > self.last_ns
+                self.looping = not new.any()
+                # If the node joined in the middle, the beginning of the recording is new once.
+                new[:again] = True
+                self._passed_over += int(np.count_nonzero(~new))
+                block = block.part(new)
+            if len(block):
+                self._remember(block)
+                self.last_ns = max(self.last_ns, int(block.header_ns.max()))
+                passed.append(block)
+        return passed
+
+    def _remember(self, block: ImuBlock) -> None:
+        fresh = block.header_ns > self.last_ns
+        kept = fresh & is_kept(block.header_ns, self.bits)
+        first = 8   # remembered from the start, so that a repetition is recognized at once
+        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
+        if not kept.any():
+            return
+        self.stamps = np.append(self.stamps, block.header_ns[kept])
+        self.samples = np.concatenate([self.samples, block.samples[kept]])
+        while len(self.stamps) > _MOST:
+            self.bits += 1
+            kept = is_kept(self.stamps, self.bits)
+            kept[:first] = True
+            self.stamps, self.samples = self.stamps[kept], self.samples[kept]
+
+    def _begins_again(self, block: ImuBlock) -> int | None:
+        """Return the row of the first sample if earlier ones are repeated, or None."""
+        back = block.header_ns <= self.last_ns - _SHORTEST_NS
+        if not back.any():
+            return None
+        rows = np.flatnonzero(back & np.isin(block.header_ns, self.stamps)).tolist()
+        # Absent axes are NaN, which have to compare as equal.
+        same = [row for row in rows if any(
+            np.array_equal(sample, block.samples[row], equal_nan=True)
+            for sample in self.samples[self.stamps == block.header_ns[row]])]
+        # A device that counts from its start has equal stamps again, where coarse values coincide.
+        return same[0] if same and len(same) > 0.9 * len(rows) else None
+
+
+def _passes(block: ImuBlock) -> Iterator[ImuBlock]:
+    """Split messages where their stamps fall back by at least the length of a recording."""
+    falls = np.flatnonzero(np.diff(block.header_ns) < -_SHORTEST_NS) + 1
+    if len(falls) > 1 + len(block) // 16:
+        # Too often for a recording: the stamps of two clocks alternate.
+        falls = falls[:0]
+    for first, last in pairwise([0, *falls.tolist(), len(block)]):
+        yield block.part(slice(first, last))

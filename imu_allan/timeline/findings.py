@@ -92,12 +92,13 @@ def _facts(memory: Memory) -> Facts:
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     facts = (decision.remarks | _content_facts(counts, memory.content)
              | _clock_facts(counts, decision))
+    clock = 'time' if counts.one_clock else decision.clock
     if counts.clock_jumps:
-        facts['clock_jumps'] = {'clock': decision.clock, 'count': counts.clock_jumps}
+        facts['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
     if decision.pace.counting:
         hidden = _hidden_error(decision)
         facts['uneven_stamps'] = {
-            'clock': decision.clock, 'numbered': decision.numbered,
+            'clock': clock, 'numbered': decision.numbered,
             'hidden_share': decision.pace.hidden if hidden else None,
             'density_high_share': hidden or None,
             'rate_error_share': _short_error(counts, decision) or None}
@@ -176,7 +177,7 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
 def _clock_facts(counts: Counts, decision: Decision) -> Facts:
     """Compare the speeds of both clocks, without any jumps."""
     # With fewer messages, the lag of the receive stamps hides any difference.
-    if (decision.clock != 'header' or counts.header.last_ns is None
+    if (decision.clock != 'header' or counts.one_clock or counts.header.last_ns is None
             or counts.receive.last_ns is None or counts.messages < 256):
         return {}
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND

@@ -179,16 +179,19 @@ class Intake(Record):
             if options.rate_hz is not None:
                 decision.set_pace(Pace(SECOND / options.rate_hz))
             return
-        decision.take_pace(pace)
+        # A table or a log has one time per sample, so there is no clock to choose.
+        one = np.array_equal(window.header_ns, window.receive_ns)
+        decision.take_pace(pace, one)
         if (options.rate_hz is not None and rising >= _FEWEST_FOR_RATE
                 and not options.force_rate):
             measured = SECOND / pace.interval_ns
             if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / rising:
                 clock, decision.clock = decision.clock, None
                 raise ImuAllanError(
-                    f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '
-                    f'advance at {measured:.6g} Hz. Leave out the rate, choose the other clock '
-                    '(analyze --clock), or force the stated rate (analyze --clock none)')
+                    f'the stated rate is {options.rate_hz:g} Hz, but the '
+                    f'{"times" if one else f"{clock} stamps"} advance at {measured:.6g} Hz. Leave '
+                    f'out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
+                    'or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
         """Look for a second publisher, unless publication numbers show that there is none."""

@@ -129,6 +129,12 @@ class Counts(Record):
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gravity_samples: int = 0
 
+    @property
+    def one_clock(self) -> bool:
+        """Whether there is one time for each message, as in a table, and no clock to choose."""
+        return (self.header.first_ns, self.header.last_ns) == (
+            self.receive.first_ns, self.receive.last_ns)
+
     def forget(self) -> None:
         """Reject all samples so far, because they were one repeated value."""
         self.rejected += self.samples
@@ -221,7 +227,7 @@ class Decision(Record):
         return not self.counted_only and (self.clock == 'receive' or self.ticks
                                           or self.overlaps)
 
-    def take_pace(self, pace: Pace) -> None:
+    def take_pace(self, pace: Pace, one_clock: bool) -> None:
         """
         Adopt a measured pace.
 
@@ -233,9 +239,12 @@ class Decision(Record):
         """
         if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
+            advance = f'advance by {pace.interval_ns / SECOND:.3g} s from'
             raise ImuAllanError(
-                f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '
-                'message, as those of no IMU do: choose the other clock (analyze --clock)')
+                f'the times {advance} sample to sample, as those of no IMU do: mend them or their '
+                'unit (analyze --columns, --stamp)' if one_clock else
+                f'the {clock} stamps {advance} message to message, as those of no IMU do: choose '
+                'the other clock (analyze --clock)')
         self.set_pace(pace)
 
     def set_pace(self, pace: Pace) -> None:

@@ -179,7 +179,7 @@ class Placing(Record):
         if decision.first_interval_ns is None:
             pace = measure_pace(messages.stamps)
             if pace is not None:
-                decision.take_pace(pace)
+                decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
         c, lost = messages.consumed, self._lost(messages)
         steps = self._steps(messages, lost)
         if not decision.counted_only and (cursor.other_rate

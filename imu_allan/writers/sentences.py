@@ -744,7 +744,7 @@ WORDS: Mapping[str, Words] = {
     'clock_jumps': Words(
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
         'A stamp and all that follow lie far from where the rate puts them.',
-        says=lambda f: f'the {f.clock} clock jumped {_times(f.count)}: no difference is taken '
+        says=lambda f: f'the {f.clock} stamps jumped {_times(f.count)}: no difference is taken '
                        'across a jump'),
     'gaps_not_listed': Words(
         'gaps not listed', 'The result lists the first gaps only.',
@@ -807,6 +807,11 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'merged {counted(f.count, "message")} with another of the same receive '
                        'time and stamp, of which the last counts: nothing else in such a file '
                        'distinguishes them'),
+    'repeated_part': Words(
+        'repeated part', 'A part that comes twice counts once.',
+        'Stamps and values are those of earlier messages.',
+        says=lambda f: f'left out {counted(f.messages, "message")} whose stamps and values repeat '
+                       'those of earlier ones'),
     'many_topics': Words(
         'many topics', 'The recording holds more topics than are listed.',
         'They are counted.',

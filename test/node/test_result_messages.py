@@ -162,7 +162,7 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     ('timeline', facts({'clock_jumps': 2, 'missing': 200, 'duplicates': 4, 'rejected': 1}),
      summary(remarks=(JUMPED,)), WARN,
      '200 samples missing, 4 duplicates, 1 message rejected, 2 jumps of the clock in the last '
-     '30 s; the header clock jumped 2 times: no difference is taken across a jump'),
+     '30 s; the header stamps jumped 2 times: no difference is taken across a jump'),
     ('timeline', facts(), summary(timeline=Timeline(
         100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
         remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),

@@ -243,7 +243,16 @@ def test_times_that_advance_as_those_of_no_imu_are_refused():
     times = block.header_ns // 10**9 * 10**9 + block.header_ns % 10**9 // 1000
     with refused('the header stamps advance by 2.5e-06 s from message to message, as those of no '
                  'IMU do: choose the other clock (analyze --clock)'):
+        run(replace(block, header_ns=times, receive_ns=times + 5))
+    with refused('the times advance by 2.5e-06 s from sample to sample, as those of no IMU do: '
+                 'mend them or their unit (analyze --columns, --stamp)'):
         run(replace(block, header_ns=times, receive_ns=times))
+
+
+def test_a_table_whose_times_begin_anew_has_no_other_clock():
+    summary, _ = run(replace(block, receive_ns=block.header_ns)
+                     for block in (still(5000), still(5000, seed=1)))
+    assert [remark.values for remark in summary.remarks] == [{'clock': 'time', 'count': 1}]
 
 
 def test_header_stamps_that_stop_hand_over_to_receive_stamps():

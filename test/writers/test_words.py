@@ -180,7 +180,7 @@ SAID = [
     finding('uneven_rate', lowest_hz=100.0, highest_hz=101.8, mean_hz=100.89,
             tau_error_share=0.009),
     finding('clock_jumps', clock='header', count=1),
-    finding('clock_jumps', clock='header', count=3),
+    finding('clock_jumps', clock='header', count=3), finding('repeated_part', messages=60_000),
     finding('gaps_not_listed', gaps=1999, gaps_s=199.9, listed=1000),
     finding('held_values', share=0.5), finding('late_start', messages=4500),
     of_all('axis_late_start', 'late', [10, 20, 20], messages=15_000), finding('unit_g'),
