@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 Kind = TypeVar('Kind')
 State = dict[str, NDArray[Any]]
 
+_LARGEST = 1e100
+"""Far beyond any sum of samples; sums of such numbers could overflow."""
+
 
 class Record:
     """Base class of records that change as messages arrive."""
@@ -62,7 +65,10 @@ def _plain(value: Any, path: str, arrays: State) -> Any:
     """Return the part of a value that JSON stores; put its arrays into `arrays`."""
     if isinstance(value, np.ndarray):
         # Copied, because another thread saves it later.
-        arrays[path] = value.copy()
+        arrays[path] = array = value.copy()
+        if array.dtype.kind == 'f':
+            # A message may hold any number. This large, it is as unusable as an infinite one.
+            array[np.abs(array) > _LARGEST] *= np.inf
         return None
     within = f'{path}/' if path else ''
     if is_dataclass(value):
@@ -118,8 +124,7 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
         array = arrays[path]
         if array.dtype != np.dtype(get_args(parts[1])[0]):
             raise TypeError(f'{path} is of {array.dtype}')
-        # Far beyond any sum of samples; sums of such numbers could overflow.
-        if array.dtype.kind == 'f' and np.any((np.abs(array) > 1e100) & np.isfinite(array)):
+        if array.dtype.kind == 'f' and np.any((np.abs(array) > _LARGEST) & np.isfinite(array)):
             raise ValueError(f'{path} holds larger numbers than samples add up to')
         return array.copy()
     make: Any = kind

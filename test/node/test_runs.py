@@ -276,6 +276,18 @@ def feed(run: Run, mean: float, seed: int) -> float:
     return float(block.samples[:, 0].mean())
 
 
+@pytest.mark.parametrize('value', [1e300, -1e308, np.inf, np.nan])
+def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: float) -> None:
+    run, block = new_run(SETUP), at_rest(6000)
+    # Among the first, which are remembered, and the last, which wait for their neighbours.
+    block.samples[[3, 3000, 5990], 1] = value
+    for part in (slice(0, 100), slice(100, 5995), slice(5995, None)):
+        run.lanes[0].update([block.part(part)])
+        run = resumed(run)
+    timeline = run.snapshot().result().timeline
+    assert (timeline.samples, timeline.rejected) == (5997, 3)
+
+
 def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
     biases, run, means = np.random.default_rng(1).normal(0, 0.1, 6), new_run(SETUP), []
     for number, bias in enumerate(biases):
