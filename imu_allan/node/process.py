@@ -110,7 +110,8 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            # A second signal must not end a process that has saved before it returns its status.
+            signal.signal(number, signal.SIG_IGN if stop else handler)
 
 
 @contextlib.contextmanager

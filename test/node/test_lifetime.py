@@ -63,8 +63,8 @@ def test_several_nodes_follow_remaps_and_save_every_sample_once_at_any_signal(ro
         driver = Driver(ros, f'{number.name}/{topic}').wait_for_node()
         driver.publish(2000, frame_id=number.name)
         assert driver.publisher.wait_for_all_acked()
-    # Whoever loses patience signals again.
-    for _ in range(3):
+    # Whoever loses patience signals again, until the end.
+    while any(node.running for node in nodes.values()):
         for number, node in nodes.items():
             if node.running:
                 node.popen.send_signal(number)
