@@ -25,6 +25,7 @@ def quiet_interrupt() -> Iterator[None]:
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
+
     def end(*_: object) -> None:
         os._exit(EXIT_INTERRUPTED)
 
