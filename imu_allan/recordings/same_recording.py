@@ -201,10 +201,14 @@ class Seen(Record):
         kept = fresh & is_kept(block.header_ns, self.bits)
         first = 8   # remembered from the start, so that a repetition is recognized at once
         kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
+        # If the node joined in the middle, the beginning of the recording comes later.
+        begins = len(self.stamps) > 0 and block.header_ns[0] < self.stamps[0]
+        kept[:first] |= begins
         if not kept.any():
             return
-        self.stamps = np.append(self.stamps, block.header_ns[kept])
-        self.samples = np.concatenate([self.samples, block.samples[kept]])
+        parts = [(self.stamps, self.samples), (block.header_ns[kept], block.samples[kept])]
+        stamps, samples = zip(*(reversed(parts) if begins else parts), strict=True)
+        self.stamps, self.samples = np.concatenate(stamps), np.concatenate(samples)
         while len(self.stamps) > _MOST:
             self.bits += 1
             kept = is_kept(self.stamps, self.bits)

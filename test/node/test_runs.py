@@ -246,11 +246,17 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
 def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
         joined: int, together: int) -> None:
     # One axis is absent, as of an IMU of five.
-    whole, [lane] = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), new_run(SETUP).lanes
+    whole, run = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), new_run(SETUP)
     played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
-    for first in range(0, len(played), together):
-        lane.update([whole.part(played[first:first + together])])
-    assert lane.seen.looping
+    # Then the player is started anew, and the node.
+    for begin in range(3):
+        [lane] = run.lanes
+        for first in range(0, len(played), together):
+            lane.update([whole.part(played[first:first + together])])
+        assert lane.seen.looping
+        lane.power_on()
+        run, played = resumed(run) if begin else run, np.arange(4000)
+    [lane] = run.lanes
     lane.characterization.finish()
     assert lane.characterization.summary().timeline.samples == 4000
 
@@ -265,17 +271,6 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     assert run.lanes[0].seen.looping == (gravity > 0)
 
 
-SIGMA, SAMPLES = 0.01, 4000
-
-
-def feed(run: Run, mean: float, seed: int) -> float:
-    """Give samples of one power-on; return the mean of the first axis."""
-    block = at_rest(SAMPLES, 200.0, start_s=seed * 1e5, seed=seed, noise=SIGMA,
-                    mean=(mean, mean, mean, 0, 0, 0))
-    run.lanes[0].characterization.update(block)
-    return float(block.samples[:, 0].mean())
-
-
 @pytest.mark.parametrize('value', [1e300, -1e308, np.inf, np.nan])
 def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: float) -> None:
     run, block = new_run(SETUP), at_rest(6000)
@@ -286,6 +281,17 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: flo
         run = resumed(run)
     timeline = run.snapshot().result().timeline
     assert (timeline.samples, timeline.rejected) == (5997, 3)
+
+
+SIGMA, SAMPLES = 0.01, 4000
+
+
+def feed(run: Run, mean: float, seed: int) -> float:
+    """Give samples of one power-on; return the mean of the first axis."""
+    block = at_rest(SAMPLES, 200.0, start_s=seed * 1e5, seed=seed, noise=SIGMA,
+                    mean=(mean, mean, mean, 0, 0, 0))
+    run.lanes[0].characterization.update(block)
+    return float(block.samples[:, 0].mean())
 
 
 def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
