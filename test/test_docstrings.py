@@ -50,7 +50,7 @@ NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_n
          'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
          'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
          'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
-OTHERS = 'moving mean, Butterworth 1 to 4, Gauss'
+OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
 
 
 def test_the_page_is_short():

@@ -40,8 +40,9 @@ LEAST_DESCRIBED = 1 / 64
 
 # ----------------------------------------------------------------------------- model uncertainties
 
-NAMED, UNNAMED = 0.01, 0.2
-"""Relative uncertainty of the power that is removed by a listed filter, or above an edge."""
+NAMED, UNNAMED = 0.03, 0.2
+"""Relative uncertainty of the power behind a listed filter, for each factor e that it attenuates,
+and of that above an edge. A real filter is near a listed one, seldom equal to it."""
 LEAK_KNOWN = 2e-4
 """Uncertainty of the power in a stop band, relative to the pass band: notches are narrow."""
 

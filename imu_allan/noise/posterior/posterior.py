@@ -198,7 +198,7 @@ def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
-        taken = np.maximum(taken, 1 - np.exp(value[0]))
+        taken = np.maximum(taken, -value[0])
     whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
     factor *= 1 + whole * (known * taken)**2 / 2
     return p_value, float(max(misfit.max(), 0.0)), edge, factor

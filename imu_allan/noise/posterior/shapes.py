@@ -91,6 +91,10 @@ def _butterworth(order: int) -> Power:
     return lambda nu, corner: 1 / (1 + (np.tan(np.pi * nu) / np.exp(corner)) ** (2 * order))
 
 
+def _moving_mean(times: int) -> Power:
+    return lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** (2 * times)
+
+
 def _high_pass(nu: Array, corner: float) -> Array:
     """Power response of a first-order high-pass, with leakage at the ends of a finite record."""
     falls = 1 / (1 + (np.sin(np.pi * nu) / np.pi)**2 * np.exp(-2 * corner))
@@ -120,7 +124,8 @@ spectrum is f^-4, like that of an integrated random walk.
 
 FREE_TERMS = (
     Shape('power_law', 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
-          lambda _: Grid(0.1, 1.9, 0.1), like=FLICKER),
+          # Flatter noise would take the place of white noise behind an unlisted filter.
+          lambda _: Grid(0.4, 1.9, 0.1), like=FLICKER),
     Shape('gauss_markov', 0.05,
           lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
           lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
@@ -131,10 +136,12 @@ FREE_TERMS = (
 LOW_PASSES = (
     Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
-    Shape('moving_mean', 0.05,
-          lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** 2,
-          # The notches need a finer grid than the other filters.
-          _of_corner(0.9, 0.04)),
+    # The notches need a finer grid than the other filters.
+    Shape('moving_mean', 0.05, _moving_mean(1), _of_corner(0.9, 0.04)),
+    # A Bartlett window, and the decimator of a delta-sigma converter.
+    Shape('moving_mean_2', 0.05, _moving_mean(2), _of_corner(0.9)),
+    Shape('moving_mean_3', 0.05, _moving_mean(3), _of_corner(0.9)),
+    Shape('two_poles', 0.05, lambda nu, corner: _butterworth(1)(nu, corner)**2, _of_corner(20.0)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),
     Shape('butterworth_3', 0.05, _butterworth(3), _of_corner(4.0)),
