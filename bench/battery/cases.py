@@ -77,6 +77,7 @@ def _low_passes() -> dict[str, Filter]:
     return {'recursive mean of .2': Filter([0.2], [1.0, -0.8]),
             'recursive mean of .05': Filter([0.05], [1.0, -0.95]),
             'mean of 8': Filter(np.full(8, 1 / 8)),
+            'sinc2 of 6': Filter(np.convolve(np.full(6, 1 / 6), np.full(6, 1 / 6))),
             'Butterworth 1': Filter(*butter(1, 0.05), times=4),
             'Butterworth 2': Filter(*butter(2, 0.1), times=4),
             'Butterworth 2, deep': Filter(*butter(2, 5, fs=100)),
@@ -88,8 +89,9 @@ def _low_passes() -> dict[str, Filter]:
 def _unlisted() -> dict[str, Filter]:
     return {'Chebyshev 3': Filter(*cheby1(3, 0.5, 0.3)),
             'Bessel 3': Filter(*bessel(3, 0.06, norm='mag'), times=4),
-            'sinc2 of 6': Filter(np.convolve(np.full(6, 1 / 6), np.full(6, 1 / 6))),
-            'FIR of 31': Filter(firwin(31, 0.3)), 'FIR of 63': Filter(firwin(63, 0.15))}
+            'Bessel 2, deep': Filter(*bessel(2, 0.02, norm='mag')),
+            'FIR of 31': Filter(firwin(31, 0.3)), 'FIR of 63': Filter(firwin(63, 0.15)),
+            'FIR of 151': Filter(firwin(151, 0.02))}
 
 
 def _bend(share: float) -> Filter:

@@ -40,7 +40,7 @@ LEAST_DESCRIBED = 1 / 64
 
 # ----------------------------------------------------------------------------- model uncertainties
 
-NAMED, UNNAMED = 0.03, 0.2
+NAMED, UNNAMED = 0.06, 0.2
 """Relative uncertainty of the power behind a listed filter, for each factor e that it attenuates,
 and of that above an edge. A real filter is near a listed one, seldom equal to it."""
 LEAK_KNOWN = 2e-4
