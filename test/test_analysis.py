@@ -81,6 +81,14 @@ def test_what_a_recording_holds_twice_counts_once(written, first, seed, repeated
         [pytest.approx(repeated, abs=300)] if repeated else [])
 
 
+@pytest.mark.parametrize(('given', 'error'), [
+    ({'start_s': np.nan}, ValueError), ({'start_s': -5}, ValueError),
+    ({'duration_s': '10s'}, ValueError), ({'topic': 5}, TypeError), ({'options': {}}, TypeError)])
+def test_an_argument_that_makes_no_sense_is_refused_before_anything_is_read(given, error):
+    with pytest.raises(error, match=next(iter(given))):
+        analyze('no such file', **given)
+
+
 def test_recordings_of_one_time_with_other_values_are_two(written):
     assert len(analyze([written(), written(seed=2, name='other.csv')]).recordings) == 2
 

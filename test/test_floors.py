@@ -15,7 +15,7 @@ FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
      'imu_allan.blas_threads', 'imu_allan.quick_start', 'imu_allan.json_of_dataclasses',
      'imu_allan.finding', 'imu_allan.result', 'imu_allan.verdict', 'imu_allan.state',
-     'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption'),
+     'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption', 'imu_allan.arguments'),
     ('imu_allan.noise', 'imu_allan.cdr'),
     ('imu_allan.timeline', 'imu_allan.sensor'),
     ('imu_allan.characterization', 'imu_allan.tuning', 'imu_allan.fleet'),

@@ -8,6 +8,7 @@ from importlib import import_module
 from math import floor, log10
 from warnings import warn
 
+from imu_allan.arguments import positive_number
 from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
@@ -101,14 +102,17 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     False
 
     """
-    if not sample_rate_hz > 0 or not np.isfinite(sample_rate_hz):
-        raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
+    positive_number('sample_rate_hz', sample_rate_hz)
     if quantity not in list(Quantity):
         known = ' or '.join(repr(one.value) for one in Quantity)
         raise ValueError(f'quantity must be {known}, not {quantity!r}')
     if np.ndim(samples) != 1:
         raise ValueError(f'samples must have one dimension, not {np.ndim(samples)}: '
                          'characterize one axis at a time')
+    again = _repeated_from(np.asarray(samples))
+    if again is not None:
+        raise ValueError(f'samples from {again} on repeat those from 0 on, and would count twice: '
+                         'give each once')
     estimator = Estimator()
     estimator.update(samples)
     [(axis, remarks)] = axis_results(estimator, sample_rate_hz, [Quantity(quantity)])
@@ -118,6 +122,17 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
             words = import_module('imu_allan.writers.words')
             warn(f'{remark.code}: {words.message_of(remark)}', stacklevel=2)
     return axis
+
+
+def _repeated_from(samples: NDArray[np.generic]) -> int | None:
+    """Return where the first 64 samples come again; None if they do not, or show too little."""
+    first = samples[:64]
+    if np.count_nonzero(first[1:] != first[:-1]) < 16:
+        return None
+    rows = np.flatnonzero(samples[64:-63] == first[0]) + 64
+    for place, value in enumerate(first):
+        rows = rows[samples[rows + place] == value]
+    return int(rows[0]) if len(rows) else None
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],

@@ -10,8 +10,8 @@ from pathlib import Path
 import re
 from typing import Any, Literal, TYPE_CHECKING
 
+from imu_allan.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.writers.consumers import consumer_called
 
 if TYPE_CHECKING:

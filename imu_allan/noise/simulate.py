@@ -17,8 +17,10 @@ R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): ci
 
 from collections.abc import Mapping
 from math import gamma
+from operator import index
 from typing import Any
 
+from imu_allan.arguments import positive_number, real, shown
 from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np
@@ -66,7 +68,9 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
 
     """
     _check(coefficients, sample_rate_hz)
-    if samples < 1:
+    if index(seed) < 0:
+        raise ValueError(f'seed must be zero or more, not {seed}')
+    if index(samples) < 1:
         raise ValueError(f'samples must be at least 1, not {samples}')
     dt = 1.0 / sample_rate_hz
     total = np.full(samples, float(coefficients.get('mean', 0.0)))
@@ -162,19 +166,21 @@ class NoiseStream:
 
 
 def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
+    if not isinstance(coefficients, Mapping):
+        raise TypeError(f'coefficients must be a mapping, not {type(coefficients).__name__}')
     unknown = set(coefficients) - set(TERMS) - {'gauss_markov', 'mean'}
     if unknown:
         raise ValueError(f'unknown noise term {sorted(unknown)[0]!r}; known: {", ".join(TERMS)}')
     for key in TERMS:
-        value = float(coefficients.get(key, 0.0))
-        if not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
-            raise ValueError(f'{key} must be zero or more, not {value:g}')
+        given = coefficients.get(key, 0.0)
+        value = real(given)
+        if value is None or not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
+            raise ValueError(f'{key} must be zero or more, not {shown(given)}')
     markov = coefficients.get('gauss_markov') or {}
     if markov and set(markov) != {'sigma', 'correlation_time_s'}:
         raise ValueError('gauss_markov needs sigma and correlation_time_s, not '
                          f'{", ".join(map(str, markov))}')
-    if not sample_rate_hz > 0:
-        raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
+    positive_number('sample_rate_hz', sample_rate_hz)
 
 
 def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0

@@ -5,6 +5,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from imu_allan.arguments import positive_number
+
 RATE_TOLERANCE = 0.02
 """Rates that differ by a larger share are different: a stated rate may be rounded, and a clock
 slightly off. Messages at another rate are left out; if they persist, the node begins another
@@ -43,3 +45,5 @@ class TimelineOptions:
             raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
         if self.motion not in ('exclude', 'keep'):
             raise ValueError(f'motion {self.motion!r} is not exclude or keep')
+        if self.rate_hz is not None:
+            positive_number('rate_hz', self.rate_hz)

@@ -14,6 +14,7 @@ the shape of its drift.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.arguments import drift_model_of
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import MISFIT
@@ -24,7 +25,6 @@ from imu_allan.noise.record.groups import grouped, Groups, RANDOM_WALK, WHITE
 from imu_allan.noise.record.periodogram import SHORTEST, SpectrumSection
 from imu_allan.noise.terms import AXES, line_power
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
-from imu_allan.tuning.arguments import drift_model_of
 from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, section_of, segments
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.tune import Bias, FilterTuning, tune

@@ -10,8 +10,8 @@ arrays, whether one filter runs or twenty.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from imu_allan.arguments import drift_model_of
 from imu_allan.result import AxisResult
-from imu_allan.tuning.arguments import drift_model_of
 from imu_allan.tuning.state_space import space_of, StateSpace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

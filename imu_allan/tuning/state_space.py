@@ -10,13 +10,14 @@ K^2 T/3 and K^2 T/2. White noise adds N^2/T to the measurement, a line of amplit
 A^2/2 sinc^2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from imu_allan.arguments import drift_model_of, positive_time
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, DriftModel, Tone
-from imu_allan.tuning.arguments import drift_model_of, positive_time
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,7 +89,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     axis : AxisResult
         An axis object of a result, with a drift model.
     step_s : float
-        Duration of the step in seconds, not below the shortest horizon of the drift model.
+        Duration of the step in seconds, not below one sample interval.
 
     Returns
     -------
@@ -114,16 +115,27 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
     """
     model = drift_model_of(axis)
     step_s = positive_time('step_s', step_s)
-    # The band edge may be off by the rounding of a rate.
-    if step_s < model.from_s * (1 - 1e-6):
-        raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge. '
-                            'This recording does not know how the sensor drifts faster; '
-                            'choose a longer step')
+    shortest_s = min([model.from_s, *axis.curve.tau_s[:1]])
+    # It may be off by the rounding of a rate.
+    if step_s < shortest_s * (1 - 1e-6):
+        raise ImuAllanError(f'step_s {step_s:g} s is below {shortest_s:g} s, the shortest '
+                            'averaging time of this recording; choose a longer step')
     if step_s > model.to_s * (1 + 1e-6):
         raise ImuAllanError(f'step_s {step_s:g} s is beyond {model.to_s:g} s, a third of the '
                             'recording. It does not know how the sensor drifts over longer; '
                             'choose a shorter step')
-    return space_of(model, axis.all_tones, step_s)
+    space = space_of(model, axis.all_tones, step_s)
+    return replace(space, measurement=space.measurement + above_band(axis, step_s))
+
+
+def above_band(axis: AxisResult, interval_s: float) -> float:
+    """Return the measured Allan variance in excess of the model, where that does not reach."""
+    curve, model = axis.curve, drift_model_of(axis)
+    if interval_s >= model.from_s * (1 - 1e-6) or not curve.tau_s:
+        return 0.0
+    measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
+                                    np.log(np.maximum(curve.adev, 1e-300))))
+    return max(float(measured) - float(drift_avar(model, axis.all_tones, interval_s)), 0.0)
 
 
 def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:

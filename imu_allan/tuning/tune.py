@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
+from imu_allan.arguments import drift_model_of, positive_number, positive_time
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
-from imu_allan.tuning.arguments import drift_model_of, positive_number, positive_time
+from imu_allan.tuning.state_space import above_band
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
 from numpy.typing import NDArray
@@ -314,17 +315,7 @@ class Truth:
     def allan_variance(self, interval_s: float) -> float:
         """Return the Allan variance of model and tones, plus what exceeds it above the band."""
         return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
-                + self._above_band(interval_s))
-
-    def _above_band(self, interval_s: float) -> float:
-        """Return the measured Allan variance in excess of the model, where that does not reach."""
-        curve = self.axis.curve
-        if interval_s >= self.model.from_s * (1 - 1e-6) or not curve.tau_s:
-            return 0.0
-        measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
-                                        np.log(np.maximum(curve.adev, 1e-300))))
-        model = float(drift_avar(self.model, self.axis.all_tones, interval_s))
-        return max(float(measured) - model, 0.0)
+                + above_band(self.axis, interval_s))
 
     def _shows_s(self, random_walk: float) -> float:
         """Return from which averaging time, at most `to_s`, a random walk exceeds white noise."""
@@ -354,7 +345,7 @@ class Truth:
         g, lost, weight = filters.gain, filters.forgetting, filters.weight(horizons)
         # Variance of the state over that of independent means.
         memory = g**2 / (lost * (2 - lost))
-        above = self._above_band(t)
+        above = above_band(self.axis, t)
         # Noise above the band averages out like phase noise.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))

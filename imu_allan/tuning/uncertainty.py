@@ -5,13 +5,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from imu_allan.arguments import drift_model_of
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, Interval
-from imu_allan.tuning.arguments import drift_model_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import polygamma

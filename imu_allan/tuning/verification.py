@@ -11,9 +11,9 @@ recording knows the shape of its drift.
 
 from dataclasses import dataclass
 
+from imu_allan.arguments import drift_model_of
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.result import AxisResult, Interval
-from imu_allan.tuning.arguments import drift_model_of
 from imu_allan.tuning.tune import assess, FilterTuning, tune
 from imu_allan.tuning.uncertainty import widened
 import numpy as np

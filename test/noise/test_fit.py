@@ -241,7 +241,10 @@ NOT_FINITE = ('samples must be finite, and none masked; '
      'samples must have one dimension, not 2: characterize one axis at a time'),
     ([1.0, np.nan], 100.0, 'angular_velocity', NOT_FINITE),
     (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
-    ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0.0'),
+    ([1.0, 2.0j], 100.0, 'angular_velocity', 'samples must be real numbers, not complex ones'),
+    ((np.arange(200) % 7).tolist(), 100.0, 'angular_velocity',
+     'samples from 70 on repeat those from 0 on, and would count twice: give each once'),
+    ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0'),
     ([1.0, 2.0], 100.0, 'torque',
      "quantity must be 'angular_velocity' or 'linear_acceleration', not 'torque'")])
 def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, line):

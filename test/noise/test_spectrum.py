@@ -207,10 +207,17 @@ def test_same_seed_gives_the_same_record_and_another_seed_another(how):
     ({'noise_density': -1e-3}, 10, 100.0, 'noise_density must be zero or more, not -0.001'),
     ({'rate_random_walk': np.nan}, 10, 100.0, 'rate_random_walk must be zero or more, not nan'),
     ({}, 0, 100.0, 'samples must be at least 1, not 0'),
-    ({}, 10, 0.0, 'sample_rate_hz must be positive, not 0.0')])
+    ({}, 10, 0.0, 'sample_rate_hz must be positive, not 0')])
 def test_impossible_requests_are_refused(model, samples, rate, line):
     with refused(line, ValueError):
         simulate(model, samples, rate)
+
+
+@pytest.mark.parametrize('given', [
+    {'samples': 10.0}, {'seed': np.random.default_rng(1)}, {'coefficients': 1e-3}])
+def test_arguments_of_a_wrong_type_are_refused(given):
+    with pytest.raises(TypeError):
+        simulate(**{'coefficients': {}, 'samples': 10, 'sample_rate_hz': 100.0} | given)
 
 
 @pytest.mark.thorough

@@ -54,8 +54,8 @@ KNOWN = axis_of(1.0, known=(0.4, 100.0))
 
 
 @pytest.mark.parametrize(('axis', 'step', 'line'), [
-    (KNOWN, 0.1, 'step_s 0.1 s is below 0.4 s, the band edge. This recording does not know how '
-     'the sensor drifts faster; choose a longer step'),
+    (KNOWN, 0.005, 'step_s 0.005 s is below 0.01 s, the shortest averaging time of this '
+     'recording; choose a longer step'),
     (KNOWN, 3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording. It does not know '
      'how the sensor drifts over longer; choose a shorter step'),
     (replace(KNOWN, drift_model=None), 1.0, 'this axis has no drift model (it is constant, too '
@@ -64,6 +64,14 @@ def test_a_step_or_a_drift_that_is_not_known_is_refused(axis, step, line):
     assert state_space(KNOWN, 100.0).step_s == 100.0
     with refused(line):
         state_space(axis, step)
+
+
+def test_above_the_band_of_the_drift_model_a_measurement_has_the_noise_of_the_curve():
+    axis = axis_of(1.0, 0.1, known=(0.4, 100.0))
+    louder = replace(axis, curve=replace(axis.curve, adev=tuple(2 * np.array(axis.curve.adev))))
+    assert state_space(axis, 0.04).measurement == pytest.approx(1 / 0.04, rel=1e-3)
+    assert state_space(louder, 0.04).measurement == pytest.approx(4 / 0.04, rel=1e-3)
+    assert state_space(louder, 0.4).measurement == pytest.approx(1 / 0.4, rel=1e-2)
 
 
 def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from drifting_axes import axis_of, FLICKER
 import imu_allan
+from imu_allan.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone
-from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.tuning.kalman import unaided_variance
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
 from imu_allan.writers.filters import ExportOptions
@@ -222,7 +222,7 @@ OPTIONAL = {'correlation_time_s', 'aiding_s', 'rate_hz'}
 def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
     positive, between, unit = (
         ('a positive time', 'between a microsecond and a hundred years', ' s') if name in TIMES
-        else ('above zero', 'between 1e-30 and 1e+30', ''))
+        else ('positive', 'between 1e-30 and 1e+30', ''))
     said = [*((value, f'{positive}, not {shown}') for value, shown in NO_NUMBERS),
             *((value, f'{positive}, not {shown}{unit}') for value, shown in (
                 (0, '0'), (float('nan'), 'nan'), (10**400, 'inf'))),

@@ -132,6 +132,8 @@ class Estimator(MultiAxis):
             `interpolated` are not rising row numbers.
 
         """
+        if np.iscomplexobj(samples):
+            raise ValueError('samples must be real numbers, not complex ones')
         block = np.asarray(samples, dtype=np.float64)
         if block.ndim == 1 and self.axes == 1:
             block = block[:, None]

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import get_args, Literal
 
+from imu_allan.arguments import positive_number, positive_time
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
-from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import Consumer

@@ -40,7 +40,7 @@ def positive_number(name: str, value: Any) -> float:
     """Return an argument as a number above zero whose square neither overflows nor underflows."""
     least = 1e-30   # its square is still far from the limits of a double
     most = 1e30
-    return _in_range(name, value, 'above zero', (least, most),
+    return _in_range(name, value, 'positive', (least, most),
                      f'between {least:g} and {most:g}')
 
 
@@ -57,21 +57,21 @@ def positive_times(name: str, values: Any) -> list[float]:
     except TypeError:
         given = None
     if given is None:
-        raise ImuAllanError(f'{name} must be a sequence of positive times, not {_shown(values)}')
+        raise ImuAllanError(f'{name} must be a sequence of positive times, not {shown(values)}')
     return [positive_time(name, value) for value in given]
 
 
 def _in_range(name: str, value: Any, positive: str, ends: tuple[float, float], between: str,
               unit: str = '') -> float:
-    number = _real(value)
+    number = real(value)
     if number is None or not 0 < number < float('inf'):
-        raise ImuAllanError(f'{name} must be {positive}, not {_shown(value, unit)}')
+        raise ImuAllanError(f'{name} must be {positive}, not {shown(value, unit)}')
     if not ends[0] <= number <= ends[1]:
-        raise ImuAllanError(f'{name} must be {between}, not {_shown(value, unit)}')
+        raise ImuAllanError(f'{name} must be {between}, not {shown(value, unit)}')
     return number
 
 
-def _real(value: Any) -> float | None:
+def real(value: Any) -> float | None:
     """Return a number as a float, infinite on overflow; None for anything else."""
     # True is an integer in Python, but not a time or factor: an argument in the wrong place.
     if isinstance(value, bool) or not isinstance(value, Real):
@@ -82,6 +82,7 @@ def _real(value: Any) -> float | None:
         return float('inf')
 
 
-def _shown(value: Any, unit: str = '') -> str:
-    number = _real(value)
+def shown(value: Any, unit: str = '') -> str:
+    """Return an argument as an error quotes it."""
+    number = real(value)
     return shorten(printable(repr(value)), 60) if number is None else f'{number:g}{unit}'
