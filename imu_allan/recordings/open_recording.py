@@ -3,6 +3,7 @@
 """Opening a recording by its content, whatever its name."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 import re
@@ -101,11 +102,25 @@ def _several(folder: Path, files: Sequence[Path]) -> ImuAllanError:
 
 
 def _separate_bags(folder: Path) -> list[Path]:
-    """List the bag files of a folder, unless they are parts of one: metadata.yaml, or NAME_0."""
+    """List the bag files of a folder, unless metadata.yaml or `_is_split` makes them one."""
     from imu_allan.recordings.formats.bag_directory import recorded_files
     files = [] if (folder / 'metadata.yaml').is_file() else recorded_files(folder)
+    return [] if len(files) < 2 or _is_split(files) else files
+
+
+def _is_split(files: Sequence[Path]) -> bool:
+    """Return whether names differ in their numbers alone, and one begins where another ends."""
     names = {re.sub(r'(_\d+)?\.(mcap|db3)(\.zstd)?$', '', file.name) for file in files}
-    return files if len(names) > 1 else []
+    if len(names) > 1:
+        return False
+    spans: list[tuple[int, int]] = []
+    for file in files[:2]:
+        with suppress(ImuAllanError), open_recording(file) as part:
+            spans += filter(None, [part.span_ns()])
+    if len(spans) < 2:
+        # A recorder that was killed leaves no times; it numbers from 0.
+        return files[0].name.startswith(f'{names.pop()}_0.')
+    return -1e8 < spans[1][0] - spans[0][1] < 5e9
 
 
 def recordings_in(

@@ -91,6 +91,10 @@ class Recording(ABC):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Yield blocks in file order, each with the number of bytes consumed so far."""
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return the first and last receive stamp, if the file knows them without being read."""
+        return None
+
     def close(self) -> None:  # noqa: B027
         """Release resources; does nothing for formats whose readers close their own files."""
 

@@ -13,7 +13,7 @@ import sys
 import tempfile
 
 import bags
-from bags import assert_same, block, read, refusal, write_mcap
+from bags import assert_same, block, read, refusal, write_db3, write_mcap
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.errors import printable
@@ -141,12 +141,14 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(('names', 'together'), [
-    (['night_0.mcap', 'night_1.mcap'], True), (['unit1.mcap', 'unit2.mcap'], False),
-    (['night_0.mcap', 'other_0.db3.zstd'], False)])
-def test_bag_files_without_metadata_are_one_recording_if_their_names_differ_in_a_number(
+    (['night_0.mcap', 'night_1.mcap'], True), (['night_0.db3', 'night_1.db3'], True),
+    (['a_0.mcap', 'night_1.mcap'], False), (['unit_1.mcap', 'unit_2.mcap'], False),
+    (['unit_0.db3', 'unit_1.db3'], False), (['night_0.mcap', 'other_0.db3.zstd'], False)])
+def test_bag_files_without_metadata_are_one_recording_if_their_numbers_follow_in_time(
         tmp_path, names, together):
-    for name in names:
-        write_mcap(tmp_path / name, block(10))
+    for number, name in enumerate(names):
+        (write_db3 if name.endswith('.db3') else write_mcap)(
+            tmp_path / name, block(200, first=200 * number if name.startswith('night') else 0))
     assert recordings_in(tmp_path) == (
         [tmp_path] if together else [tmp_path / name for name in names])
     if not together:

@@ -35,12 +35,11 @@ class BagDirectory(Recording):
         if not listed:
             self._files = recorded_files(path)
             if not self._files:
-                hint = ('; name one of its .bag files'
-                        if any(path.glob('*.bag')) else '')
                 raise ImuAllanError(
                     f'{printable(path)}: ' + (
-                        f'holds no recording: no metadata.yaml and no .mcap or .db3 file{hint}'
-                        if any(path.iterdir()) else 'an empty folder; name a recording'))
+                        'holds no recording: no metadata.yaml and no .mcap or .db3 file'
+                        f'{_instead(path)}' if any(path.iterdir()) else
+                        'an empty folder; name a recording'))
             self._list_from_files()
         else:
             self._files = self._existing(listed)
@@ -207,6 +206,19 @@ def _item(mapping: object, key: str, kind: type) -> Any:
     if not isinstance(value, kind):
         raise ValueError(f'no {key}')
     return value
+
+
+def _instead(folder: Path) -> str:
+    """Name the likeliest recording below a folder that is none itself."""
+    below = [file for depth in ('*', '*/*', '*/*/*') for file in folder.glob(depth)]
+    found = [file for file in below
+             if file.name.endswith((*BAG_SUFFIXES, '.bag', '.ulg', '.bin', '.csv'))]
+    if found:
+        likely = min(found, key=lambda file: ('imu' not in str(file).lower(), file))
+        return f'; name {printable(likely)}'
+    # As KITTI has them.
+    return ('; of text files with one sample each make one CSV'
+            if sum(file.suffix == '.txt' for file in below) > 100 else '')
 
 
 def recorded_files(path: Path) -> list[Path]:

@@ -44,6 +44,10 @@ class CompressedRecording(Recording):
         self.untimed = self._inner.untimed
         self.remarks += self._inner.remarks
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return what the unpacked file knows."""
+        return self._inner.span_ns()
+
     def close(self) -> None:
         """Remove the unpacked file."""
         remove_folder(self._folder)

@@ -62,6 +62,14 @@ class SqliteRecording(FileRecording):
             self.close()
             raise
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return the first and last receive stamp of all topics."""
+        first = last = None
+        with suppress(sqlite3.Error), self._database() as (database, _):
+            [[first]] = database.execute('SELECT min(timestamp) FROM messages')
+            [[last]] = database.execute('SELECT max(timestamp) FROM messages')
+        return (first, last) if isinstance(first, int) and isinstance(last, int) else None
+
     def close(self) -> None:
         """Remove the temporary copy, if there is one."""
         if self._copy is not None:

@@ -178,7 +178,19 @@ def test_what_is_no_bag_directory_is_refused(tmp_path):
     (tmp_path / 'notes.txt').touch()
     assert refusal(tmp_path) == reason
     (tmp_path / 'a.bag').touch()
-    assert refusal(tmp_path) == f'{reason}; name one of its .bag files'
+    assert refusal(tmp_path) == f'{reason}; name {tmp_path}/a.bag'
+
+
+def test_a_folder_of_data_sets_names_the_file_that_may_be_an_imu(tmp_path):
+    for sensor in ('cam0', 'imu0'):
+        (tmp_path / 'mav0' / sensor).mkdir(parents=True)
+        (tmp_path / 'mav0' / sensor / 'data.csv').touch()
+    assert refusal(tmp_path).endswith(f'; name {tmp_path}/mav0/imu0/data.csv')
+    many = tmp_path / 'mav0' / 'oxts'
+    many.mkdir()
+    for number in range(101):
+        (many / f'{number}.txt').touch()
+    assert refusal(many).endswith('; of text files with one sample each make one CSV')
 
 
 def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
