@@ -85,6 +85,9 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     parts: list[RenderableType] = [Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
         f'{duration(coast_s)}:')]
+    if aiding_s * (rate_hz := result.timeline.sample_rate_hz or np.inf) < 1 - 1e-6:
+        parts.append(Text(f'That is faster than the samples of this recording, {rate_hz:.6g} Hz: '
+                          'noise between two of them is taken for white.'))
     for title, axes in _by_sensor(known_axes(result)).items():
         axis = next(iter(axes.values()))
         noise, drift = (axis.coefficients[key].unit for key in ('noise_density',

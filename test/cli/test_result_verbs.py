@@ -296,6 +296,13 @@ def test_the_four_ways_stand_side_by_side_and_nothing_is_broken_or_cut_on_a_term
                    '(<number> to <number>°; gyro_z, the worst axis).') in out.splitlines()
 
 
+def test_corrections_faster_than_the_samples_are_said_to_be(result_file, output_of):
+    said = ('That is faster than the samples of this recording, 100 Hz: noise between two of them '
+            'is taken for white.')
+    for aiding, faster in (('1ms', True), ('10ms', False)):
+        assert (said in output_of('tune', result_file, '--aiding', aiding).splitlines()) == faster
+
+
 def test_the_numbers_as_json(result_file, tmp_path, output_of):
     path = tmp_path / 'tuning.json'
     output_of('tune', result_file, '--aiding', '1s', '--coast', '20s', '--json', path)
