@@ -548,7 +548,9 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: (
             f'{counted(f.messages, "single message holds", "single messages hold")} outliers, '
             f'ten times the noise and more, and {"is" if f.messages == 1 else "are"} left out'),
-        do='look for errors on the bus of the sensor'),
+        do=lambda f: ('they may be knocks, as the IMU moved' if 'moving' in f else
+                      'look for errors on the bus of the sensor'),
+        general='look for errors on the bus of the sensor'),
     'field_absent': Words(
         'absent field', 'Some messages lack a sensor and are left out.',
         'Their covariance[0] is -1: not provided.',
@@ -809,7 +811,7 @@ WORDS: Mapping[str, Words] = {
                        'distinguishes them'),
     'repeated_part': Words(
         'repeated part', 'A part that comes twice counts once.',
-        'Stamps and values are those of earlier messages.',
+        'Stamps and values repeat those before.',
         says=lambda f: f'left out {counted(f.messages, "message")} whose stamps and values repeat '
                        'those of earlier ones'),
     'many_topics': Words(
