@@ -399,7 +399,7 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], Callable[[], list[Finding]]]:
     """Return the blocks of a stream, converted from g if needed, and its findings at the end."""
     unit, seen = AccelerationUnit(), Seen()
-    blocks = seen.each(stream.select(read_blocks(recording, stream.topic, progress)))
+    blocks = seen.unseen(stream.select(read_blocks(recording, stream.topic, progress)))
     if recording.options.accel_unit is None and recording.options.accel is None:
         blocks = unit.each(blocks)
     return blocks, lambda: [*unit.remarks, *seen.remarks]

@@ -213,22 +213,6 @@ def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
         yield MessageBatch(rows.reshape(stop - start, int(sizes[start])), receive_ns[start:stop])
 
 
-def encode_imu(
-    stamp_ns: int,
-    sample: NDArray[np.float64],
-    frame_id: str,
-    absent: tuple[bool, bool] = (False, False),
-) -> bytes:
-    """
-    Encode one message as little-endian CDR.
-
-    Orientation is declared as not provided, the other covariances as unknown (zero).
-    """
-    block = ImuBlock(np.array([stamp_ns], np.int64), np.zeros(1, np.int64),
-                     np.reshape(sample, (1, 6)), np.array([absent]), frame_id)
-    return encode_imu_rows(block).tobytes()
-
-
 def encode_imu_rows(
     block: ImuBlock, serialization: Serialization = 'cdr', byte_order: Literal['<', '>'] = '<',
 ) -> NDArray[np.uint8]:

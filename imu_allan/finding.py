@@ -94,7 +94,7 @@ CODES: Mapping[str, Code] = {
         likely=Text),
     # messages are lost
     'many_missing': _act(share=Share, density_error_share=Share | None),
-    'spikes': _know(messages=Count, moving=Flag | None),
+    'spikes': _know(messages=Count),
     'field_absent': _act(messages=Count),
     'axis_absent_in_part': _know(absent=Count, messages=Count),
     'interpolated': _act(topic=Text, half=Text),

@@ -8,7 +8,8 @@ from bags import assert_same
 from hypothesis import given, settings, strategies as st
 from imu_allan import cdr
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages, decode_imu_rows, encode_imu, encode_imu_rows
+from imu_allan.cdr import blocks_from_messages, decode_imu_rows, encode_imu_rows
+from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores

@@ -109,10 +109,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     if np.ndim(samples) != 1:
         raise ValueError(f'samples must have one dimension, not {np.ndim(samples)}: '
                          'characterize one axis at a time')
-    again = _repeated_from(np.asarray(samples))
-    if again is not None:
-        raise ValueError(f'samples from {again} on repeat those from 0 on, and would count twice: '
-                         'give each once')
+    _require_once(np.asarray(samples))
     estimator = Estimator()
     estimator.update(samples)
     [(axis, remarks)] = axis_results(estimator, sample_rate_hz, [Quantity(quantity)])
@@ -124,15 +121,17 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     return axis
 
 
-def _repeated_from(samples: NDArray[np.generic]) -> int | None:
-    """Return where the first 64 samples come again; None if they do not, or show too little."""
+def _require_once(samples: NDArray[np.generic]) -> None:
+    """Refuse samples if the first 64 come again, unless they change too little to show it."""
     first = samples[:64]
     if np.count_nonzero(first[1:] != first[:-1]) < 16:
-        return None
+        return
     rows = np.flatnonzero(samples[64:-63] == first[0]) + 64
     for place, value in enumerate(first):
         rows = rows[samples[rows + place] == value]
-    return int(rows[0]) if len(rows) else None
+    if len(rows):
+        raise ValueError(f'samples from {rows[0]} on repeat those from 0 on, and would count '
+                         'twice: give each once')
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],

@@ -115,7 +115,7 @@ class Lane:
     def update(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages; `error` says why some of them cannot be used."""
         self.known.see(blocks)
-        blocks = self.seen.unseen(blocks)
+        blocks = list(self.seen.unseen(blocks))
         if blocks:
             self.error = ''
         for block in blocks:

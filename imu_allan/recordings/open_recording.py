@@ -113,14 +113,14 @@ def _is_split(files: Sequence[Path]) -> bool:
     names = {re.sub(r'(_\d+)?\.(mcap|db3)(\.zstd)?$', '', file.name) for file in files}
     if len(names) > 1:
         return False
-    spans: list[tuple[int, int]] = []
+    ends: list[int] = []
     for file in files[:2]:
         with suppress(ImuAllanError), open_recording(file) as part:
-            spans += filter(None, [part.span_ns()])
-    if len(spans) < 2:
+            ends += part.ends_ns
+    if len(ends) < 4:
         # A recorder that was killed leaves no times; it numbers from 0.
         return files[0].name.startswith(f'{names.pop()}_0.')
-    return -1e8 < spans[1][0] - spans[0][1] < 5e9
+    return -1e8 < ends[2] - ends[1] < 5e9
 
 
 def recordings_in(

@@ -60,6 +60,8 @@ class Recording(ABC):
         Bytes that `decoded` processes, to report progress.
     untimed : bool
         Whether the samples have no times and are timed by the sample rate that the user gives.
+    ends_ns : list of int
+        First and last receive stamp of a bag file; empty if it does not say so.
     remarks : list of Finding
         Remarks on the file for the user; the list grows while the file is read.
 
@@ -83,6 +85,7 @@ class Recording(ABC):
         self.reason_not_paired = ''
         self.size_bytes = 0
         self.untimed = False
+        self.ends_ns: list[int] = []
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
         self._kept_bytes = self._searched = self._searched_characters = 0
@@ -90,10 +93,6 @@ class Recording(ABC):
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Yield blocks in file order, each with the number of bytes consumed so far."""
-
-    def span_ns(self) -> tuple[int, int] | None:
-        """Return the first and last receive stamp, if the file knows them without being read."""
-        return None
 
     def close(self) -> None:  # noqa: B027
         """Release resources; does nothing for formats whose readers close their own files."""
@@ -112,9 +111,7 @@ class Recording(ABC):
 
     def imu(self, name: str) -> ImuTopic:
         """Return the Imu topic or thermometer of this name."""
-        known = self.by_name
-        return known[name] if name in known else next(
-            thermometer for thermometer in self.thermometers if thermometer.name == name)
+        return next(topic for topic in (*self.topics, *self.thermometers) if topic.name == name)
 
     def list_topic(
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,

@@ -6,7 +6,7 @@ Detection of messages that come twice, in one recording or in several.
 The same data given twice would count as new data and make the intervals too narrow.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 import hashlib
 from itertools import pairwise
@@ -158,18 +158,12 @@ class Seen(Record):
     def __post_init__(self) -> None:
         # Whether the current samples repeat earlier ones.
         self.looping = False
-        self._passed_over = 0
+        self._repeated = 0
 
     @property
     def remarks(self) -> list[Finding]:
         """Return the finding that the user should know; its code is `repeated_part`."""
-        return ([finding('repeated_part', messages=self._passed_over)] if self._passed_over
-                else [])
-
-    def each(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
-        """Yield the samples that are not repetitions."""
-        for block in blocks:
-            yield from self.unseen([block])
+        return [finding('repeated_part', messages=self._repeated)] if self._repeated else []
 
     def check(self) -> None:
         """Raise ValueError if the attributes are inconsistent."""
@@ -177,9 +171,8 @@ class Seen(Record):
                 or not 0 <= self.bits < 64 or self.last_ns < 0):
             raise ValueError('what is remembered of earlier samples is damaged')
 
-    def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
-        """Return the samples of these blocks that are not repetitions."""
-        passed = []
+    def unseen(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
+        """Yield the samples of these blocks that are not repetitions."""
         # A short recording that is played fast may start several times in one block.
         for block in (part for whole in blocks for part in _passes(whole)):
             again = 0 if self.looping else self._begins_again(block)
@@ -188,13 +181,12 @@ class Seen(Record):
                 self.looping = not new.any()
                 # If the node joined in the middle, the beginning of the recording is new once.
                 new[:again] = True
-                self._passed_over += int(np.count_nonzero(~new))
+                self._repeated += int(np.count_nonzero(~new))
                 block = block.part(new)
             if len(block):
                 self._remember(block)
                 self.last_ns = max(self.last_ns, int(block.header_ns.max()))
-                passed.append(block)
-        return passed
+                yield block
 
     def _remember(self, block: ImuBlock) -> None:
         fresh = block.header_ns > self.last_ns

@@ -90,7 +90,7 @@ def _facts(memory: Memory) -> Facts:
     """Return the figures of findings about the recording as a whole, by code."""
     counts, decision = memory.counts, memory.decision
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    facts = (decision.remarks | _content_facts(counts, memory.content, motion.cut.count > 0)
+    facts = (decision.remarks | _content_facts(counts, memory.content)
              | _clock_facts(counts, decision))
     clock = 'time' if counts.one_clock else decision.clock
     if counts.clock_jumps:
@@ -157,7 +157,7 @@ def _axes_findings(counts: Counts, decision: Decision, content: Content, presenc
               for name, _, _, _, late in axes if late > content.head)]
 
 
-def _content_facts(counts: Counts, content: Content, moving: bool) -> Facts:
+def _content_facts(counts: Counts, content: Content) -> Facts:
     facts: Facts = {}
     if content.frozen and content.frozen <= content.head:
         facts['late_start'] = {'messages': content.head}
@@ -167,7 +167,7 @@ def _content_facts(counts: Counts, content: Content, moving: bool) -> Facts:
         facts['held_values'] = {
             'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:
-        facts['spikes'] = {'messages': counts.spikes, 'moving': moving or None}
+        facts['spikes'] = {'messages': counts.spikes}
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.
     if counts.absent > 0.01 * counts.messages:
         facts['field_absent'] = {'messages': counts.absent}

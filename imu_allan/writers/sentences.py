@@ -548,9 +548,7 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: (
             f'{counted(f.messages, "single message holds", "single messages hold")} outliers, '
             f'ten times the noise and more, and {"is" if f.messages == 1 else "are"} left out'),
-        do=lambda f: ('they may be knocks, as the IMU moved' if 'moving' in f else
-                      'look for errors on the bus of the sensor'),
-        general='look for errors on the bus of the sensor'),
+        do='look for errors on the bus of the sensor, or for knocks'),
     'field_absent': Words(
         'absent field', 'Some messages lack a sensor and are left out.',
         'Their covariance[0] is -1: not provided.',

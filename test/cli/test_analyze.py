@@ -11,11 +11,11 @@ import time
 
 from bags import mcap_written, serialized
 import imu_allan
-from imu_allan.cdr import encode_imu
 from imu_allan.cli import workers
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_messages import encode_imu
 import numpy as np
 import pytest
 import yaml

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu, encode_imu_rows
+from imu_allan.cdr import encode_imu_rows
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state
 from imu_allan.node.diagnostics import Facts
@@ -27,6 +27,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Result, Timeline
 from imu_allan.state import part_of
 from imu_allan.timeline import TimelineSummary
+from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rclpy._rclpy_pybind11 import RCLError

@@ -12,8 +12,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
+from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile

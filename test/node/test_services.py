@@ -7,7 +7,7 @@ import re
 import time
 from typing import Any
 
-from imu_allan.cdr import encode_imu
+from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue

@@ -232,7 +232,7 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
         assert axis.coefficients[key].observable == observable
 
 
-NOT_FINITE = ('samples must be finite, and none masked; '
+NOT_FINITE = ('samples must be finite, real, and none masked; '
               'imu_allan.analyze reads a CSV file with gaps')
 
 
@@ -241,7 +241,7 @@ NOT_FINITE = ('samples must be finite, and none masked; '
      'samples must have one dimension, not 2: characterize one axis at a time'),
     ([1.0, np.nan], 100.0, 'angular_velocity', NOT_FINITE),
     (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
-    ([1.0, 2.0j], 100.0, 'angular_velocity', 'samples must be real numbers, not complex ones'),
+    ([1.0, 2.0j], 100.0, 'angular_velocity', NOT_FINITE),
     ((np.arange(200) % 7).tolist(), 100.0, 'angular_velocity',
      'samples from 70 on repeat those from 0 on, and would count twice: give each once'),
     ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0'),

@@ -15,7 +15,6 @@ import tempfile
 import bags
 from bags import assert_same, block, read, refusal, write_db3, write_mcap
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu
 from imu_allan.errors import printable
 from imu_allan.finding import Finding
 from imu_allan.recordings import (
@@ -27,6 +26,7 @@ from imu_allan.recordings import (
     recordings_in,
 )
 from imu_allan.recordings.formats import compressed_file
+from imu_messages import encode_imu
 import pytest
 from whole_lines import refused
 import zstandard

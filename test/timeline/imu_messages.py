@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
@@ -28,6 +29,18 @@ def still(count: int, rate_hz: float = 100.0, *, seed: int = 0, frame_id: str = 
     samples = np.random.default_rng(seed).normal(size=(count, 6)) * SIGMA
     samples[:, 5] += 9.81
     return ImuBlock(header, header + 300_000, samples, np.zeros((count, 2), dtype=bool), frame_id)
+
+
+def encode_imu(
+    stamp_ns: int,
+    sample: NDArray[np.float64],
+    frame_id: str,
+    absent: tuple[bool, bool] = (False, False),
+) -> bytes:
+    """Encode one message as little-endian CDR, without orientation."""
+    block = ImuBlock(np.array([stamp_ns], np.int64), np.zeros(1, np.int64),
+                     np.reshape(sample, (1, 6)), np.array([absent]), frame_id)
+    return encode_imu_rows(block).tobytes()
 
 
 def pick(block: ImuBlock, rows: NDArray[np.generic] | Sequence[int]) -> ImuBlock:

@@ -118,7 +118,6 @@ SAID = [
     finding('many_missing', share=0.1, density_error_share=None),
     finding('many_missing', share=0.6, density_error_share=0.25),
     finding('spikes', messages=1), finding('spikes', messages=29),
-    finding('spikes', messages=2, moving=True),
     finding('field_absent', messages=12), finding('axis_absent_in_part', GYRO, absent=6000,
                                                   messages=15_000),
     finding('interpolated', topic=IMU, half='accel', **RECORDING),

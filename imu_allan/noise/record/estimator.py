@@ -132,16 +132,14 @@ class Estimator(MultiAxis):
             `interpolated` are not rising row numbers.
 
         """
-        if np.iscomplexobj(samples):
-            raise ValueError('samples must be real numbers, not complex ones')
-        block = np.asarray(samples, dtype=np.float64)
+        block = np.asarray(np.real(samples), dtype=np.float64)
         if block.ndim == 1 and self.axes == 1:
             block = block[:, None]
         if block.ndim != 2 or block.shape[1] != self.axes:
             raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
         # An array made of a masked one has values in place of those that are masked.
-        if np.ma.is_masked(samples) or not np.isfinite(block).all():
-            raise ValueError('samples must be finite, and none masked; '
+        if np.iscomplexobj(samples) or np.ma.is_masked(samples) or not np.isfinite(block).all():
+            raise ValueError('samples must be finite, real, and none masked; '
                              'imu_allan.analyze reads a CSV file with gaps')
         places = [int(row) for row in interpolated]
         if any(later <= one for one, later in pairwise([-1, *places, len(block)])):

@@ -36,17 +36,10 @@ class CompressedRecording(Recording):
         except BaseException:
             self.close()
             raise
-        self.topics = self._inner.topics
-        self.thermometers = self._inner.thermometers
-        self.other_topics = self._inner.other_topics
-        self.reasons = self._inner.reasons
-        self.preferred, self.preferred_for = self._inner.preferred, self._inner.preferred_for
-        self.untimed = self._inner.untimed
+        for name in ('topics', 'thermometers', 'other_topics', 'reasons', 'preferred',
+                     'preferred_for', 'untimed', 'ends_ns'):
+            setattr(self, name, getattr(self._inner, name))
         self.remarks += self._inner.remarks
-
-    def span_ns(self) -> tuple[int, int] | None:
-        """Return what the unpacked file knows."""
-        return self._inner.span_ns()
 
     def close(self) -> None:
         """Remove the unpacked file."""

@@ -70,12 +70,7 @@ class McapRecording(ChunkedRecording):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
         self._described = 0
-        self._span_ns: tuple[int, int] | None = None
         super().__init__(path, stored, options)
-
-    def span_ns(self) -> tuple[int, int] | None:
-        """Return the first and last receive stamp of all topics."""
-        return self._span_ns
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
@@ -137,7 +132,7 @@ class McapRecording(ChunkedRecording):
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
                     self._counted = bool(self._counts) or statistics.message_count == 0
-                    self._span_ns = (statistics.message_start_time, statistics.message_end_time)
+                    self.ends_ns = [statistics.message_start_time, statistics.message_end_time]
             elif opcode == Opcode.CHUNK_INDEX and len(body) >= index_head.size:
                 # Only the offset is needed; the library would parse the whole ChunkIndex entry by
                 # entry.

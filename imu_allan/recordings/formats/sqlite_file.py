@@ -62,14 +62,6 @@ class SqliteRecording(FileRecording):
             self.close()
             raise
 
-    def span_ns(self) -> tuple[int, int] | None:
-        """Return the first and last receive stamp of all topics."""
-        first = last = None
-        with suppress(sqlite3.Error), self._database() as (database, _):
-            [[first]] = database.execute('SELECT min(timestamp) FROM messages')
-            [[last]] = database.execute('SELECT max(timestamp) FROM messages')
-        return (first, last) if isinstance(first, int) and isinstance(last, int) else None
-
     def close(self) -> None:
         """Remove the temporary copy, if there is one."""
         if self._copy is not None:
@@ -135,6 +127,9 @@ class SqliteRecording(FileRecording):
         with suppress(sqlite3.Error), self._database() as (database, _):
             self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
                            for imu in self.topics]
+            self.ends_ns = [stamp for order in ('ASC', 'DESC') for [stamp] in database.execute(
+                f'SELECT timestamp FROM messages ORDER BY rowid {order} LIMIT 1')
+                if isinstance(stamp, int)]
 
     def _work_on_copy(self, *beside: Path) -> None:
         if self._room > room_in(tempfile.gettempdir()):
