@@ -117,8 +117,8 @@ def _is_split(files: Sequence[Path]) -> bool:
     for file in files[:2]:
         with suppress(ImuAllanError), open_recording(file) as part:
             ends += part.ends_ns
-    if len(ends) < 4:
-        # A recorder that was killed leaves no times; it numbers from 0.
+    if len(ends) < 4 or 0 in ends:
+        # An empty file, or one of a recorder that was killed, has no times. Parts begin with 0.
         return files[0].name.startswith(f'{names.pop()}_0.')
     return -1e8 < ends[2] - ends[1] < 5e9
 

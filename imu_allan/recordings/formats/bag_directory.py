@@ -10,6 +10,7 @@ whose recorder was killed, is read as well.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -210,11 +211,12 @@ def _item(mapping: object, key: str, kind: type) -> Any:
 
 def _instead(folder: Path) -> str:
     """Name the likeliest recording below a folder that is none itself."""
-    below = [file for depth in ('*', '*/*', '*/*/*') for file in folder.glob(depth)]
+    # Not of a whole disk.
+    below = list(islice(chain.from_iterable(map(folder.glob, ('*', '*/*', '*/*/*'))), 100_000))
     found = [file for file in below
              if file.name.endswith((*BAG_SUFFIXES, '.bag', '.ulg', '.bin', '.csv'))]
     if found:
-        likely = min(found, key=lambda file: ('imu' not in str(file).lower(), file))
+        likely = min(found, key=lambda at: ('imu' not in f'{at.relative_to(folder)}'.lower(), at))
         return f'; name {printable(likely)}'
     # As KITTI has them.
     return ('; of text files with one sample each make one CSV'
