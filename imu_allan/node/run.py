@@ -297,8 +297,10 @@ def _go_on(lanes: list[Lane], setup: Setup, saved_boot: str) -> None:
                 lane.characterization.power_on()
                 # Every driver is new after a boot and must not count as another power-on.
                 lane.known.publishers = []
+            usable = lane.characterization.summary().frame_id is not None
         except ImuAllanError:
-            # None of the saved samples was usable.
+            usable = False
+        if not usable:
             lanes[number] = new_run(setup).lanes[number]
 
 

@@ -285,6 +285,16 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: flo
     assert (timeline.samples, timeline.rejected) == (5997, 3)
 
 
+def test_messages_too_few_to_be_used_do_not_name_the_frame_after_a_crash() -> None:
+    run = new_run(SETUP)
+    run.lanes[0].update([at_rest(5)])
+    world = World(resumed(run))
+    world.comes(at_rest(5, start_s=5.0, seed=2, frame_id='of the start'),
+                at_rest(12_000, start_s=5.05, seed=3))
+    assert world.samples > 11_000
+    assert world.runs.run.lanes[0].known.frame_id == 'imu'
+
+
 SIGMA, SAMPLES = 0.01, 4000
 
 
