@@ -192,7 +192,8 @@ class Seen(Record):
         fresh = block.header_ns > self.last_ns
         kept = fresh & is_kept(block.header_ns, self.bits)
         first = 8   # remembered from the start, so that a repetition is recognized at once
-        kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
+        if len(self.stamps) < first:
+            kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
         # If the node joined in the middle, the beginning of the recording comes later.
         begins = len(self.stamps) > 0 and block.header_ns[0] < self.stamps[0]
         kept[:first] |= begins
