@@ -54,6 +54,14 @@ def test_flat_noise_behind_an_unlisted_filter_is_no_power_law():
     assert np.median([one.value for one in found]) == pytest.approx(0.1, rel=0.15)
 
 
+def test_quantization_far_above_its_detection_limit_is_found():
+    """The search began at the limit, and in one of ten axes gave up for an unexplained top."""
+    terms = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5, 'rate_random_walk': 4.4e-6,
+             'quantization_noise': 2e-6}
+    for axis in several([simulate(terms, 360_000, 100.0, seed) for seed in range(13, 18)], 100.0):
+        assert axis.coefficients['quantization_noise'].value == pytest.approx(2e-6, rel=0.06)
+
+
 @pytest.mark.parametrize(('key', 'error'), [
     ('recursive_mean', 0.02), ('butterworth_2', 0.03), ('gauss', 0.03), ('butterworth_4', 0.15)])
 def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):

@@ -136,7 +136,10 @@ def _with(x: Array, values: Mapping[int, float]) -> Array:
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
     """Propose models of the fast end of one axis, combined with the usual slow noise."""
     nu = np.minimum(spectra.frequency * dt, 0.5)
-    own, x = Proposals(spectra, axis), start.x
+    own = Proposals(spectra, axis)
+    # From far below, a maximum is out of sight: half the power at the top may be quantization.
+    top = 0.5 * np.log(0.5 * spectra.power[axis, -1] / spectra.columns[axis, Q, -1])
+    x = _with(start.x, {Q: max(start.x[Q], top)})
     slow, law = (N, B, K), (N, K, LAW, ALPHA)
     table = spectra.tables.low_pass
     for more in ((), (Q,)):
