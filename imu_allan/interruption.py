@@ -39,6 +39,7 @@ def quiet_interrupt() -> Iterator[None]:
 
 
 _came: list[bool] = []
+"""An entry for each Ctrl-C since `interrupt_despite_errors` began."""
 
 
 @contextmanager

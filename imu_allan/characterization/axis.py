@@ -106,6 +106,8 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     if quantity not in list(Quantity):
         known = ' or '.join(repr(one.value) for one in Quantity)
         raise ValueError(f'quantity must be {known}, not {quantity!r}')
+    # Once, as it may have to be computed or read.
+    samples = np.asanyarray(samples)
     if np.ndim(samples) != 1:
         raise ValueError(f'samples must have one dimension, not {np.ndim(samples)}: '
                          'characterize one axis at a time')

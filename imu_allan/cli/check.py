@@ -103,6 +103,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.terminal import console_of
+    from rich.measure import Measurement
 
     if args.live:
         result, verdicts = _live(source, args, specification)
@@ -119,9 +120,10 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
             write_atomically(path, writer(verdicts, result, specification).encode())
     console, table = console_of(), datasheet.verdict_table(
         verdicts, specification.name or args.spec)
-    if table.__rich_measure__(console, console.options.update(width=1000)).maximum > console.width:
+    unbroken = Measurement.get(console, console.options.update(width=1000), table).maximum
+    if unbroken > console.width:
         # Rather than break intervals and units, leave out what two other columns show.
-        del table.columns[6]
+        table.columns = [column for column in table.columns if column.header != 'ratio']
     console.print(table)
     outcome = datasheet.overall(verdicts)
     print(f'{outcome}: {printable(source)} against '

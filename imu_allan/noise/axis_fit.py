@@ -107,28 +107,12 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
-
-    def fit_again(numbers: Sequence[int]) -> None:
-        for number, posterior in zip(numbers, _weighed([sources[number] for number in numbers],
-                                                       dt, bank), strict=True):
-            first[number] = posterior
-
-    # Only beside other trends may a cycle show that is more than a wave.
-    cyclic = []
-    for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
-        if (without := _without_found_cycle(source, posterior, finished)) is not None:
-            cyclic.append(number)
-            sources[number] = without
-    fit_again(cyclic)
-    # A moving mean would pass for changing noise and leak into the blocks, so remove it first.
-    moved = []
-    for number, (source, posterior) in enumerate(zip(sources, first, strict=True)):
-        if (found_mean := moving_mean(posterior, source.record)) is not None:
-            moved.append(number)
-            mean, noise = found_mean
-            sources[number] = source.without_moving_mean(
-                finished, source.record.without_leak(mean, noise), mean)
-    fit_again(moved)
+    for without in (_without_found_cycle, _without_found_mean):
+        changed = {number: calm for number, (source, posterior) in enumerate(
+            zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
+        for number, posterior in zip(changed, _weighed([*changed.values()], dt, bank),
+                                     strict=True):
+            sources[number], first[number] = changed[number], posterior
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
@@ -262,7 +246,11 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
 
 def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator
                          ) -> _Source | None:
-    """Remove a cycle that was found beside other trends; None if there is none with harmonics."""
+    """
+    Remove a cycle that was found beside other trends; None if there is none with harmonics.
+
+    Without those trends, `_without_cycles` may have missed it, or seen it as one wave.
+    """
     found = posterior.models[0].trends
     frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
     if source.cycle is not None or not frequencies_hz:
@@ -274,6 +262,16 @@ def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estima
         return None
     return replace(source, cycle=cycle).without_moving_mean(
         finished, replace(cycle.record, trends=()))
+
+
+def _without_found_mean(source: _Source, posterior: Posterior, finished: Estimator
+                        ) -> _Source | None:
+    """Remove a moving mean, which would pass for changing noise; None if there is none."""
+    found = moving_mean(posterior, source.record)
+    if found is None:
+        return None
+    mean, noise = found
+    return source.without_moving_mean(finished, source.record.without_leak(mean, noise), mean)
 
 
 def _change(posterior: Posterior, source: _Source, dt: float) -> Change:

@@ -191,16 +191,16 @@ def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
         weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
         local = (weight @ normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[octave]
-    taken, known = np.zeros(len(factor)), NAMED
+    removed, known = np.zeros(len(factor)), NAMED
     if edge is not None:
-        taken = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
+        removed = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
         known = UNNAMED
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
-        taken = np.maximum(taken, -value[0])
+        removed = np.maximum(removed, -value[0])
     whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
-    factor *= 1 + whole * (known * taken)**2 / 2
+    factor *= 1 + whole * (known * removed)**2 / 2
     return p_value, float(max(misfit.max(), 0.0)), edge, factor
 
 
