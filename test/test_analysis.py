@@ -68,13 +68,16 @@ def test_the_same_recording_given_twice_is_refused(written, first, other):
             analyze([one, two])
 
 
-@pytest.mark.parametrize(('first', 'seed', 'repeated'), [
-    (0, 1, 36_000), (9000, 1, 27_000), (0, 2, 0)],
-    ids=['the whole', 'a part', 'a device that counts from its start'])
-def test_what_a_recording_holds_twice_counts_once(written, first, seed, repeated):
+@pytest.mark.parametrize(('first', 'seed', 'ordered', 'repeated'), [
+    (0, 1, False, 36_000), (9000, 1, False, 27_000), (0, 2, False, 0), (0, 1, True, 36_000)],
+    ids=['the whole', 'a part', 'a device that counts from its start', 'each row'])
+def test_what_a_recording_holds_twice_counts_once(written, first, seed, ordered, repeated):
     path, other = written(), written(seed=seed, name='other.csv', part=slice(first, None))
-    with path.open('a') as file:
-        file.write(other.read_text().partition('\n')[2])
+    header, *rows = path.read_text().splitlines()
+    rows += other.read_text().splitlines()[1:]
+    if ordered:
+        rows.sort(key=lambda row: float(row.partition(',')[0]))
+    path.write_text('\n'.join([header, *rows, '']))
     result = analyze(path)
     assert result.timeline.samples == pytest.approx(72_000 if seed == 2 else 36_000, abs=300)
     assert [one.values['messages'] for one in result.warnings if one.code == 'repeated_part'] == (

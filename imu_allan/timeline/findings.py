@@ -163,7 +163,10 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
         facts['late_start'] = {'messages': content.head}
     elif content.frozen:
         facts['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
-    if content.held:
+    if content.held and counts.header.repeats >= content.repeats:
+        # Polling gives a repeated value another stamp.
+        facts['repeated_part'] = {'messages': content.repeats}
+    elif content.held:
         facts['held_values'] = {
             'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:

@@ -522,7 +522,7 @@ WORDS: Mapping[str, Words] = {
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
         'The mean is not about 9.81 m/s^2.',
         says=_gravity,
-        do='check the unit and the topic; --accel :g converts',
+        do='check the unit (--accel :g, of counts :g/16384) and the topic',
         live='check the unit of the driver',
         brief=lambda f: f'the mean acceleration is {f.mean:.4g} m/s^2, not 9.81'),
     'implausible': Words(

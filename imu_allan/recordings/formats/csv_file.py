@@ -49,9 +49,11 @@ _FIRST_LINES = 64
 FIFO."""
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a comma-separated file."""
-_DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9})\d*)?'
-                   r'(?:Z|([+-]\d\d):?(\d\d))?')
-"""A time of ISO 8601, as pandas writes an index of times."""
+_DATE = re.compile(r'(?<![\w:])(?<!\d )(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d:\d\d:\d\d)'
+                   r'(?:\.(\d{1,9})\d*)?(?:Z|([+-]\d\d):?(\d\d))?')
+"""A time of ISO 8601, as pandas writes an index of times, with or without the day."""
+_LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')
+"""A number behind its name, as for the serial plotter of Arduino: ``aX:1.23``."""
 
 
 class CsvRecording(FileRecording):
@@ -166,30 +168,38 @@ class CsvRecording(FileRecording):
                 if len(line) == longest and not line.endswith(b'\n'):
                     raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                         'samples')
-                text = _decoded(line)
+                text = _without_arrows(_decoded(line), cells_of(_decoded(line))[0])
                 cells = cells_of(text)[1]
                 is_header = names_columns(text, options) and not (
                     header and any(map(is_number, cells)))
-                if is_header or not (header or is_remark(text)):
+                labels = _LABELLED.sub(r'\1', text)
+                labelled = (labels != text and not is_remark(text)
+                            and names_columns(labels, options))
+                if is_header or labelled or not (header or is_remark(text)):
                     header, has_mark, behind = text, line.startswith(BOM_UTF8), file.tell()
                     self._data_at, self._first_line = at, number
+                if labelled:
+                    # The names are those of the first sample.
+                    header, behind, self._first_line, is_header = labels, at, number - 1, True
                 if is_header or not line or (header and is_number(cells[0])):
                     break
             file.seek(behind)
             after = file.read(_LOOKED_AT) + file.readline(longest)
         delimiter, names = cells_of(header)
-        text = after.decode('utf-8', 'replace')
+        text = _without_arrows(after.decode('utf-8', 'replace'), delimiter)
+        self._labelled, self._delimiter = labelled, delimiter
         self._decimal_comma = (delimiter != ',' and
                                re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         # Between blanks, date and time of day may be two cells.
-        self._dated = delimiter is not None and _DATE.search(text) is not None
+        self._dated = _DATE.search(text) is not None and (
+            delimiter is not None or re.search(r'-\d\d \d\d:', text) is None)
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
             header, options, lambda clock: _is_plausible_clock(rows, clock))
         below = after.partition(b'\n')[0]
         with_units = with_units_below(
-            header, _decoded(below), columns, options,
+            header, self._with_points(_decoded(below)), columns, options,
             lambda clock: _is_plausible_clock(rows[1:], clock))
         if with_units is not None:
             columns = with_units
@@ -203,9 +213,15 @@ class CsvRecording(FileRecording):
         else:
             self._data_at, self._first_line = behind, self._first_line + 1
             _refuse_more_fields_than_names(names, rows)
+        dates = [_cells(each, delimiter) for each in text.split('\n')] if self._dated else []
+        dated = [column for column in range(len(names) if dates else 0)
+                 if any(map(_DATE.match, _column(dates, column)))]
+        if columns.clock is None and options.rate_hz is None and dated:
+            # A column of dates needs no name; pandas gives its index none.
+            columns = replace(columns, clock=Clock(dated[0]), ignored=tuple(
+                cell for cell in columns.ignored if cell != names[dated[0]].strip()))
         if (clock := columns.clock) is not None:
-            if self._dated and any(map(_DATE.match, _column(
-                    [_cells(each, delimiter) for each in text.split('\n')], clock.column))):
+            if clock.column in dated:
                 clock = replace(clock, unit='ns')
             times = _column(rows, clock.column)
             if not times and not clock.unit:
@@ -234,12 +250,15 @@ class CsvRecording(FileRecording):
                 if line.strip()]
 
     def _with_points(self, text: str) -> str:
-        """Replace decimal commas by points, and dates by nanoseconds."""
+        """Replace decimal commas by points and dates by nanoseconds; remove names of numbers."""
+        text = _without_arrows(text, self._delimiter)
         if self._quoted_comma:
             text = _QUOTED_COMMA.sub(r'\1.\2', text)
         elif self._decimal_comma:
             text = text.replace(',', '.')
-        return _DATE.sub(_nanoseconds, text) if self._dated else text
+        if self._dated:
+            text = _DATE.sub(_nanoseconds, text)
+        return _LABELLED.sub(r'\2', text) if self._labelled else text
 
     def _report_ignored(self, columns: Columns) -> None:
         lookalikes = {*columns.lookalikes}
@@ -255,6 +274,11 @@ class CsvRecording(FileRecording):
         for axis, name in enumerate(AXES):
             if axis // 3 in sensors and axis not in axes:
                 self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
+
+
+def _without_arrows(text: str, delimiter: str | None) -> str:
+    """Separate the time of day, which the serial monitor of Arduino puts before each line."""
+    return text.replace(' -> ', delimiter or ' ')
 
 
 def _decoded(line: bytes) -> str:
@@ -354,7 +378,7 @@ def _nanoseconds(time: re.Match[str]) -> str:
     """Return a date and time as nanoseconds since 1970; what is none stays as it is."""
     day, clock, part, hours, minutes = time.groups('')
     try:
-        seconds = int(np.datetime64(f'{day}T{clock}', 's').astype(np.int64))
+        seconds = int(np.datetime64(f'{day or "1970-01-01"}T{clock}', 's').astype(np.int64))
     except ValueError:
         return time[0]
     ahead = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')

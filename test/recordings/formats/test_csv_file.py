@@ -297,12 +297,18 @@ def fields(form: str) -> str:
      f'{STAMP} 1 2 3 4 5 6\n', [STAMP]),
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
+    *((f'00:00:01.000 -> Ready\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
+        [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
+         for time in ('00:00:02.500', '00:00:03') for mark in marks] for marks in ',\t ')),
+    ('00:00:02 -> gx,gy,gz,ax,ay,az\n00:00:02.500 -> 1,2,3,4,5,6\n00:00:03 -> 1,2,3,4,5,6\n',
+     [2_500_000_000, 3_000_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
-        'tum-vi for dso', 'arduino', 'arduino, fast'])
+        'tum-vi for dso', 'arduino', 'arduino, fast',
+        *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -342,7 +348,9 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
     ('time,gx', ('2014-06-24T19:02:59.75Z,', '2014-06-24T19:03:00Z,')),
     ('"Timestamp","gx"', ('"2014-06-24 21:02:59.750000+02:00",', '2014-06-24T13:33:00-05:30,')),
     ('time;gx', ('2014-06-24 19:02:59,7500000001;', '2014-06-24 19:03:00;0,')),
-    ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'))])
+    ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,')),
+    # As pandas names an index.
+    (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'))])
 def test_times_that_are_written_as_dates_are_read(path, header, times):
     block, _ = read_text(path, f'{header}\n{times[0]}1\n{times[1]}2\n2014-06-31T00:00:00Z,3\n')
     assert block.header_ns.tolist() == [1403636579_750000000, 1403636580_000000000]
