@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _MOST = 2048
-"""Samples remembered in total (110 kB), chosen by their stamps. If the start of a repetition is
-lost, one of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
+"""Samples remembered in total (110 kB), one in so many. If the start of a repetition is lost, one
+of the next few samples is among them; after a day at 100 Hz, one of some thousands."""
 _SHORTEST_NS = 1_000_000_000
 """Recordings are longer than this; stamps that stand still are another fault."""
 
@@ -152,7 +152,8 @@ class Seen(Record):
 
     stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     samples: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
-    bits: int = 0  # one sample in 2**bits is remembered
+    every: int = 1  # one sample in so many is remembered
+    count: int = 0  # samples so far
     last_ns: int = 0
 
     def __post_init__(self) -> None:
@@ -168,7 +169,7 @@ class Seen(Record):
     def check(self) -> None:
         """Raise ValueError if the attributes are inconsistent."""
         if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
-                or not 0 <= self.bits < 64 or self.last_ns < 0):
+                or self.every < 1 or self.count < 0 or self.last_ns < 0):
             raise ValueError('what is remembered of earlier samples is damaged')
 
     def unseen(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
@@ -189,24 +190,21 @@ class Seen(Record):
                 yield block
 
     def _remember(self, block: ImuBlock) -> None:
-        fresh = block.header_ns > self.last_ns
-        kept = fresh & is_kept(block.header_ns, self.bits)
         first = 8   # remembered from the start, so that a repetition is recognized at once
-        if len(self.stamps) < first:
-            kept |= fresh & (np.cumsum(fresh) + len(self.stamps) <= first)
         # If the node joined in the middle, the beginning of the recording comes later.
-        begins = len(self.stamps) > 0 and block.header_ns[0] < self.stamps[0]
-        kept[:first] |= begins
-        if not kept.any():
-            return
-        parts = [(self.stamps, self.samples), (block.header_ns[kept], block.samples[kept])]
-        stamps, samples = zip(*(reversed(parts) if begins else parts), strict=True)
-        self.stamps, self.samples = np.concatenate(stamps), np.concatenate(samples)
+        if len(self.stamps) and block.header_ns[0] < self.stamps[0]:
+            self.stamps = np.concatenate((block.header_ns[:first], self.stamps))
+            self.samples = np.concatenate((block.samples[:first], self.samples))
+        else:
+            rows = np.arange(-self.count % self.every, len(block), self.every)
+            rows = rows[block.header_ns[rows] > self.last_ns]
+            self.stamps = np.concatenate((self.stamps, block.header_ns[rows]))
+            self.samples = np.concatenate((self.samples, block.samples[rows]))
+        self.count += len(block)
         while len(self.stamps) > _MOST:
-            self.bits += 1
-            kept = is_kept(self.stamps, self.bits)
-            kept[:first] = True
-            self.stamps, self.samples = self.stamps[kept], self.samples[kept]
+            self.every *= 2
+            self.stamps = np.concatenate((self.stamps[:first], self.stamps[first::2]))
+            self.samples = np.concatenate((self.samples[:first], self.samples[first::2]))
 
     def _begins_again(self, block: ImuBlock) -> int | None:
         """Return the row of the first sample if earlier ones are repeated, or None."""
