@@ -44,6 +44,7 @@ class Trait:
     units, observable : int
         Number of units that have the axis, and of units that show the quantity.
     median : float
+        That of the distribution fitted to all units except outliers.
     between : float
         Standard deviation between units, without measurement error.
     between_ci95 : (float, float)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import json
 from math import sqrt
 from pathlib import Path
+import re
 
 from browser import faults_of, needs_browser, pages_in_print
 from changed import only, UNSEEN, with_coefficient
@@ -139,6 +140,14 @@ def test_a_name_is_no_formula_in_the_table_and_failures_alone_are_reported(fleet
     nothing = Fleet({}, {}, fleet.failures)
     assert 'unit13' in fleet_html(nothing)
     assert json.loads(fleet_json(nothing))['units'] == []
+
+
+def test_what_one_unit_of_four_shifts_is_not_called_a_median(make_result):
+    fleet = Fleet({f'unit{n}': make_result(scale) for n, scale in enumerate((1, 1, 1, 16))})
+    text = shown(population_table(fleet, 140), 140)
+    # 2.406 times the fourth root of 16.
+    assert re.search(r'term +unit +centre .*\ngyro x +N +deg/sqrt\(h\) +4.81 ', text)
+    assert 'median' not in text + fleet_html(fleet).replace('line: median', '')
 
 
 @pytest.mark.slow

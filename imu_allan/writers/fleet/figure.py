@@ -57,7 +57,7 @@ def curves_figure(fleet: Fleet) -> 'Figure':
         grid = figure.add_gridspec(
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
             bottom=0.55 / figure.get_figheight(), top=1 - 1.15 / figure.get_figheight())
-        _heading(figure, f'Allan deviation of {len(fleet.results)} units',
+        _heading(figure, f'Allan deviation of {len(fleet.results)} units', 'median',
                  'in colour: outliers' if len(fleet.population.units) > len(_PALETTE) else
                  'each unit in its colour')
         drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
@@ -121,7 +121,7 @@ def units_figure(fleet: Fleet) -> 'Figure':
         grid = figure.add_gridspec(
             max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.62,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, 'Coefficients of every unit',
+        _heading(figure, 'Coefficients of every unit', 'centre',
                  'in colour: outliers · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
@@ -187,10 +187,10 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                        fontsize=8, color=COLOURS['ink'])
 
 
-def _heading(figure: 'Figure', title: str, more: str) -> None:
+def _heading(figure: 'Figure', title: str, line: str, more: str) -> None:
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
-    figure.text(0.02, 1 - 0.5 / height, f'line: median · band: nine in ten units · {more}',
+    figure.text(0.02, 1 - 0.5 / height, f'line: {line} · band: nine in ten units · {more}',
                 fontsize=8.5, va='center', color=COLOURS['soft'])
 
 

@@ -48,14 +48,16 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
 
     parts: list[RenderableType] = []
     if fleet.population.traits:
-        table = bare_table('axis', 'term', 'unit', 'median', '5 .. 95 %', 'spread', 'error',
+        table = bare_table('axis', 'term', 'unit', 'centre', '5 .. 95 %', 'spread', 'error',
                            '95/95', 'shown by', texts=3)
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
         parts += [table, *wrapped([
-            '5 .. 95 %: where nine in ten units lie. Spread: between units, measurement error '
-            'apart, or its 95 % upper limit where none shows. 95/95: 95 % of all such units keep '
-            'it, with 95 % confidence, where enough units are known'], width, 'dim')]
+            'Centre, and where nine in ten units lie (5 .. 95 %): of a fit to all units except '
+            'outliers. With fewer than five units, no number makes one an outlier. Spread: between '
+            'units, measurement error apart, or its 95 % upper limit where none shows. 95/95: 95 % '
+            'of all such units keep it, with 95 % confidence, where enough units are known'],
+            width, 'dim')]
     if fleet.unseen:
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
     parts += wrapped([', '.join(_counts(fleet))], width, 'bold')
