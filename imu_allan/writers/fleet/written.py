@@ -54,9 +54,10 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
             table.add_row(*cells(trait))
         parts += [table, *wrapped([
             'Centre, and where nine in ten units lie (5 .. 95 %): of a fit to all units except '
-            'outliers. With fewer than five units, no number makes one an outlier. Spread: between '
-            'units, measurement error apart, or its 95 % upper limit where none shows. 95/95: 95 % '
-            'of all such units keep it, with 95 % confidence, where enough units are known'],
+            'outliers. With fewer than five units, no number makes one an outlier. Spread: '
+            'between units, measurement error apart, or its 95 % upper limit where none shows. '
+            '95/95: 95 % of all such units keep it, with 95 % confidence, where enough units are '
+            'known'],
             width, 'dim')]
     if fleet.unseen:
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
