@@ -52,14 +52,15 @@ def joint_fits(records, dt, thermometers=None):
 
 def one_axis(estimator, rate_hz, fits=None):
     """Return the result of the only axis of an estimator, and the values of its warnings."""
-    [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits)
+    [(axis, remarks)] = axis_results(
+        estimator.finished(), rate_hz, [Quantity.ANGULAR_VELOCITY], fits)
     return axis, {remark.code: remark.values for remark in remarks}
 
 
 def axes_of(estimator, rate_hz):
     """Return the results of all axes of an estimator, as those of gyroscopes."""
     return [axis for axis, _ in axis_results(
-        estimator, rate_hz, [Quantity.ANGULAR_VELOCITY] * estimator.axes)]
+        estimator.finished(), rate_hz, [Quantity.ANGULAR_VELOCITY] * estimator.axes)]
 
 
 def several(records, rate_hz):

@@ -63,7 +63,7 @@ def of_samples(samples: Array, rate_hz: float, quantity: str = 'angular_velocity
     began = time.process_time()
     estimator = Estimator()
     estimator.update(samples)
-    [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity(quantity)])
+    [(axis, remarks)] = axis_results(estimator.finished(), rate_hz, [Quantity(quantity)])
     cpu_s = time.process_time() - began
     terms = {key: Said(c.value, c.ci95, c.upper95) for key, c in axis.coefficients.items()
              if key in TERMS}

@@ -114,6 +114,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     _require_once(np.asarray(samples))
     estimator = Estimator()
     estimator.update(samples)
+    estimator.finish()
     [(axis, remarks)] = axis_results(estimator, sample_rate_hz, [Quantity(quantity)])
     for remark in remarks:
         if remark.severity == 'act':
@@ -136,17 +137,16 @@ def _require_once(samples: NDArray[np.generic]) -> None:
                          'twice: give each once')
 
 
-def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
+def axis_results(finished: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
                  fits: Sequence[AxisFit | None] | None = None
                  ) -> list[tuple[AxisResult, list[Finding]]]:
     """
-    Fit every axis of an estimator, which is not modified.
+    Fit every axis of an estimator.
 
-    `estimator`: holds the samples. `quantities`: what each axis measures. `fits`: of every axis,
+    `finished`: holds the samples, all processed. `quantities`: what each axis measures. `fits`: of every axis,
     if they exist already, or do not come from the estimator alone. Returns: for each axis its
     result and the findings worth reporting, which do not name the axis.
     """
-    finished = estimator.finished()
     dt = 1.0 / sample_rate_hz
     points, signals = octaves(finished), _signals(finished, dt)
     found = []

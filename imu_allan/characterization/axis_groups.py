@@ -127,12 +127,12 @@ class Group(Record):
         estimator.update(samples, block.interpolated)
         self.end = block.first_index + len(block)
 
-    def finished(self, rate_hz: float) -> FinishedGroup:
-        """Return the data of the group, ready to be fitted."""
-        estimator = self.estimator.finished()
-        spectrum = estimator.periodogram
+    def finish(self, rate_hz: float) -> FinishedGroup:
+        """Process all samples, after which no more can be added, and return what is fitted."""
+        self.estimator.finish()
+        spectrum = self.estimator.periodogram
         return FinishedGroup(
-            [list(AXES)[column] for column in self.columns], estimator,
+            [list(AXES)[column] for column in self.columns], self.estimator,
             self.thermometer.temperature(spectrum.series, spectrum.cell, 1 / rate_hz))
 
 

@@ -214,14 +214,14 @@ class Characterization:
         """
         twin = self.snapshot()
         twin.finish()
-        return twin._record(twin.summary())
+        return twin._finished_record(twin.summary())
 
-    def _record(self, summary: TimelineSummary) -> FinishedRecord | None:
+    def _finished_record(self, summary: TimelineSummary) -> FinishedRecord | None:
         rate = summary.timeline.sample_rate_hz
         if not self._memory.groups or rate is None:
             return None
         return FinishedRecord(summary, rate, tuple(
-            group.finished(rate) for group in self._memory.groups))
+            group.finish(rate) for group in self._memory.groups))
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:
@@ -285,7 +285,7 @@ class Characterization:
                 f'{self.place}: the IMU moves during most of the recording. Record it at rest, '
                 'choose a still part with --start and --duration, or keep everything with '
                 f'--motion keep{mixed}')
-        record = twin._record(summary)
+        record = twin._finished_record(summary)
         # The reader may know why an axis has no values.
         given = [*remarks]
         known = {(remark.code, remark.axes) for remark in given}

@@ -8,7 +8,7 @@ import tracemalloc
 from typing import Any
 import warnings
 
-from characterized import characterized, messages, one_axis, several, taken_in
+from characterized import characterized, messages, one_axis, several, shown, taken_in
 from drifting_axes import axis_of as drifting
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results, characterize
@@ -79,7 +79,7 @@ def test_what_is_worth_telling_has_its_code():
 def test_steps_that_falsify_the_noise_density_are_to_be_acted_upon(step, severity):
     # Midway between two steps even the smallest noise is output as half a step.
     output = np.floor(WHITE / step) * step
-    [(axis, [said])] = axis_results(taken_in(output), RATE, [Quantity.ANGULAR_VELOCITY])
+    [(axis, [said])] = axis_results(shown(output), RATE, [Quantity.ANGULAR_VELOCITY])
     assert (said.code, said.severity) == ('coarse_resolution', severity)
     far_off = axis.coefficients['noise_density'].value > 1.2e-3
     assert far_off == (severity == 'act')

@@ -193,9 +193,13 @@ class Estimator(MultiAxis):
     def finished(self) -> 'Estimator':
         """Return a copy with all samples processed, ready to be fitted."""
         twin = self.copy()
-        twin._absorb()
-        twin.periodogram.finish()
+        twin.finish()
         return twin
+
+    def finish(self) -> None:
+        """Process all samples, after which no more can be added."""
+        self._absorb()
+        self.periodogram.finish()
 
     def select(self, axes: Sequence[int]) -> 'Estimator':
         """
