@@ -9,9 +9,9 @@ the estimator keeps in any case. That takes constant memory, and no second pass 
 Horizons are therefore multiples of a cell, some two seconds for a recording of three hours.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.record.bins import bins_of
@@ -135,38 +135,42 @@ def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable
             means = _averaged(part, size)
             if means.shape[1] < 2:
                 continue
-            filters = run_filters(spaces[size], means - means[:, :1])
+            means -= means[:, :1]
+            finest = size == next(iter(sizes))
+            outages = _outages(means.shape[1], size * cell_s) if finest else {}
+            filters = run_filters(spaces[size], means, {*chain(*outages.values())})
             # The first step only learns the bias.
             z = filters.innovation[:, 1:] ** 2 / filters.variance[:, 1:]
             total, steps = met.innovations[size * cell_s]
             met.innovations[size * cell_s] = total + z.sum(axis=1), steps + z.shape[1]
-            if size == next(iter(sizes)):
-                _coast(met, fed, filters, means - means[:, :1], size * cell_s)
+            _coast(met, fed, filters, means, outages, size * cell_s)
     return met
 
 
+def _outages(steps: int, step_s: float) -> dict[int, range]:
+    """Return the first steps of consecutive outages, by their number of steps."""
+    # Means may be longer than a horizon: the sensor has one sample in several seconds.
+    return {size: range(size, steps - size + 1, size)
+            for horizon in COASTS_S if (size := round(horizon / step_s))}
+
+
 def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters: Filtered,
-           means: Array, step_s: float) -> None:
+           means: Array, outages: Mapping[int, range], step_s: float) -> None:
     """Add predicted and observed deviations of the mean over horizons without correction."""
-    for horizon in COASTS_S:
-        size = round(horizon / step_s)
-        if not size:
-            # Means are longer than the horizon: the sensor has one sample in several seconds.
-            continue
-        starts = np.arange(size, means.shape[1] - size + 1, size)
-        total = np.concatenate((np.zeros((len(fed), 1)), np.cumsum(means, axis=1)), axis=1)
-        actual = (total[:, starts + size] - total[:, starts]) / size
-        predicted, squared, outages = met.coasts.get(size * step_s, (0.0, 0.0, 0))
+    total = np.concatenate((np.zeros((len(fed), 1)), np.cumsum(means, axis=1)), axis=1)
+    for size, starts in outages.items():
+        predicted, squared, before = met.coasts.get(size * step_s, (0.0, 0.0, 0))
         more = np.zeros((2, len(fed)))
-        for lane, (model, tones) in enumerate(fed):
+        for lane, (model, tones) in enumerate(fed if starts else ()):
             over = space_of(model, tones, size * step_s)
             weight, rest = over.observation[0], over.measurement[0, 0]
             n = len(weight)
-            error = actual[lane] - filters.state[lane, starts, :n] @ weight
-            variance = np.einsum('i,kij,j->k', weight,
-                                 filters.covariance[lane, starts, :n, :n], weight) + rest
-            more[:, lane] = variance.sum(), np.square(error).sum()
-        met.coasts[size * step_s] = predicted + more[0], squared + more[1], outages + len(starts)
+            state, covariance = (np.stack([part[lane] for part in parts]) for parts in zip(
+                *(filters.before[start] for start in starts), strict=True))
+            actual = (total[lane, size:][starts] - total[lane, starts]) / size
+            variance = np.einsum('i,kij,j->k', weight, covariance[:, :n, :n], weight) + rest
+            more[:, lane] = variance.sum(), np.square(actual - state[:, :n] @ weight).sum()
+        met.coasts[size * step_s] = predicted + more[0], squared + more[1], before + len(starts)
 
 
 def segments(series: Cells, cell: int) -> list[Array]:

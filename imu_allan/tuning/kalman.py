@@ -7,7 +7,7 @@ All axes and both directions of a test run in one loop. A step costs a dozen ope
 arrays, whether one filter runs or twenty.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 from imu_allan.arguments import drift_model_of
@@ -26,17 +26,18 @@ class Filtered:
     # (filters, steps): mean minus prediction; NaN where the mean is missing
     innovation: Array
     variance: Array    # (filters, steps): predicted variance of the innovation
-    state: Array    # (filters, steps, states): before each step
-    covariance: Array    # (filters, steps, states, states): predicted covariance of the state
+    # By step: state before it, (filters, states), and its covariance, (filters, states, states)
+    before: dict[int, tuple[Array, Array]]
 
 
-def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
+def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] = frozenset()
+                ) -> Filtered:
     """
     Run the Kalman filter of each state space over its consecutive means, NaN where missing.
 
     A space with fewer states than others has zeros after its last one. Let x, P be before a step,
     and y its mean. Then ``S = H P H' + R``, ``G = (A P H' + C)/S``, ``x = A x + G (y - H x)`` and
-    ``P = A P A' + Q - G S G'``.
+    ``P = A P A' + Q - G S G'``. x and P are kept for the steps in `kept`.
     """
     series = np.asarray(means, dtype=np.float64)
     lanes, steps = series.shape
@@ -51,11 +52,11 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     r = np.array([float(space.measurement[0, 0]) for space in spaces])
     both = decay[:, :, None] * decay[:, None, :]
     x = np.zeros((lanes, n))
-    found = Filtered(np.empty((lanes, steps)), np.empty((lanes, steps)),
-                     np.empty((lanes, steps, n)), np.empty((lanes, steps, n, n)))
+    found = Filtered(np.empty((lanes, steps)), np.empty((lanes, steps)), {})
     there = np.isfinite(series)
     for k in range(steps):
-        found.state[:, k], found.covariance[:, k] = x, p
+        if k in kept:
+            found.before[k] = x, p
         ph = (p * h[:, None, :]).sum(axis=2)
         predicted = (h * ph).sum(axis=1) + r
         innovation = series[:, k] - (h * x).sum(axis=1)

@@ -110,14 +110,16 @@ def test_many_filters_run_as_each_does_alone():
               state_space(axis_of(2e-3), 1.0)]
     series = np.stack([simulate({'noise_density': 1e-3}, 50, 1.0, seed) for seed in (1, 2)])
     series[1, 20:24] = np.nan
-    both = run_filters(spaces, series)
+    both = run_filters(spaces, series, {30})
     for lane, space in enumerate(spaces):
-        alone = run_filters([space], series[lane:lane + 1])
+        alone = run_filters([space], series[lane:lane + 1], {30})
         n = len(space.transition)
         np.testing.assert_array_equal(both.innovation[lane], alone.innovation[0])
         np.testing.assert_allclose(both.variance[lane], alone.variance[0], rtol=1e-14)
-        np.testing.assert_allclose(both.state[lane, :, :n], alone.state[0], rtol=1e-12)
-        assert not both.state[lane, :, n:].any()
+        for together, own in zip(both.before[30], alone.before[30], strict=True):
+            inside = (slice(n),) * own[0].ndim
+            np.testing.assert_allclose(together[lane][inside], own[0], rtol=1e-12)
+            assert not together[lane][n:].any()
 
 
 BEFORE, AFTER, POINTS = 7.0, 20.0, 2700
