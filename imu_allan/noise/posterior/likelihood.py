@@ -222,8 +222,8 @@ def batches(rows: Rows) -> list[Index]:
     for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
         # A few rows are faster to compute in a batch with slots they lack than in their own.
         if end - begin >= 24 or end == len(order) > begin:
-            # At most 192 rows stay in the cache.
-            found += np.array_split(order[begin:end], -(-(end - begin) // 192))
+            # At most 64 rows stay in the cache.
+            found += np.array_split(order[begin:end], -(-(end - begin) // 64))
             begin = end
     return found
 
