@@ -109,14 +109,14 @@ class Known(Record):
         if any(block.frame_id != self.frame_id for block in blocks) or not self.rate_hz:
             # Messages with another frame_id say nothing about the rate.
             return False
-        for some in (blocks, [*self._recent, *blocks]):
+        # The measured rate of few messages varies with jitter, by so many intervals.
+        for some, jitter in (blocks, 4), ([*self._recent, *blocks], 1):
             stamps = self._stamps(some)
             if len(stamps) < FEWEST_MESSAGES:
                 continue
             span_s = float(stamps[-1] - stamps[0]) * 1e-9
             counted = (len(stamps) - 1) / span_s if span_s > 0 else 0.0
-            # The measured rate of few messages varies with jitter.
-            allowed = RATE_TOLERANCE + 4 / len(stamps)
+            allowed = RATE_TOLERANCE + jitter / len(stamps)
             if (abs(counted / self.rate_hz - 1) > allowed
                     and self._rate_difference(some) > allowed):
                 return True
