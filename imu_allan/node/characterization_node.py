@@ -361,7 +361,7 @@ class CharacterizationNode(AnyExecutorNode):
         if all(done):
             self._storage.finish_run()
         self._storage.close()
-        return all(done)
+        return all(done) and not self._facts.save_error
 
     def _attempt(self, step: Callable[[], object]) -> bool:
         try:

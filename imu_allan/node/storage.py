@@ -106,6 +106,9 @@ class Storage:
             self._note_aside(error, self._state_file.keep_aside(error.reason))
             return new_run(self._setup)
         longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
+        if not longest_s:
+            # Nothing to go on with, as after a reset.
+            return run
         self.has_resumed = True
         self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
         if self._unasked:
@@ -277,7 +280,8 @@ class Storage:
         except NothingToSave as error:
             self._log.info(str(error))
         except IncompleteSave:
-            return False
+            # All that the result permits is written, so the run is over.
+            return True
         except ImuAllanError:
             for folder in other_folders(self._state_file.path if self._state_file else None):
                 with suppress(ImuAllanError):

@@ -144,6 +144,10 @@ def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most
     node.popen.kill()
     node.wait()
     assert kept_in(state_file).messages == 0
+    node = start(ros)
+    ros.until(lambda: f'characterizing the IMU on {driver.topic}' in node.lines)
+    # Of a run without samples nothing is resumed.
+    assert node.lines[0] == f'characterizing the IMU on {driver.topic}'
     assert {path.name for path in ros.folder.glob('*state*')} == {'state', 'state.lock'}
 
 
@@ -193,7 +197,14 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
     ros.until(lambda: health.number('reception', 'received') == 1000)
     assert again.stop() == 0, again.log
     assert max(document['timeline']['samples'] for document in ros.results()) == 3000
-    assert start_at_home(ros).lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
+    # Few samples permit no configuration, but the run is over too.
+    few = start_at_home(ros)
+    driver.wait_for_node()
+    driver.publish(40)
+    ros.until(lambda: health.number('reception', 'received') == 40)
+    assert few.stop() == 1, few.log
+    for node in few, start_at_home(ros):
+        assert node.lines[0] == f'characterizing the IMU on {driver.topic}'
 
 
 SETUP = Setup('/imu', TimelineOptions())
