@@ -5,46 +5,25 @@
 from dataclasses import replace
 
 from changed import UNSEEN, with_axes, with_coefficient
+from exact_results import axis_result, build_result
 from imu_allan.fleet.names import distinct_labels, name_pattern, natural, unit_name
 from imu_allan.fleet.population import population
-from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import (
-    AxisResult,
-    Coefficient,
-    Curve,
-    GoodnessOfFit,
-    Result,
-    Source,
-    Timeline,
-)
+from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
 
-TRUTH = {'noise_density': (1e-4, 0.05, 0.002), 'bias_instability': (2e-5, 0.2, 0.08)}
-"""Median, and the relative spread between units and of measuring."""
+TRUTH = {'noise_density': (1e-4, 0.05, 0.001), 'bias_instability': (2e-5, 0.2, 0.04)}
+"""Median, and the relative spread between units and of measuring, half that of an interval."""
 
 
 def unit(rng, **factors):
     """Make a unit, whose axes may be noisier by a factor."""
-    axes = {}
-    for name, quantity in AXES.items():
-        coefficients = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, 1e-6)
-                        for key, term in TERMS.items()}
-        for key, (median, between, error) in TRUTH.items():
-            value = median * factors.get(name, 1.0) * float(
-                np.exp(between * rng.normal() + error * rng.normal()))
-            half = float(np.exp(1.96 * error))
-            coefficients[key] = replace(coefficients[key], observable=True, value=value,
-                                        ci95=(value / half, value * half), upper95=None)
-        tau = tuple((2.0 ** np.arange(14) / 100).tolist())
-        adev = tuple(coefficients['noise_density'].value / t**0.5 for t in tau)
-        pairs = tuple((a * 0.9, a * 1.1) for a in adev)
-        axes[name] = AxisResult(quantity.value, quantity.unit, float(0.01 * rng.normal()), None,
-                                (), coefficients, GoodnessOfFit(0.5, 0.0, True),
-                                Curve(tau, adev, adev, pairs, pairs, adev))
-    return Result('0.1.0', Source('recording', 'unit', '/imu', 'imu', None, 'header'),
-                  Timeline(100.0, 360_000, 3600.0), axes)
+    return build_result(axes={name: axis_result(name, {
+        key: median * factors.get(name, 1.0) * float(
+            np.exp(between * rng.normal() + error * rng.normal()))
+        for key, (median, between, error) in TRUTH.items()}, mean=float(0.01 * rng.normal()))
+        for name in AXES})
 
 
 @pytest.fixture
@@ -54,7 +33,7 @@ def fleet():
     results = {f'unit{number}': unit(rng, **({'gyro_y': 1.6} if number == 7 else {}))
                for number in range(1, 41)}
     results['unit23'] = with_axes(results['unit23'], 'accel_x', curve=lambda axis: replace(
-        axis.curve, adev=(0.0,) * 14))
+        axis.curve, adev=(0.0,) * len(axis.curve.tau_s)))
     return results
 
 
@@ -98,7 +77,7 @@ def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
         density = traits[axis, 'noise_density']
         assert density.median == pytest.approx(1e-4, rel=0.03)
         assert density.between == pytest.approx(5e-6, rel=0.3)
-        assert density.measurement == pytest.approx(0.002e-4, rel=0.1)
+        assert density.measurement == pytest.approx(0.00102e-4, rel=0.1)
         assert density.units == density.observable == 40
         instability = traits[axis, 'bias_instability']
         assert instability.between_ci95[0] < 0.2 * 2e-5 < instability.between_ci95[1]

@@ -7,6 +7,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from changed import with_axes
+from exact_results import axis_result
 import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline
@@ -88,13 +89,15 @@ def test_the_strip_shows_a_warm_up_gaps_and_motion_at_their_time(result):
         assert sum(shown) == pytest.approx(0, abs=1e-9)
 
 
-def test_odd_results_are_drawn_too(result, make_axis):
-    nothing = Curve((), (), (), (), (), ())
+def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, recwarn):
+    nothing, nasty = Curve((), (), (), (), (), ()), '$\\frac{$ \x1b[0m \u4e2d \\undefined'
     odd = replace(result, axes={
-        'gyro_x': make_axis('gyro_x', {}, curve=nothing),
-        'gyro_z': make_axis('gyro_z', {}, curve=FLAT)},
-        timeline=Timeline(None, 0, 0.0), source=Source('topic', None, None, None, None, None))
-    assert plot.render(plot.overview_figure(odd), 'png', 40)
+        'gyro_x': axis_result('gyro_x', {}, curve=nothing),
+        'gyro_z': axis_result('gyro_z', {}, curve=FLAT)},
+        timeline=Timeline(None, 0, 0.0), source=Source('topic', nasty, nasty, nasty, nasty, None),
+        warnings=(Finding('x', message=nasty),))
+    ElementTree.fromstring(plot.render(plot.overview_figure(odd), 'svg'))
+    assert not [one for one in recwarn if 'lyph' in str(one.message)]
     assert plot.render(plot.sensor_figure(odd, 'gyro'), 'png', 40)
     assert ('gyro z: every sample is the same, there is no noise to draw; gyro x: too few samples'
             in texts_of(plot.overview_figure(odd)))
@@ -104,15 +107,6 @@ def test_odd_results_are_drawn_too(result, make_axis):
         plot.sensor_figure(odd, 'accel')
     with refused('no axis of the result has an Allan deviation above zero to draw'):
         plot.paper_figure(odd, 8.5)
-
-
-def test_names_from_a_recording_are_text_and_not_formulas(result, recwarn):
-    nasty = '$\\frac{$ \x1b[0m \u4e2d \\undefined'
-    named = replace(result, source=Source('recording', nasty, nasty, nasty, nasty, 'header'),
-                    warnings=(Finding('x', message=nasty),))
-    svg = plot.render(plot.overview_figure(named), 'svg')
-    ElementTree.fromstring(svg)
-    assert not [w for w in recwarn if 'lyph' in str(w.message)]
 
 
 def test_drawing_needs_no_display_and_no_pyplot():
