@@ -4,7 +4,7 @@
 
 from itertools import pairwise
 
-from bags import assert_same
+from bags import assert_same, block
 from hypothesis import given, settings, strategies as st
 from imu_allan import cdr
 from imu_allan.block import ImuBlock
@@ -17,13 +17,6 @@ from whole_lines import refused
 
 FRAMES = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=40)
 SERIALIZATIONS = st.sampled_from([('cdr', '<'), ('cdr', '>'), ('ros1', '<')])
-
-
-def block(count: int, frame_id: str = 'imu_link', seed: int = 0) -> ImuBlock:
-    noise = np.random.default_rng(seed)
-    header = 1_700_000_000_000_000_000 + np.arange(count, dtype=np.int64) * 1_000_003
-    return ImuBlock(header, header + 17, noise.normal(size=(count, 6)),
-                    noise.random((count, 2)) < 0.3, frame_id)
 
 
 MESSAGE = encode_imu(5, np.arange(6.), 'imu')
@@ -40,6 +33,7 @@ def decoded(message: bytes) -> ImuBlock:
 def test_decoding_what_was_encoded_gives_every_bit_back(
         frame_id, serialization, count, sec, nanosec, sample):
     before = block(count, frame_id)
+    before.absent[::2, 0] = before.absent[::3, 1] = True
     before.header_ns[0] = (sec if serialization[0] == 'cdr' else abs(sec)) * 10**9 + nanosec
     before.samples[0] = sample
     rows = encode_imu_rows(before, *serialization)
@@ -72,7 +66,7 @@ def test_agrees_with_rosbags(frame_id, little_endian):
 
 @given(st.lists(st.sampled_from(['imu', 'gyro', 'imu_a', 'a_much_longer_frame']), max_size=30))
 def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
-    parts = [block(1, frame, seed) for seed, frame in enumerate(frames)]
+    parts = [block(1, frame, first) for first, frame in enumerate(frames)]
     messages = [encode_imu_rows(part).tobytes() for part in parts]
     receive = np.arange(len(parts), dtype=np.int64)
     blocks = blocks_from_messages(messages, receive)
@@ -116,25 +110,10 @@ def test_rows_that_differ_anywhere_in_a_span_are_distinguished(size, start, data
     assert like is None or like.tolist() == expected.tolist()
 
 
-@settings(max_examples=300)
-@given(st.integers(0, 315), st.integers(0, 255))
-def test_a_changed_byte_gives_a_message_or_a_refusal(place, value):
-    message = bytearray(MESSAGE)
-    message[place] = value
-    try:
-        before = decoded(bytes(message))
-    except cdr.MalformedImu:
-        assert place in {0, 1, *range(12, 16)}
-        return
-    assert_same(before, decoded(encode_imu_rows(before).tobytes()))
-
-
 def test_megabytes_of_frame_id_are_shortened_where_they_come_in():
-    one = ImuBlock(np.array([1]), np.array([2]), np.ones((1, 6)), np.zeros((1, 2), np.bool_),
-                   'a' * 500_000 + 'b' * 500_000)
-    [block] = decode_imu_rows(encode_imu_rows(one), one.receive_ns)
-    assert block.frame_id == 'a' * 99 + '…' + 'b' * 99
-    assert block.samples.tolist() == one.samples.tolist()
+    after = decoded(encode_imu(1, np.ones(6), 'a' * 500_000 + 'b' * 500_000))
+    assert after.frame_id == 'a' * 99 + '…' + 'b' * 99
+    assert after.samples.tolist() == [[1] * 6]
 
 
 def test_a_stamp_that_no_message_can_hold_is_not_written():

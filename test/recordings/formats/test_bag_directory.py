@@ -96,18 +96,17 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     assert refusal(split_bag) == f'{missing}, or name renamed.mcap itself'
 
 
-@pytest.mark.parametrize(('write', 'suffix'), [(write_mcap, 'mcap'), (write_db3, 'db3')])
-def test_files_compressed_as_a_whole_are_read(tmp_path, write, suffix):
-    names = [compress(write(tmp_path / f'bag_{number}.{suffix}', block(500, first=500 * number))
+def test_files_compressed_as_a_whole_are_read(tmp_path):
+    names = [compress(write_mcap(tmp_path / f'bag_{number}.mcap', block(500, first=500 * number))
                       ).name for number in range(3)]
-    write_metadata(tmp_path, names, [('/imu', IMU, 1500)],
-                   compression_format='zstd', compression_mode='FILE')
-    after, remarks = read(tmp_path)
-    assert_same(block(1500), after)
-    assert remarks == []
     # rosbag2 of Foxy listed the names without their last suffix.
-    write_metadata(tmp_path, [name.removesuffix('.zstd') for name in names], [('/imu', IMU, 1500)])
-    assert_same(block(1500), read(tmp_path)[0])
+    for suffix in ('.zstd', ''):
+        write_metadata(
+            tmp_path, [name.removesuffix(suffix) for name in names], [('/imu', IMU, 1500)],
+            compression_format='zstd', compression_mode='FILE')
+        after, remarks = read(tmp_path)
+        assert_same(block(1500), after)
+        assert remarks == []
 
 
 def packed_gigabyte(size: int) -> bytes:
@@ -162,8 +161,7 @@ def test_messages_compressed_one_by_one_are_read(tmp_path):
     assert_same(bags.joined([block(7), block(292, first=8)]), after)
 
 
-@pytest.mark.parametrize('listed', [
-    '../../outside.mcap', '/etc/outside.mcap', 'bag/outside.mcap', './outside.mcap'])
+@pytest.mark.parametrize('listed', ['../../outside.mcap', '/etc/outside.mcap'])
 def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
     write_mcap(tmp_path / 'outside.mcap', block(5))
     folder = tmp_path / 'bag' / 'inner'
@@ -172,25 +170,22 @@ def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
     assert refusal(folder) == 'missing outside.mcap' + NO_FILE
 
 
-def test_what_is_no_bag_directory_is_refused(tmp_path):
-    assert refusal(tmp_path) == 'an empty folder; name a recording'
-    reason = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
-    (tmp_path / 'notes.txt').touch()
-    assert refusal(tmp_path) == reason
-    (tmp_path / 'a.bag').touch()
-    assert refusal(tmp_path) == f'{reason}; name {tmp_path}/a.bag'
+NO_BAG = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
 
 
-def test_a_folder_of_data_sets_names_the_file_that_may_be_an_imu(tmp_path):
-    for sensor in ('cam0', 'imu0'):
-        (tmp_path / 'mav0' / sensor).mkdir(parents=True)
-        (tmp_path / 'mav0' / sensor / 'data.csv').touch()
-    assert refusal(tmp_path).endswith(f'; name {tmp_path}/mav0/imu0/data.csv')
-    many = tmp_path / 'mav0' / 'oxts'
-    many.mkdir()
-    for number in range(101):
-        (many / f'{number}.txt').touch()
-    assert refusal(many).endswith('; of text files with one sample each make one CSV')
+@pytest.mark.parametrize(('files', 'reason'), [
+    ([], 'an empty folder; name a recording'), (['notes.txt'], NO_BAG),
+    (['notes.txt', 'a.bag'], f'{NO_BAG}; name {{}}/a.bag'),
+    ([f'mav0/{sensor}/data.csv' for sensor in ('cam0', 'imu0')],
+     f'{NO_BAG}; name {{}}/mav0/imu0/data.csv'),
+    ([f'oxts/{number}.txt' for number in range(101)],
+     f'{NO_BAG}; of text files with one sample each make one CSV')],
+    ids=['nothing', 'notes', 'a bag', 'data sets', 'samples'])
+def test_a_folder_that_is_no_bag_names_the_file_that_may_be_a_recording(tmp_path, files, reason):
+    for file in files:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).touch()
+    assert refusal(tmp_path) == reason.replace('{}', str(tmp_path))
 
 
 def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
@@ -211,12 +206,7 @@ EXPANDING = {
         for level in range(1, 12)),
     'aliases': 'a0: &a0 [x]\n' + ''.join(
         f'a{level}: &a{level} [{", ".join([f"*a{level - 1}"] * 9)}]\n' for level in range(1, 12)),
-    'base of 60': 'x: 1' + ':59' * 300_000 + '\n',
-    'digits': 'x: ' + '9' * 6000 + '\n',
-    'keys': ''.join(f'k{number}: 1\n' for number in range(60_000)),
-    'size': 'x: "' + 'y' * 2_000_000 + '"\n',
     'one key many times': 'x: 1\n' * 16_000,
-    'objects': 'x: !!python/object/apply:os.system ["true"]\n',
 }
 
 

@@ -344,23 +344,23 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
     assert messages.samples[0, [0, 3]] == pytest.approx([pi, 1.0], rel=1e-15)
 
 
-@pytest.mark.parametrize(('header', 'times'), [
-    ('time,gx', ('2014-06-24T19:02:59.75Z,', '2014-06-24T19:03:00Z,')),
-    ('"Timestamp","gx"', ('"2014-06-24 21:02:59.750000+02:00",', '2014-06-24T13:33:00-05:30,')),
-    ('time;gx', ('2014-06-24 19:02:59,7500000001;', '2014-06-24 19:03:00;0,')),
-    ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,')),
+SUMMER = [1403636579_750000000, 1403636580_000000000]
+
+
+@pytest.mark.parametrize(('header', 'times', 'stamps'), [
+    ('time,gx', ('2014-06-24T19:02:59.75Z,', '2014-06-24T19:03:00Z,'), SUMMER),
+    ('"Timestamp","gx"',
+     ('"2014-06-24 21:02:59.750000+02:00",', '2014-06-24T13:33:00-05:30,'), SUMMER),
+    ('time;gx', ('2014-06-24 19:02:59,7500000001;', '2014-06-24 19:03:00;0,'), SUMMER),
+    ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
     # As pandas names an index.
-    (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'))])
-def test_times_that_are_written_as_dates_are_read(path, header, times):
+    (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
+    # A logger without a battery.
+    ('time,gx', ('1970-01-01T01:59:59.99+02:00,', '1970-01-01T02:00:00.00+02:00,'),
+     [-10_000_000, 0])])
+def test_times_that_are_written_as_dates_are_read(path, header, times, stamps):
     block, _ = read_text(path, f'{header}\n{times[0]}1\n{times[1]}2\n2014-06-31T00:00:00Z,3\n')
-    assert block.header_ns.tolist() == [1403636579_750000000, 1403636580_000000000]
-
-
-def test_dates_of_a_logger_without_a_battery_are_read(path):
-    rows = [f'1970-01-01T{second}.{part:02}+02:00,1\n'
-            for second in ('01:59:59', '02:00:00') for part in range(100)]
-    block, _ = read_text(path, ''.join(['time,gx\n', *rows]))
-    assert block.header_ns.tolist() == [*range(-10**9, 10**9, 10**7)]
+    assert block.header_ns.tolist() == stamps
 
 
 @pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])

@@ -15,7 +15,6 @@ import threading
 
 from bags import assert_same, block, FailingRecording, joined
 from hypothesis import given, strategies as st
-from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
@@ -49,41 +48,37 @@ def threads() -> int:
 
 @pytest.mark.parametrize(('storage', 'compression'), [
     ('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')])
-def test_the_messages_are_those_that_this_process_reads(tmp_path, storage, compression):
-    bag = write_recording(tmp_path / 'bag', [MESSAGES], storage=storage, compression=compression)
+def test_the_messages_are_those_that_were_written_and_a_frame_id_begins_a_block(
+        tmp_path, storage, compression):
+    parts = [replace(MESSAGES.part(slice(a, b)), frame_id=name)
+             for a, b, name in [(0, 10, 'one'), (10, 40_000, 'two'), (40_000, 50_000, 'three')]]
+    bag = write_recording(tmp_path / 'bag', parts, storage=storage, compression=compression)
     before = children()
     with open_recording(bag) as recording:
         blocks = read_blocks(recording, choose_topic(recording))
         assert len(children()) == len(before) + 1
-        assert_same(MESSAGES, joined(list(blocks)))
+        after = groupby(blocks, lambda block: block.frame_id)
+        for part, (_, found) in zip(parts, after, strict=True):
+            assert_same(part, joined(found))
         assert children() == before
         assert recording.remarks == []
 
 
-def test_every_change_of_frame_id_begins_a_block(tmp_path):
-    parts = [replace(MESSAGES.part(slice(a, b)), frame_id=name)
-             for a, b, name in [(0, 10, 'one'), (10, 20_000, 'two'), (20_000, 20_001, 'one')]]
-    bag = write_recording(tmp_path / 'bag', parts)
-    with open_recording(bag) as recording:
-        after = list(read_blocks(recording, choose_topic(recording)))
-    assert [name for name, _ in groupby(block.frame_id for block in after)] == [
-        'one', 'two', 'one']
-    for name in ('one', 'two'):
-        assert_same(joined([part for part in parts if part.frame_id == name]),
-                    joined([block for block in after if block.frame_id == name]))
-
-
+@pytest.mark.parametrize('read', [
+    reading_process.read_in_process,
+    lambda recording, topic: read_ahead(larger_blocks(recording.decoded(topic)))],
+    ids=['process', 'thread'])
 @pytest.mark.parametrize('error', [
     ImuAllanError('bag: this and that'), OSError(5, 'Input/output error'),
     ZeroDivisionError('a defect')], ids=lambda error: type(error).__name__)
-def test_an_exception_comes_after_the_blocks_before_it(error):
-    blocks = reading_process.read_in_process(FailingRecording(MESSAGES, error), '/imu')
+def test_an_exception_comes_after_the_blocks_before_it(read, error):
     taken = []
     with pytest.raises(type(error)) as caught:
-        taken.extend(block for block, _ in blocks)
+        taken.extend(block for block, _ in read(FailingRecording(MESSAGES, error), '/imu'))
     assert str(caught.value) == str(error)
     assert_same(MESSAGES, joined(taken))
-    if isinstance(error, ZeroDivisionError):
+    assert threads() == 0
+    if isinstance(error, ZeroDivisionError) and read is reading_process.read_in_process:
         # A defect shows where it is.
         assert 'in decoded' in str(caught.value.__cause__)
 
@@ -125,22 +120,6 @@ def test_a_thread_reads_where_a_process_cannot_or_need_not(tmp_path, monkeypatch
         assert threads() > 0
         assert children() == before
         assert_same(MESSAGES, joined([first, *blocks]))
-
-
-def test_an_exception_comes_after_the_items_before_it():
-    def failing() -> Iterator[tuple[ImuBlock, int]]:
-        yield block(3), 1
-        yield block(2, first=3), 2
-        raise OSError('disk on fire')
-
-    ahead, larger = read_ahead(failing()), larger_blocks(failing())
-    assert [next(ahead)[1], next(ahead)[1]] == [1, 2]
-    # Blocks are joined.
-    assert_same(block(5), next(larger)[0])
-    for stream in (ahead, larger):
-        with refused('disk on fire', OSError):
-            next(stream)
-    assert threads() == 0
 
 
 def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
