@@ -111,7 +111,7 @@ def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys)
     assert result.source.path == str(path)
     assert result.source.start_time is None
     assert origin_of(result) == ['time column']
-    assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr').text
+    assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr')
     assert main(['info', result.source.path]) == 0
     shown = capsys.readouterr().out
     assert ('  clock       time column: each stamp shows its place, single missing samples are '

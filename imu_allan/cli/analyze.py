@@ -224,7 +224,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         except ImuAllanError as error:
             unsaved = error
     configurations = [] if task.folder is not None else [
-        export(result, consumer).text for consumer in args.consumers]
+        export(result, consumer) for consumer in args.consumers]
     table = sys.stderr if configurations else sys.stdout
     if brief:
         print(line(task.unit, result))

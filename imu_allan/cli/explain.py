@@ -25,7 +25,6 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the explanation of a code, or a list of all codes."""
-    import sys
     from textwrap import fill
 
     from imu_allan.writers.sentences import WORDS
@@ -46,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         shown = printable(given) if given.strip() else repr(given)
         raise ImuAllanError(f'{shown}: no finding has this code{hint} '
                             '(all: imu_allan explain)')
-    columns = columns_of(sys.stdout) or 80
+    columns = columns_of() or 80
     print('\n\n'.join('\n'.join(
         fill(line, columns, subsequent_indent='  ', break_on_hyphens=False)
         for line in explained(code)) for code in codes))

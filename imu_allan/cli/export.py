@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         text = export(result, args.consumer, None, ExportOptions(
             args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
-            args.inflate)).text
+            args.inflate))
     except ImuAllanError as error:
         # The user knows the options, not the names of the library's arguments.
         said = re.sub(rf'\b({"|".join(options)})\b', lambda name: options[name[1]], str(error))

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units of one model as a population: the spread of every coefficient, and outliers."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from math import exp, log, sqrt
-from statistics import median
+from statistics import median, median_high
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.fleet.names import natural
@@ -216,28 +216,25 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
 
 def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
     unit = AXES[axis].unit if key == MEAN else TERMS[key].unit(AXES[axis])
-    errors = sorted(sample.errors.values())
-    typical = errors[len(errors) // 2]
+    percentiles = {percent: effects.percentile(percent / 100) for percent in PERCENTILES}
+    in_si: Callable[[float], float] = float if key in _SIGNED else exp
+    scale = 1.0 if key in _SIGNED else exp(effects.mean)
     # A limit this many times above nearly all units says nothing: too few are known.
     most = 10.0
     if key in _SIGNED:
         # Two-sided limits: half of the share outside lies on each side.
-        share = (1 + TOLERANCE_SHARE) / 2
-        above = effects.tolerance(share, TOLERANCE_CONFIDENCE)
-        below = 2 * effects.mean - above
-        percentiles = {percent: effects.percentile(percent / 100) for percent in PERCENTILES}
-        limit = max(abs(above), abs(below))
-        return Trait(axis, key, unit, sample.units, len(sample.values), effects.mean,
-                     effects.between, effects.between_ci95, typical, percentiles,
-                     limit if limit <= most * max(map(abs, percentiles.values())) else None)
-    middle = exp(effects.mean)
+        above = effects.tolerance((1 + TOLERANCE_SHARE) / 2, TOLERANCE_CONFIDENCE)
+        limit = max(abs(above), abs(2 * effects.mean - above))
+        vague = limit > most * max(map(abs, percentiles.values()))
+    else:
+        limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
+        vague = limit > percentiles[PERCENTILES[-1]] + log(most)
     low, high = effects.between_ci95
-    limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
-    vague = limit > effects.percentile(PERCENTILES[-1] / 100) + log(most)
-    return Trait(axis, key, unit, sample.units, len(sample.values), middle,
-                 middle * effects.between, (middle * low, middle * high), middle * typical,
-                 {percent: exp(effects.percentile(percent / 100)) for percent in PERCENTILES},
-                 None if vague else exp(limit))
+    return Trait(axis, key, unit, sample.units, len(sample.values), in_si(effects.mean),
+                 scale * effects.between, (scale * low, scale * high),
+                 scale * median_high(sample.errors.values()),
+                 {percent: in_si(value) for percent, value in percentiles.items()},
+                 None if vague else in_si(limit))
 
 
 def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tuple[str, str | None]]

@@ -83,10 +83,10 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
                   round(INTERVALS_S[0] / cell_s))
     rows, cell_s = _averaged(rows, coarsen), cell_s * coarsen
     half = rows.shape[1] // 2
+    found: list[Backtest | None] = [None] * axes
     # The record must hold enough unaided spans in each half.
     if 2 * half * cell_s < 600.0:
-        return [None] * axes
-    found: list[Backtest | None] = [None] * axes
+        return found
     parts = rows[:, :half], rows[:, half:2 * half]
     models = [[_fitted(row, cell_s) for row in part] for part in parts]
     good = [axis for axis in range(axes) if models[0][axis] and models[1][axis]]

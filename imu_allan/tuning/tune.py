@@ -19,7 +19,7 @@ processes from the Allan variance). T. Gneiting, A. Raftery, JASA 102 (2007) (sc
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -137,13 +137,10 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
     True
 
     """
-    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
+    times = _times(aiding_interval_s, coast_s, correlation_time_s)
     if not isinstance(bias, str) or bias not in ('random_walk', 'gauss_markov'):
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
-    if correlation_time_s is not None:
-        correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
-    return _tune(_drifting(axis), aiding_interval_s, coast_s, bias, conservative,
-                 correlation_time_s)
+    return _tune(_drifting(axis), *times, bias, conservative)
 
 
 def _drifting(axis: AxisResult) -> AxisResult:
@@ -155,19 +152,18 @@ def _drifting(axis: AxisResult) -> AxisResult:
 
 
 @lru_cache(maxsize=_KEPT)
-def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias,
-          conservative: bool, correlation_time_s: float | None) -> FilterTuning:
+def _tune(axis: AxisResult, aiding_s: float, coast_s: float, time_s: float | None, bias: Bias,
+          conservative: bool) -> FilterTuning:
     truth = Truth(axis)
-    horizons = _horizons(aiding_interval_s, coast_s)
-    s2 = truth.allan_variance(aiding_interval_s)
+    horizons = _horizons(aiding_s, coast_s)
+    s2 = truth.allan_variance(aiding_s)
     if s2 <= 0:
         raise ImuAllanError('this axis has no noise: there is nothing to tune a filter with')
     # Factors on squared noise density: 3 % of N apart.
     excesses = 10 ** np.linspace(0, 1, 41)
     excess = excesses if conservative else excesses[:1]
-    filters = (_with_random_walk(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
-               else _with_gauss_markov(s2, aiding_interval_s, coast_s, excess[::3],
-                                       correlation_time_s))
+    filters = (_with_random_walk(s2, aiding_s, coast_s, excess) if bias == 'random_walk'
+               else _with_gauss_markov(s2, aiding_s, coast_s, excess[::3], time_s))
     predicted = filters.predicted(horizons)
     expected = truth.expected(filters, horizons)
     wanted = truth.upper(filters, horizons) if conservative else expected
@@ -177,7 +173,7 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
         # If none is safe at every horizon, take the least unsafe one.
         cost = np.where(worst <= max(1.0, 1.001 * float(worst.min())), cost, np.inf)
     best = int(np.argmin(cost))
-    return _tuning(filters, best, truth, horizons, expected[:, best], predicted[:, best], coast_s)
+    return _tuning(filters, best, truth, horizons, expected[:, best], predicted[:, best])
 
 
 def assess(axis: AxisResult, noise_density: float, random_walk: float,
@@ -220,38 +216,25 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
     True
 
     """
-    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
-    if correlation_time_s is not None:
-        correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
+    times = _times(aiding_interval_s, coast_s, correlation_time_s)
     noise_density = positive_number('noise_density', noise_density)
     random_walk = positive_number('random_walk', random_walk)
-    return _assess(_drifting(axis), noise_density, random_walk, aiding_interval_s, coast_s,
-                   correlation_time_s)
+    return _assess(_drifting(axis), noise_density, random_walk, *times)
 
 
 @lru_cache(maxsize=_KEPT)
-def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_interval_s: float,
-            coast_s: float, correlation_time_s: float | None) -> FilterTuning:
+def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_s: float,
+            coast_s: float, time_s: float | None) -> FilterTuning:
     truth = Truth(axis)
-    horizons = _horizons(aiding_interval_s, coast_s)
+    horizons = _horizons(aiding_s, coast_s)
     white, driving = np.array([noise_density**2]), np.array([random_walk**2])
-    filters = Filters.with_random_walk(white, driving, aiding_interval_s)
-    if correlation_time_s is not None:
-        filters = Filters.markov(white, np.sqrt(driving * correlation_time_s / 2),
-                                 np.array([correlation_time_s]), aiding_interval_s)
-    expected, predicted = truth.expected(filters, horizons), filters.predicted(horizons)
-    return _tuning(filters, 0, truth, horizons, expected[:, 0], predicted[:, 0], coast_s)
-
-
-def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
-            ) -> tuple[tuple[float, float, float], ...]:
-    """Return the consistency of a filter with the whole drift model: expected equals predicted."""
-    from imu_allan.tuning.kalman import unaided_variance
-
-    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
-    horizons = _horizons(aiding_interval_s, coast_s)
-    sigma = np.sqrt(unaided_variance(axis, aiding_interval_s, horizons))
-    return tuple((float(h), float(s), float(s)) for h, s in zip(horizons, sigma, strict=True))
+    if time_s is None:
+        filters = Filters.with_random_walk(white, driving, aiding_s)
+    else:
+        filters = Filters.markov(white, np.sqrt(driving * time_s / 2), np.array([time_s]),
+                                 aiding_s)
+    return _tuning(filters, 0, truth, horizons, truth.expected(filters, horizons)[:, 0],
+                   filters.predicted(horizons)[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,15 +366,16 @@ class Truth:
 
 
 def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,
-            predicted: Array, coast_s: float) -> FilterTuning:
-    rows = tuple((float(h), float(np.sqrt(e)), float(np.sqrt(v)))
-                 for h, e, v in zip(horizons, expected, predicted, strict=True))
-    base = FilterTuning(filters.aiding_s, coast_s, float(np.sqrt(filters.white[at])), None, None,
-                        None, rows, truth.model.from_s, truth.model.to_s)
-    if np.isfinite(filters.time[at]):
-        return replace(base, sigma=float(filters.sigma[at]),
-                       correlation_time_s=float(filters.time[at]))
-    return replace(base, random_walk=float(np.sqrt(filters.driving[at])))
+            predicted: Array) -> FilterTuning:
+    rows = zip(horizons.tolist(), np.sqrt(expected).tolist(), np.sqrt(predicted).tolist(),
+               strict=True)
+    process = bool(np.isfinite(filters.time[at]))
+    return FilterTuning(
+        filters.aiding_s, float(horizons[-1]), float(np.sqrt(filters.white[at])),
+        None if process else float(np.sqrt(filters.driving[at])),
+        float(filters.sigma[at]) if process else None,
+        float(filters.time[at]) if process else None,
+        tuple(rows), truth.model.from_s, truth.model.to_s)
 
 
 def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
@@ -435,10 +419,12 @@ def _horizons(aiding_s: float, coast_s: float) -> Array:
     return np.geomspace(aiding_s, coast_s, 7)
 
 
-def _times(aiding_s: float, coast_s: float) -> tuple[float, float]:
+def _times(aiding_s: float, coast_s: float, time_s: float | None
+           ) -> tuple[float, float, float | None]:
     aiding_s = positive_time('aiding_interval_s', aiding_s)
     coast_s = positive_time('coast_s', coast_s)
     if coast_s < aiding_s:
         raise ImuAllanError(f'coast_s {coast_s:g} s is shorter than aiding_interval_s '
                             f'{aiding_s:g} s: a filter is unaided for at least one interval')
-    return aiding_s, coast_s
+    return (aiding_s, coast_s,
+            None if time_s is None else positive_time('correlation_time_s', time_s))

@@ -92,13 +92,7 @@ def known_less_than(axes: Mapping[str, AxisResult], time_s: float) -> float | No
 
 def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
     """Return the equivalent degrees of freedom of the variance between means, from the curve."""
-    curve = axis.curve
-    # A result file that was edited may hold an impossible curve.
-    known = [(tau, edf) for tau, edf in zip(curve.tau_s, curve.edf, strict=False)
-             if tau > 0 and edf > 0]
-    if not known:
-        return np.ones(len(horizons))
-    tau, edf = np.array(known).T
+    tau, edf = np.array(axis.curve.tau_s), np.array(axis.curve.edf)
     inside = np.exp(np.interp(np.log(horizons), np.log(tau), np.log(edf)))
     # Beyond the curve there are fewer and fewer segments of that length.
     return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
@@ -186,8 +180,6 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     term as well as the trends.
     """
     bound = axis.coefficients[key].upper95
-    # A result file that was edited may hold an incomplete curve.
-    curve = [(tau, ends[1]) for tau, ends in zip(axis.curve.tau_s, axis.curve.ci95, strict=False)]
-    tau, highest = np.array(curve).reshape(-1, 2).T
-    most = most_below(tau, highest, key, axis.band_limit_s)
+    highest = np.array(axis.curve.ci95).reshape(-1, 2)[:, 1]
+    most = most_below(np.array(axis.curve.tau_s), highest, key, axis.band_limit_s)
     return min(bound, most) or None if bound and most is not None else None

@@ -55,19 +55,13 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
         If an axis has no drift model.
 
     """
-    drift_model_of(axis)
     times = tuning.aiding_interval_s, tuning.coast_s
     time = tuning.correlation_time_s
-    drive, mine = tuning.random_walk, tuning.random_walk
-    if time is not None and tuning.sigma is not None:
-        drive, mine = tuning.sigma * float(np.sqrt(2 / time)), tuning.sigma
-    assert drive is not None
-    assert mine is not None
-    met = assess(other, tuning.noise_density, drive, *times, correlation_time_s=time)
     own = tune(other, *times, 'random_walk' if time is None else 'gauss_markov',
                correlation_time_s=time)
-    theirs = own.random_walk if time is None else own.sigma
-    assert theirs is not None
+    mine, theirs = (one.sigma or one.random_walk or 0.0 for one in (tuning, own))
+    met = assess(other, tuning.noise_density,
+                 mine if time is None else mine * float(np.sqrt(2 / time)), *times, time)
     noise, drift = own.noise_density / tuning.noise_density, theirs / mine
     return Verification(met, noise, drift, _scaled(noise, other, times[0]),
                         widened(drift, _scaled(drift, other, times[1]), axis, times[1]),

@@ -41,8 +41,7 @@ class Difference:
 
     Attributes
     ----------
-    axis, key, unit : str
-        Axis, coefficient and its SI unit.
+    axis, key : str
     reference, other : str
         Names of the results.
     coefficients : (Coefficient, Coefficient)
@@ -57,7 +56,6 @@ class Difference:
 
     axis: str
     key: str
-    unit: str
     reference: str
     other: str
     coefficients: tuple[Coefficient, Coefficient]
@@ -96,14 +94,13 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     for axis in AXES:
         if not all(axis in result.axes for result in results.values()):
             continue
-        for key, term in TERMS.items():
+        for key in TERMS:
             a = results[reference].axes[axis].coefficients[key]
             for other in others:
                 b = results[other].axes[axis].coefficients[key]
                 if a.observable or b.observable:
-                    differences.append(Difference(
-                        axis, key, term.unit(AXES[axis]), reference, other, (a, b),
-                        *_difference(a, b)))
+                    differences.append(Difference(axis, key, reference, other, (a, b),
+                                                  *_difference(a, b)))
     if not differences:
         raise ImuAllanError('the results have no axis in common on which a coefficient is '
                             'observable')
@@ -163,12 +160,13 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
         [labels[names[1]]] if alone else ['other', 'value']),
         'ratio', 'intervals', texts=3)
     for difference in differences:
+        reference, other = difference.coefficients
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
             spoken(difference.axis), TERMS[difference.key].symbol,
-            engineering(1.0, difference.unit)[1], shown(difference.coefficients[0]),
+            engineering(1.0, reference.unit)[1], shown(reference),
             *([] if alone else [labels[difference.other]]),
-            shown(difference.coefficients[1]),
+            shown(other),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',
                  style='bold yellow' if beyond else ''))

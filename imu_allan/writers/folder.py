@@ -15,7 +15,6 @@ from imu_allan.writers.filters import CONSUMERS, existing_file_note, export
 from imu_allan.writers.plot import (
     FORMATS,
     overview_figure,
-    overview_png,
     paper_figure,
     render,
     sensor_figure,
@@ -58,16 +57,17 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
              write_in(folder, 'curve.csv', curves_csv(result).encode())]
     left_out = []
     for consumer in exports:
+        name = CONSUMERS[consumer].file
         try:
-            config = export(result, consumer)
+            text = export(result, consumer)
         except ImuAllanError as error:
-            left_out.append(f'{error}{existing_file_note(folder / CONSUMERS[consumer].file)}')
-            continue
-        paths.append(write_in(folder, config.name, config.text.encode()))
+            left_out.append(f'{error}{existing_file_note(folder / name)}')
+        else:
+            paths.append(write_in(folder, name, text.encode()))
     if report:
         paths += save_report(result, folder, ())
     if picture:
-        paths.append(write_in(folder, LAST_WRITTEN, overview_png(result)))
+        paths.append(write_in(folder, LAST_WRITTEN, render(overview_figure(result))))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths

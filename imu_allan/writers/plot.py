@@ -90,11 +90,6 @@ def overview_figure(result: Result) -> 'Figure':
         return figure
 
 
-def overview_png(result: Result) -> bytes:
-    """Return the overview as the content of a PNG file."""
-    return render(overview_figure(result))
-
-
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.

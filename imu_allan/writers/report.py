@@ -156,7 +156,7 @@ def _configs(result: Result) -> list[dict[str, str]]:
     configs = []
     for key, consumer in CONSUMERS.items():
         try:
-            name, text = consumer.file, export(result, key).text
+            name, text = consumer.file, export(result, key)
         except ImuAllanError as error:
             name, text = '', str(error)
         configs.append({'key': key, 'title': consumer.title, 'name': name, 'text': text})

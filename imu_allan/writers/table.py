@@ -50,13 +50,13 @@ def print_result(result: Result, console: 'Console | None' = None, *,
     console.print(result_table(result, console.width, units, verbose=verbose))
 
 
-def result_text(result: Result, width: int = 80) -> str:
+def result_text(result: Result) -> str:
     """Return the verbose output of `print_result` without colours."""
     from rich.console import Console
 
     text = StringIO()
-    Console(file=text, width=width, highlight=False, no_color=True).print(
-        result_table(result, width, verbose=True))
+    Console(file=text, width=COLUMNS, highlight=False, no_color=True).print(
+        result_table(result, COLUMNS, verbose=True))
     return text.getvalue().rstrip('\n')
 
 

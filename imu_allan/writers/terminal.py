@@ -65,7 +65,7 @@ def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterat
             yield Text(line.replace('\xa0', ' '), style=style)
 
 
-def columns_of(to: TextIO | None = None) -> int | None:
+def columns_of() -> int | None:
     """
     Return the width for lines that are printed without a console.
 
@@ -74,9 +74,9 @@ def columns_of(to: TextIO | None = None) -> int | None:
     stated = _stated()
     if stated is not None:
         return stated
-    file = sys.stdout if to is None else to
     try:
-        return os.get_terminal_size(file.fileno()).columns or None if file.isatty() else None
+        return (os.get_terminal_size(sys.stdout.fileno()).columns or None
+                if sys.stdout.isatty() else None)
     except (OSError, ValueError):
         return None
 

@@ -16,7 +16,8 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
-from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
+from imu_allan.tuning.kalman import unaided_variance
+from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
@@ -70,9 +71,9 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
         bound = not axis.coefficients['rate_random_walk'].observable
         found += [(name, assess(axis, density, factor * random_walk, aiding_s, coast_s), bound)
                   for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))]
+    of_model = float(np.sqrt(unaided_variance(axis, aiding_s, np.array([coast_s]))[0]))
     return [*(Choice(name, tuning, tuning.consistency[-1][2], bound)
-              for name, tuning, bound in found),
-            Choice(FULL, None, optimum(axis, aiding_s, coast_s)[-1][2])]
+              for name, tuning, bound in found), Choice(FULL, None, of_model)]
 
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'

@@ -97,7 +97,7 @@ def test_of_a_result_that_gives_no_configuration_all_else_is_written_and_the_old
                  f'not replaced; the other files are in {tmp_path}', IncompleteSave):
         save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
     assert load_result(paths[0]) == rateless
-    assert paths[2].read_text() == export(result, 'vins_fusion').text
+    assert paths[2].read_text() == export(result, 'vins_fusion')
     assert {path.name for path in tmp_path.iterdir()} == {
         'result.json', 'curve.csv', 'vins_fusion_imu.yaml', 'px4_imu.params', 'report.html',
         'allan_deviation.png'}

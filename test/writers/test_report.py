@@ -49,7 +49,7 @@ def test_the_report_shows_the_answer_before_it_explains_it(page, result):
     for part in ('+-', 'extrapolated', 'serial number', '>°C<', '"beyond-band"'):
         assert part not in text
     for consumer in ('kalibr', 'px4', 'basalt'):
-        assert ' '.join(export(result, consumer).text.split()) in text
+        assert ' '.join(export(result, consumer).split()) in text
 
 
 def test_a_signal_without_a_value_is_not_drawn(result):
@@ -130,7 +130,7 @@ def test_the_first_screen_has_both_answers_and_configurations_are_copied_by_thei
              'document.querySelector(".config .copy").click();', 'kalibr')):
         browser.run(click)
         time.sleep(0.2)
-        assert browser.run('return window.copied') == export(result, consumer).text
+        assert browser.run('return window.copied') == export(result, consumer)
     assert browser.run('return document.querySelector(".config .copy").textContent') == 'Copied'
 
 

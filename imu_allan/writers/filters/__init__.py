@@ -14,12 +14,6 @@ A consumer with one value per sensor gets that of the worst axis; comments give 
 
 from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.filters.chosen_numbers import ExportOptions
-from imu_allan.writers.filters.export import (
-    existing_file_note,
-    export,
-    FilterConfig,
-    stale_files_note,
-)
+from imu_allan.writers.filters.export import existing_file_note, export, stale_files_note
 
-__all__ = ['CONSUMERS', 'ExportOptions', 'FilterConfig', 'existing_file_note', 'export',
-           'stale_files_note']
+__all__ = ['CONSUMERS', 'ExportOptions', 'existing_file_note', 'export', 'stale_files_note']

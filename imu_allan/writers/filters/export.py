@@ -3,7 +3,7 @@
 """Export of the configuration of a consumer, and messages on existing configurations."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import os
 from pathlib import Path
 
@@ -17,27 +17,10 @@ from imu_allan.writers.filters.structured import WRITERS
 from imu_allan.writers.filters.template import filled
 
 
-@dataclass(frozen=True)
-class FilterConfig:
-    """
-    A configuration file for one consumer.
-
-    Attributes
-    ----------
-    name : str
-        Suggested file name, unique among consumers.
-    text : str
-
-    """
-
-    name: str
-    text: str
-
-
 def export(result: Result, consumer: str, rate_hz: float | None = None,
-           options: ExportOptions = ExportOptions()) -> FilterConfig:  # noqa: B008
+           options: ExportOptions = ExportOptions()) -> str:  # noqa: B008
     """
-    Return the configuration of a filter.
+    Return the text of the configuration of a filter; `CONSUMERS` names its file.
 
     `rate_hz` matters to consumers whose numbers depend on it. The default is the sample rate of
     the result, or the usual prediction rate for an autopilot. Raises ImuAllanError if the consumer
@@ -54,9 +37,7 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
                             f'known are {", ".join(CONSUMERS)}')
     if rate_hz is not None:
         options = replace(options, rate_hz=rate_hz)
-    numbers = Numbers(result, consumer, CONSUMERS[consumer], options)
-    text = WRITERS.get(consumer, filled)(numbers)
-    return FilterConfig(CONSUMERS[consumer].file, text)
+    return WRITERS.get(consumer, filled)(Numbers(result, consumer, CONSUMERS[consumer], options))
 
 
 def existing_file_note(path: str | os.PathLike[str]) -> str:
