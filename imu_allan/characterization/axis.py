@@ -143,9 +143,9 @@ def axis_results(finished: Estimator, sample_rate_hz: float, quantities: Sequenc
     """
     Fit every axis of an estimator.
 
-    `finished`: holds the samples, all processed. `quantities`: what each axis measures. `fits`: of every axis,
-    if they exist already, or do not come from the estimator alone. Returns: for each axis its
-    result and the findings worth reporting, which do not name the axis.
+    `finished`: holds the samples, all processed. `quantities`: what each axis measures. `fits`: of
+    every axis, if they exist already, or do not come from the estimator alone. Returns: for each
+    axis its result and the findings worth reporting, which do not name the axis.
     """
     dt = 1.0 / sample_rate_hz
     points, signals = octaves(finished), _signals(finished, dt)
