@@ -19,7 +19,7 @@ from imu_allan.noise.posterior.likelihood import (
     spectrum,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.search import B, K, OUTPUT
+from imu_allan.noise.posterior.search import B, K, OUTPUT, Q
 from imu_allan.noise.posterior.shapes import (
     cubic,
     GENTLE,
@@ -112,7 +112,8 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
     amplitude[:, ALWAYS] *= posterior.change.factors(len(x))
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
-    found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE, float(unit[k]))
+    found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight,
+                                  REPORTED if k == Q else OBSERVABLE, float(unit[k]))
              for k, shape in enumerate(TERMS) if shape.key in SYMBOLS}
     # Without its change over the record, which widens the interval but hides nothing.
     if low <= 0 or high / low > WIDEST:

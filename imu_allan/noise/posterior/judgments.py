@@ -14,7 +14,9 @@ import numpy as np
 OBSERVABLE = 0.5
 """Presence above which a term is reported: fewer than 1 in 100 clean records get a false one."""
 REPORTED = 0.8
-"""Probability above which a kind of noise, a filter or a trend of the mean is reported."""
+"""Probability above which quantization, a kind of noise, a filter or a trend of the mean is
+reported. Quantization has a wider prior than other terms, so that N beside a weak one is right:
+above 0.5, 1 in 50 clean records would get a false one."""
 POSSIBLE = 0.25
 """Probability from which a longer record may show a term; used for the forecast only."""
 CERTAIN_RAMP = 0.005

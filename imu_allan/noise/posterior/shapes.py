@@ -107,7 +107,7 @@ SMOOTH_DRIFT = 'smooth_drift'
 GENTLE = 'recursive_mean'
 
 TERMS = (
-    Shape('quantization_noise', 0.2, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
+    Shape('quantization_noise', 0.3, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
     Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
     Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
     Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
