@@ -24,31 +24,6 @@ from std_srvs.srv import Trigger
 from whole_lines import Varying
 
 
-def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros: Ros) -> None:
-    node = ros.start('imu_allan_node')
-    first = Driver(ros).wait_for_node()
-    first.publish(2000)
-    assert first.publisher.wait_for_all_acked()
-    ros.node.destroy_publisher(first.publisher)
-    time.sleep(2)
-    second = Driver(ros)
-    away = round(2 * RATE_HZ)
-    second.next = first.next + away
-    second.wait_for_node()
-    again = Varying(f'messages come on {first.topic} again after <number> s without')
-    ros.until(lambda: second.publish(20) or again in node.lines)
-    second.publish(1000)
-    second.until_taken()
-    document = ros.saved()
-    # Each line says one thing: who sends now is not known by a pause.
-    assert node.lines.count(again) == 1, node.log  # type: ignore[arg-type]
-    assert node.lines.count(f'the driver on {first.topic} was started anew: the IMU may have been '
-                            'switched off and on, so its mean is another one from here on') == 1
-    assert document['timeline']['samples'] == second.next - away
-    assert document['timeline']['rejected'] == document['timeline']['out_of_order'] == 0
-    assert node.stop() == 0
-
-
 def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
     """Publish at about the rate of the stamps until the condition holds."""
     began, first = time.monotonic(), driver.next

@@ -102,19 +102,24 @@ def ended(run: Run) -> list[Any]:
 
 @pytest.mark.parametrize(('there', 'power_ons'), [
     ({'before'}, 0), ({'another'}, 1), ({'another', 'before'}, 0), (set(), 0)])
-@pytest.mark.parametrize('booted', [False, True])
+@pytest.mark.parametrize('booted', [False, True, None], ids=['same', 'other', 'unknown'])
 def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
-        there: set[str], power_ons: int, booted: bool, boot: Path) -> None:
+        there: set[str], power_ons: int, booted: bool | None, boot: Path) -> None:
     before = World()
     before.there = {'before'}
     before.comes(at_rest(6000))
-    world = World(rebooted(before.runs.run, boot, 'second\n' if booted else 'first\n'))
+    if booted is None:
+        # A computer that cannot tell its boots counts every start.
+        boot.unlink()
+        world = World(resumed(before.runs.run))
+    else:
+        world = World(rebooted(before.runs.run, boot, 'second\n' if booted else 'first\n'))
     world.there = there
     for start_s in 90.0, 150.0:
         world.comes(at_rest(6000, start_s=start_s, seed=2, mean=(0.1, 0, 0, 0, 0, 9.8)))
     assert world.samples == 18_000
     # Whoever switches the computer on starts the driver anew: that is one power-on.
-    assert len(ended(world.runs.run)) == max(power_ons, booted)
+    assert len(ended(world.runs.run)) == (power_ons if booted is False else 1)
 
 
 def test_other_rates_for_some_seconds_end_no_run(world: World) -> None:
@@ -248,19 +253,15 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
 def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
         joined: int, together: int) -> None:
     # One axis is absent, as of an IMU of five.
-    whole, run = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), new_run(SETUP)
+    whole, world = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), World()
     played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
     # Then the player is started anew, and the node.
     for begin in range(3):
-        [lane] = run.lanes
-        for first in range(0, len(played), together):
-            lane.update([whole.part(played[first:first + together])])
-        assert lane.seen.looping
-        lane.power_on()
-        run, played = resumed(run) if begin else run, np.arange(4000)
-    [lane] = run.lanes
-    lane.characterization.finish()
-    assert lane.characterization.summary().timeline.samples == 4000
+        world.comes(whole.part(played), together=together)
+        assert world.facts[0].looping
+        world.runs.run.lanes[0].power_on()
+        world, played = World(resumed(world.runs.run)) if begin else world, np.arange(4000)
+    assert world.samples == 4000
 
 
 @pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
@@ -332,18 +333,6 @@ def test_power_ons_one_soon_after_the_other_are_no_slow_turn() -> None:
                                      mean=(bias, 0, 0, 0, 0, 9.8))])
         run.lanes[0].power_on()
     assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
-
-
-def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on(
-        boot: Path) -> None:
-    run = new_run(SETUP)
-    feed(run, 0.0, 0)
-    run = resumed(run)
-    feed(run, 0.1, 1)
-    assert run.snapshot().result().turn_on_bias == {}
-    # A computer that cannot tell its boots counts every start.
-    boot.unlink()
-    assert len(ended(resumed(resumed(run)))) == 2
 
 
 Messages = list[tuple[int, float]]

@@ -17,7 +17,6 @@ from rclpy.duration import Duration
 from repeated import slow
 from ros_harness import (
     assert_density,
-    at_rest,
     Driver,
     Health,
     NOISE,
@@ -31,10 +30,6 @@ from std_srvs.srv import SetBool
 from whole_lines import Varying
 
 
-def begin(ros: Ros, **parameters: Any) -> Process:
-    return ros.start('imu_allan_node', {'publish_period': 0.5, **parameters})
-
-
 def saved(ros: Ros, sensor: Sensor) -> Any:
     assert sensor.driver is not None
     sensor.driver.until_taken()
@@ -46,23 +41,16 @@ def fitted(ros: Ros, node: Process) -> None:
     ros.until(lambda: 'observable: noise density' in node.log)
 
 
-def go_on(ros: Ros, sensor: Sensor, rounds: int, seconds: float, **how: Any) -> None:
-    """Measure again and again, each time for longer than from one fit to the next."""
-    for _ in range(rounds):
-        sensor.measure(seconds, **how)
-        ros.executor.spin_once(timeout_sec=0.6)
-
-
-def measure_until(ros: Ros, node: Process, sensor: Sensor, words: str, seconds: float = 5.0,
-                  **how: Any) -> None:
-    """Measure until the log of the node has these words."""
-    ros.until(lambda: sensor.measure(seconds, **how) or words in node.log, timeout=90.0)
-
-
 def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_returns(
         ros: Ros) -> None:
     state, reason = ros.folder / 'state', "it is of frame_id 'imu', the messages now have 'other'"
-    node, sensor = begin(ros, state_file=str(state)), Sensor(ros)
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'state_file': str(state)})
+
+    def measure_until(sensor: Sensor, words: str, frame_id: str = 'imu') -> None:
+        ros.until(lambda: sensor.measure(5.0, frame_id=frame_id) or words in node.log,
+                  timeout=90.0)
+
+    sensor = Sensor(ros)
     sensor.plug_in()
     sensor.measure(300.0)
     fitted(ros, node)
@@ -70,8 +58,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     other = Sensor(ros, seed=2)
     other.now_s = sensor.now_s
     other.plug_in()
-    measure_until(ros, node, other,
-                  f'a new run begins, the one before cannot go on: {reason}', frame_id='other')
+    measure_until(other, f'a new run begins, the one before cannot go on: {reason}', 'other')
     other.measure(20.0, frame_id='other')
     document = saved(ros, other)
     # It begins with the first sample after the change.
@@ -87,7 +74,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     other.unplug()
     sensor.now_s = other.now_s
     sensor.plug_in()
-    measure_until(ros, node, sensor, 'goes on')
+    measure_until(sensor, 'goes on')
     sensor.measure(20.0)
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
@@ -110,19 +97,27 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
 
 
 def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) -> None:
-    node, sensor = begin(ros), Sensor(ros, 100.0)
+    node, sensor = ros.start('imu_allan_node', {'publish_period': 0.5}), Sensor(ros, 100.0)
     biases = [[0.0, 0.0, 0.0], [0.01, -0.02, 0.1],
               *np.random.default_rng(3).normal(0, 0.1, (2, 3)).tolist()]
     for count, bias in enumerate(biases, 1):
         sensor.bias[:3] = bias
+        sensor.unplug()
+        # Longer than any pause of which nothing is said.
+        time.sleep(1.5 if count == 2 else 0)
         sensor.plug_in()
-        go_on(ros, sensor, 2, 60.0)
+        # Each time for longer than from one fit to the next.
+        for _ in range(2):
+            sensor.measure(60.0)
+            ros.executor.spin_once(timeout_sec=0.6)
         fitted(ros, node)
         if count not in (2, len(biases)):
             continue
         document = saved(ros, sensor)
         assert node.log.count('may have been switched off and on') == count - 1
-        assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10 * count)
+        timeline = document['timeline']
+        assert timeline['samples'] == pytest.approx(sensor.sent, abs=10 * count)
+        assert timeline['rejected'] == timeline['out_of_order'] == 0
         assert not {'bias_step', 'warm_up', 'slow_cycle', 'trend_or_walk', 'not_steady'} & {
             warning['code'] for warning in document['warnings']}
         for name, sigma in zip(AXES, np.std(biases[:count], axis=0, ddof=1), strict=False):
@@ -133,20 +128,8 @@ def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) ->
     assert low < np.std(np.array(biases)[:, 0], ddof=1) < high
     assert_density(document, 100.0)
     assert 'a new run begins' not in node.log
-
-
-def test_another_sensor_of_the_same_name_and_rate_is_another_imu(ros: Ros) -> None:
-    node = begin(ros, checkpoint_period=1.0, state_file=str(ros.folder / 'state'))
-    sensor = Sensor(ros, 100.0)
-    sensor.plug_in()
-    # For so long that the other one is looked at again before its run begins.
-    go_on(ros, sensor, 2, 200.0)
-    fitted(ros, node)
-    sensor.noise *= 1.2
-    sensor.plug_in()
-    measure_until(ros, node, sensor, 'a new run begins')
-    sensor.measure(30.0)
-    assert_density(saved(ros, sensor), 100.0, sensor.noise)
+    again = Varying(f'messages come on {ros.name("imu/data_raw")} again after <number> s without')
+    assert again in node.lines
 
 
 def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros: Ros, health: Health) -> None:
@@ -196,27 +179,6 @@ def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
     assert health.number('reception', 'lost') == 0
 
 
-def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None:
-    node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    driver = Driver(ros).wait_for_node()
-    recording = at_rest(2000, RATE_HZ)
-    for _ in range(3):
-        driver.replay(recording)
-        driver.until_taken()
-    repeat = (f'the messages on {driver.topic} repeat from the first one on, as a recording '
-              'played in a loop does: what has come before is passed over')
-    ros.until(lambda: repeat in node.lines and health.said('reception', repeat))
-    document = ros.until(ros.saved)
-    assert document['timeline']['samples'] == 2000
-    assert document['timeline']['out_of_order'] == document['timeline']['duplicates'] == 0
-    # New stamps are new samples.
-    driver.next = 2000
-    driver.publish(1000)
-    driver.until_taken()
-    assert ros.saved()['timeline']['samples'] == 3000
-    assert set(document['axes']) == set(AXES)
-
-
 PLUG_S = 2.5
 """Nobody plugs in faster: whoever sends again sooner has only been slow."""
 COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
@@ -242,7 +204,7 @@ class HostileWorld:
         self._start()
         self.imu.plug_in()
         self._actions: dict[str, Callable[[], None]] = {
-            'replug': self._replug, 'swap': self._swap, 'stranger beside': self._beside,
+            'replug': self._replug, 'stranger beside': self._beside,
             'stranger instead': self._instead, 'rate': self._rate, 'kill': self._kill,
             'signal': self._signal, 'clock jump': self._clock_jump, 'pause': self._pause}
 
@@ -302,26 +264,19 @@ class HostileWorld:
         other.now_s, other.dead = self.imu.now_s, self.imu.dead
         return other
 
-    def _in_place_of_it(self, other: Sensor, seconds: float, frame_id: str = 'imu') -> None:
+    def _instead(self) -> None:
+        other = self._other()
+        kind = self.draw.choice(('noise', 'frame_id', 'rate'))
+        if kind == 'noise':
+            other.noise *= self.draw.choice((0.6, 1.5))
+        elif kind == 'rate':
+            other.rate_hz *= self.draw.choice((0.5, 2.0))
         self.imu.unplug()
         self._plug_in(other)
-        other.measure(seconds, self.polled, frame_id)
+        other.measure(8.0, self.polled, 'other' if kind == 'frame_id' else 'imu')
         other.unplug()
         self.imu.now_s = other.now_s
         self._plug_in(self.imu)
-
-    def _swap(self) -> None:
-        other = self._other()
-        other.noise *= self.draw.choice((0.6, 1.5))
-        self._in_place_of_it(other, 8.0)
-
-    def _instead(self) -> None:
-        other, frame_id = self._other(), 'imu'
-        if self.draw.random() < 0.5:
-            frame_id = 'other'
-        else:
-            other.rate_hz *= self.draw.choice((0.5, 2.0))
-        self._in_place_of_it(other, 8.0, frame_id)
 
     def _beside(self) -> None:
         other = self._other()
@@ -368,7 +323,7 @@ class HostileWorld:
 
 
 @pytest.mark.parametrize(('seconds', 'seed', 'polled'), [
-    (60.0, 5, 2), slow(60.0, 5, 1), slow(1800.0, 6, 1), slow(1800.0, 6, 2)])
+    (30.0, 5, 2), slow(60.0, 5, 1), slow(1800.0, 6, 1), slow(1800.0, 6, 2)])
 def test_a_hostile_time_is_one_run_of_one_imu(
         ros: Ros, seconds: float, seed: int, polled: int) -> None:
     results = ros.listen(String, 'imu_allan/result')
