@@ -11,15 +11,14 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3Stamped
+from imu_allan.node.imu_type import message_class
 from imu_allan.noise.terms import AXES
 from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
 from ros_harness import Driver, Health, RATE_HZ, Ros, START_NS
-from sensor_msgs.msg import CompressedImage, Temperature
-from std_msgs.msg import Float64MultiArray
+from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 from whole_lines import Varying
 
@@ -99,12 +98,6 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(
     assert node.stop() == 0
 
 
-KINDS = {'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
-         'geometry_msgs/msg/Vector3Stamped': Vector3Stamped,
-         'sensor_msgs/msg/CompressedImage': CompressedImage,
-         'std_msgs/msg/Float64MultiArray': Float64MultiArray}
-
-
 def message(index: int, value: float | None = None, *, stamp: int | None = None,
             frame_id: str = 'imu', absent: tuple[bool, bool] = (False, False)) -> bytes:
     sample = np.random.default_rng(index).normal(0, 0.01, 6) if value is None else [value] * 6
@@ -143,8 +136,9 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
     driver = Driver(ros).wait_for_node()
 
     def topics() -> dict[str, type]:
-        return {name: KINDS[kind] for name, [kind] in ros.node.get_topic_names_and_types()
-                if name.startswith(f'{ros.name("imu_allan")}/') and kind in KINDS}
+        return {name: message_class(kind)
+                for name, [kind] in ros.node.get_topic_names_and_types()
+                if name.startswith(f'{ros.name("imu_allan")}/')}
 
     ros.until(lambda: len(topics()) >= 10)
     for topic, kind in topics().items():

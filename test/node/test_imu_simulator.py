@@ -1,6 +1,5 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from collections.abc import Mapping
 import json
 from pathlib import Path
 import signal
@@ -137,21 +136,11 @@ SAMPLES = 13_000
 """More than ten minutes, without which there is no backtest."""
 
 
-def numbers(document: Any, path: str = '') -> dict[str, float]:
-    if isinstance(document, Mapping):
-        return {key: value for name, item in document.items()
-                for key, value in numbers(item, f'{path}.{name}').items()}
-    if isinstance(document, list):
-        return {key: value for i, item in enumerate(document)
-                for key, value in numbers(item, f'{path}[{i}]').items()}
-    return {path: document} if isinstance(document, (int, float)) else {}
-
-
 def backtests(document: Any) -> dict[str, Any]:
     return {name: axis['backtest'] for name, axis in document['axes'].items()}
 
 
-def test_node_and_recording_agree_to_1e_9_on_what_was_published(
+def test_node_and_recording_agree_to_the_last_bit_on_what_was_published(
         ros: Ros, recording: Recording) -> None:
     model = ros.folder / 'model.yaml'
     model.write_text(
@@ -169,15 +158,8 @@ def test_node_and_recording_agree_to_1e_9_on_what_was_published(
     ros.until(lambda: published and backtests(json.loads(published[-1].data)) == backtests(live))
     path = write_recording(ros.folder / 'recording', recording.blocks,
                            topic=ros.name('imu/data_raw'))
-    offline = imu_allan.analyze(path).to_dict()
+    offline = json.loads(imu_allan.analyze(path).to_json())
     for part in ('timeline', 'axes'):
-        left, right = numbers(live[part]), numbers(offline[part])
-        assert left.keys() == right.keys()
-        assert len(left) > (5 if part == 'timeline' else 500)
-        for key, value in left.items():
-            assert abs(value - right[key]) <= 1e-9 * abs(right[key]), key
-    for key in 'frame_id', 'start_time':
+        assert live[part] == offline[part]
+    for key in ('frame_id', 'start_time'):
         assert live['source'][key] == offline['source'][key]
-    # And what was published is what the model gives for this seed.
-    np.testing.assert_array_equal(recording.samples, SimulatedImu(
-        load_model(model), RATE_HZ, 11).draw(SAMPLES))

@@ -256,61 +256,53 @@ def at(result: Result, seconds: float, observable: bool, wait_s: float | None = 
         axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, K: walk})})
 
 
-def seen(looks: SequentialLooks, fits: Sequence[Result]) -> list[Coefficient]:
-    return [looks.judged(fit).axes['gyro_x'].coefficients[K] for fit in fits]
+def published(looks: SequentialLooks, fit: Result) -> Coefficient:
+    return looks.judged(fit).axes['gyro_x'].coefficients[K]
 
 
-def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_record(
-        result: Result) -> None:
-    shows = [seconds >= 30 and seconds != 70 for seconds in range(10, 240, 10)]
-    found = seen(SequentialLooks(), [
-        at(result, 10.0 * number, shown) for number, shown in enumerate(shows, 1)])
+TIMES = [10.0 * number for number in range(1, 24)]
+
+
+@pytest.mark.parametrize(('fits', 'shown', 'waits'), [
+    # Of each fit: time, whether the term shows, when it is expected to, and how probable it is.
     # Not seen at 20 s; seen at 30 to 60, thrice as much; lost at 70, and back at 210.
-    assert [coefficient.observable for coefficient in found] == [
-        False] * 5 + [True] + [False] * 14 + [True] * 3
-    withheld = found[7]
-    assert (withheld.value, withheld.ci95, withheld.upper95) == (None, None, 3.0)
-    assert withheld.observable_in_s == pytest.approx(3 * 70 - 80)
-
-
-def test_the_first_look_at_a_long_record_is_one_look(result: Result) -> None:
-    [found] = seen(SequentialLooks(), [at(result, 3600.0, True)])
-    assert found.observable
-    # A short one is the first of many.
-    first, *_, last = seen(SequentialLooks(), [at(result, time, True) for time in (10., 20., 30.)])
-    assert (first.observable, last.observable) == (False, True)
-
-
-def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
-        result: Result) -> None:
-    found = seen(SequentialLooks(), [
-        at(result, 10.0 * number, True, presence=presence)
-        for number, presence in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
+    pytest.param([(time, time >= 30 and time != 70) for time in TIMES],
+                 [False] * 5 + [True] + [False] * 14 + [True] * 3, {7: 3 * 70.0 - 80.0},
+                 id='shown by every fit since a third of the record'),
+    pytest.param([(3600.0, True)], [True], {}, id='the first look at a long record is one'),
+    pytest.param([(time, True) for time in TIMES[:3]], [False, False, True], {},
+                 id='that at a short one is the first of many'),
     # At 30 s the record is thrice as long, but only at 40 s it is probable; what is shown stays.
-    assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
-    assert [coefficient.observable_in_s for coefficient in found[:3]] == [20.0, None, None]
-    assert (found[0].value, found[0].upper95) == (None, 3.0)
+    pytest.param([(time, True, None, presence) for time, presence in zip(
+        TIMES, (0.995, 0.98, 0.98, 0.995, 0.8), strict=False)],
+        [False] * 3 + [True] * 2, {0: 20.0, 1: None, 2: None}, id='probable too'),
+    pytest.param([(time, False, 2 * time) for time in TIMES], [False] * 23,
+                 dict.fromkeys(range(23)), id='a wait that recedes is not said'),
+    # At 30 s the record is thrice as long as at the first look.
+    pytest.param([(time, False, 500 - time) for time in TIMES], [False] * 23,
+                 {0: None, 1: None} | {at: 490.0 - 10 * at for at in range(2, 23)},
+                 id='one that stands is')])
+def test_of_repeated_looks_what_lasts_is_published(
+        result: Result, fits: Sequence[Any], shown: list[bool], waits: dict[int, float | None]
+        ) -> None:
+    looks = SequentialLooks()
+    found = [published(looks, at(result, *fit)) for fit in fits]
+    assert [one.observable for one in found] == shown
+    assert {at: found[at].observable_in_s for at in waits} == waits
+    for (_, fitted, *_), one in zip(fits, found, strict=True):
+        if fitted and not one.observable:
+            assert (one.value, one.ci95, one.upper95) == (None, None, 3.0)
 
 
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result: Result) -> None:
     setup = Setup('/imu', TimelineOptions())
     run = new_run(setup)
-    seen(run.sequential, [at(result, 800.0, False)])
+    published(run.sequential, at(result, 800.0, False))
     # As often as it is started anew: a run is one.
     for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
         run = unpack(decode_state(encode_state(pack(run, setup))), setup)
-        [found] = seen(run.sequential, [at(result, seconds, seconds > 900)])
-        assert found.observable == observable
-
-
-def test_a_wait_that_recedes_is_not_said(result: Result) -> None:
-    times = [10.0 * number for number in range(1, 21)]
-    recedes = seen(SequentialLooks(), [at(result, time, False, 2 * time) for time in times])
-    assert [coefficient.observable_in_s for coefficient in recedes] == [None] * len(times)
-    stands = seen(SequentialLooks(), [at(result, time, False, 500 - time) for time in times])
-    # At 30 s the record is thrice as long as at the first look.
-    assert [coefficient.observable_in_s for coefficient in stands] == [
-        None, None, *(500 - time for time in times[2:])]
+        assert published(run.sequential, at(result, seconds, seconds > 900)
+                         ).observable == observable
 
 
 MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'

@@ -41,7 +41,7 @@ from ros_harness import (
     STARVED_S,
 )
 from std_srvs.srv import Trigger
-from whole_lines import refused, Varying
+from whole_lines import refused, unwritable, Varying
 
 PERIOD_S = 1.0
 LATE_S = 0.2
@@ -288,40 +288,33 @@ def in_folder(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside(tmp_path: Path) -> None:
-    file = StateFile(tmp_path / 'new' / 'state')
+def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside_and_stays_where_a_save_fails(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / 'new' / 'state'
+    file = StateFile(path)
     assert file.load() is None
-    assert file.save(STATE) == file.path.stat().st_size
+    assert file.save(STATE) == path.stat().st_size
     loaded, expected = ([(key, array.dtype, array.shape, array.tolist())
                          for key, array in state.items()] for state in (file.load() or {}, STATE))
     assert loaded == expected
-    assert {path.name: path.stat().st_mode & 0o777 for path in file.path.parent.iterdir()} == {
+    assert {each.name: each.stat().st_mode & 0o777 for each in path.parent.iterdir()} == {
         'state': 0o600, 'state.lock': 0o600}
-    content = file.path.read_bytes()
-    aside = file.keep_aside('foreign')
-    assert aside.name.startswith('state.foreign.20')
-    assert aside.read_bytes() == content
-    assert not file.path.exists()
-
-
-def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
-                                               monkeypatch: pytest.MonkeyPatch) -> None:
-    file = StateFile(tmp_path / 'state')
-    file.save(STATE)
-    before = file.path.read_bytes()
-    with refused(Varying(f'{tmp_path / "state"}: a state of <number> bytes could not be resumed '
-                         'from, so it is not written; the one before it stays')):
+    content = path.read_bytes()
+    with refused(Varying(f'{path}: a state of <number> bytes could not be resumed from, so it is '
+                         'not written; the one before it stays')):
         file.save({'sums': np.zeros(9_000_000)})
 
     def full(*_: object) -> None:
         raise OSError(28, 'No space left on device')
 
     monkeypatch.setattr('os.fsync', full)
-    with refused(f'{tmp_path / "state"}: cannot be written (No space left on device); choose a '
-                 'folder that exists on a disk with room and may be written to'):
+    with refused(unwritable(path, 'No space left on device')):
         file.save({'sums': np.zeros(5)})
-    assert file.path.read_bytes() == before
-    assert in_folder(tmp_path) == {'state', 'state.lock'}
+    assert in_folder(path.parent) == {'state', 'state.lock'}
+    aside = file.keep_aside('foreign')
+    assert aside.name.startswith('state.foreign.20')
+    assert aside.read_bytes() == content
+    assert not path.exists()
 
 
 def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:

@@ -141,19 +141,6 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named_and_is_gone
         assert said_in(text)[0] == Varying(line)
 
 
-def test_units_that_are_given_are_converted(ros: Ros) -> None:
-    ros.start('imu_allan_node', {'publish_period': 0.5, 'accel_unit': 'g', 'gyro_unit': 'deg/s'})
-    driver = Driver(ros).wait_for_node()
-    driver.replay(at_rest(4000, noise=0.001, mean=(0, 0, 0, 0, 0, 1)))
-    document = ros.saved_with(4000)
-    axes = document['axes']
-    assert axes['accel_z']['mean'] == pytest.approx(9.80665, rel=1e-3)
-    for axis, density in ('accel_z', 9.80665e-4), ('gyro_x', 1e-4 * np.pi / 180):
-        assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(
-            density, rel=0.05)
-    assert not {'unit_g', 'gravity'} & {remark['code'] for remark in document['warnings']}
-
-
 @pytest.mark.parametrize('name', [
     'sensor_msgs/msg/Imu', 'sensor_msgs/msg/Joy', 'diagnostic_msgs/msg/DiagnosticArray',
     'geometry_msgs/msg/TwistWithCovarianceStamped', 'rcl_interfaces/msg/ParameterDescriptor'])
@@ -171,6 +158,9 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(
     message = TwistStamped()
     message.header.stamp.sec, message.header.frame_id = 7, 'imu'
     message.twist.angular.y, message.twist.linear.z = 0.25, 9.5
+    assert message_class('geometry_msgs/TwistStamped') is TwistStamped
+    with refused('os/msg/../Imu: not the name of a message type, such as sensor_msgs/msg/Imu'):
+        message_class('os/msg/../Imu')
     malformed: list[int] = []
     [block] = decoder('geometry_msgs/msg/TwistStamped', 'twist.angular', 'twist.linear')(
         [b'\0\1\0\0short', serialize_message(message)], np.array([7, 8]) * 10**9,
@@ -182,21 +172,16 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(
         [7 * 10**9], [8 * 10**9], 'imu')
 
 
-def test_a_class_is_found_by_either_form_of_its_name() -> None:
-    assert message_class('geometry_msgs/TwistStamped') is TwistStamped
-    with refused('os/msg/../Imu: not the name of a message type, such as sensor_msgs/msg/Imu'):
-        message_class('os/msg/../Imu')
-
-
 def celsius(seconds: Any) -> Any:
     """Temperature of an hour that settles, with a dip that no ramp or warm-up has."""
     return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
 
 
-def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: Health) -> None:
-    ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
-                                 'temperature_topic': 'imu/temperature'},
-              constants={'thermometer._MATCHING_S': 1.0})
+def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_are_given(
+        ros: Ros, health: Health) -> None:
+    ros.start('imu_allan_node', {
+        'publish_period': 0.5, 'motion': 'keep', 'temperature_topic': 'imu/temperature',
+        'gyro_unit': 'deg/s', 'accel_unit': 'g'}, constants={'thermometer._MATCHING_S': 1.0})
     driver = Driver(ros).wait_for_node()
     ros.until(lambda: health.said('reception', f'nothing publishes {ros.name("imu/temperature")}: '
                                   'there is no temperature'))
@@ -204,7 +189,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
     ros.until(lambda: publisher.get_subscription_count() == 1)
     results = ros.listen(String, 'imu_allan/result')
     seconds, per_kelvin = np.arange(7200) / 2.0, 2e-3
-    block = at_rest(7200, 2.0, seed=3, noise=1e-3, mean=0)
+    block = at_rest(7200, 2.0, seed=3, noise=1e-3, mean=(0, 0, 0, 0, 0, 1))
     block.samples[:, 0] += per_kelvin * celsius(seconds)
     for first in range(0, len(block), 8):
         # In kelvin, which is taken as in a recording.
@@ -218,13 +203,19 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros, health: 
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
         return document if document['timeline']['samples'] == 7200 else None
 
-    axes = ros.until(fitted)['axes']
+    document = ros.until(fitted)
+    axes = document['axes']
     # The report on the newest reading may come after the result.
     ros.until(lambda: health.number('reception', 'temperature_c') == pytest.approx(
         celsius(seconds[-8]), abs=1e-6))
     found = {name: axis['trend']['temperature'] for name, axis in axes.items()}
     assert [name for name, one in found.items() if one] == ['gyro_x']
-    low, high = found['gyro_x']['ci95']
+    low, high = np.degrees(found['gyro_x']['ci95'])
     assert low < per_kelvin < high
     assert high - low < 0.1 * per_kelvin
+    assert axes['accel_z']['mean'] == pytest.approx(9.80665, rel=1e-3)
+    for axis, unit in ('accel_z', 9.80665), ('gyro_y', np.pi / 180):
+        assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(
+            1e-3 * unit / 2**0.5, rel=0.05)
+    assert not {'unit_g', 'gravity'} & {remark['code'] for remark in document['warnings']}
     assert not axes['gyro_x']['coefficients']['rate_random_walk']['observable']
