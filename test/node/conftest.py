@@ -11,17 +11,18 @@ from pathlib import Path
 import random
 import signal
 import tempfile
-from typing import TYPE_CHECKING
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from rclpy.context import Context
-    from ros_harness import Health, Heard, Ros
 
 if importlib.util.find_spec('rclpy') is None:
     # pytest collects nothing here: every test of this folder needs ROS.
     collect_ignore_glob = ['*']
+else:
+    import fcntl
+
+    import rclpy
+    from ros_harness import Health, Heard, Ros
 
 
 # By default a participant that missed the first announcements waits three seconds for the next,
@@ -46,13 +47,8 @@ _EAGER = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 @pytest.fixture(scope='session')
-def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]':
+def ros_context(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """Give a context in a domain that no other test run on this computer uses."""
-    import fcntl
-
-    import rclpy
-    from rclpy.context import Context
-
     first = random.randrange(101)
     for offset in range(101):
         domain = 1 + (first + offset) % 101
@@ -73,13 +69,11 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
     (folder / 'eager.xml').write_text(_EAGER)
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
                       ROS_LOG_DIR=str(folder),
-                      # No run goes on with what one of another day has left there.
-                      ROS_HOME=str(folder),
                       # A killed process would leave its shared memory behind.
                       FASTDDS_BUILTIN_TRANSPORTS='UDPv4',
                       FASTDDS_DEFAULT_PROFILES_FILE=str(folder / 'eager.xml'),
                       FASTRTPS_DEFAULT_PROFILES_FILE=str(folder / 'eager.xml'))
-    context = Context()
+    context = rclpy.context.Context()
     rclpy.init(context=context, domain_id=domain)
     yield context
     context.try_shutdown()
@@ -91,36 +85,32 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
 _NAMESPACES = (f'/test{number}' for number in count(1))
 
 
-@pytest.fixture
-def ros(ros_context: 'Context', tmp_path: Path) -> 'Iterator[Ros]':
-    """Give a test its namespace, its node and the means to start processes."""
-    from ros_harness import Ros
-
-    harness = Ros(ros_context, tmp_path, next(_NAMESPACES))
+@contextlib.contextmanager
+def in_namespace(context: Any, folder: Path) -> Iterator[Any]:
+    harness = Ros(context, folder, next(_NAMESPACES))
     yield harness
     harness.close()
 
 
 @pytest.fixture
-def heard() -> 'Heard':
-    from ros_harness import Heard
+def ros(ros_context: Any, tmp_path: Path) -> Iterator[Any]:
+    """Give a test its namespace, its node and the means to start processes."""
+    with in_namespace(ros_context, tmp_path) as harness:
+        yield harness
 
+
+@pytest.fixture(scope='module')
+def shared_ros(ros_context: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Give the tests of a file one namespace, for processes that they share."""
+    with in_namespace(ros_context, tmp_path_factory.mktemp('shared')) as harness:
+        yield harness
+
+
+@pytest.fixture
+def heard() -> Any:
     return Heard()
 
 
 @pytest.fixture
-def health(ros: 'Ros') -> 'Health':
-    from ros_harness import Health
-
+def health(ros: Any) -> Any:
     return Health(ros)
-
-
-@pytest.fixture(scope='module')
-def shared_ros(
-        ros_context: 'Context', tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Ros]':
-    """Give the tests of a file one namespace, for processes that they share."""
-    from ros_harness import Ros
-
-    harness = Ros(ros_context, tmp_path_factory.mktemp('shared'), next(_NAMESPACES))
-    yield harness
-    harness.close()

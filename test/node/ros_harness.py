@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
@@ -41,7 +41,6 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
 
-T = TypeVar('T')
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -170,12 +169,12 @@ class Ros:
     def name(self, topic: str) -> str:
         return f'{self.namespace}/{topic}'
 
-    def start(self, program: str, parameters: Mapping[str, Any] | None = None,
-              *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
-              env: Mapping[str, str] | None = None, namespace: str | None = None,
+    def start(self, program: str, parameters: Mapping[str, Any] = NOTHING,
+              *, remaps: Mapping[str, str] = NOTHING, files: tuple[Path, ...] = (),
+              env: Mapping[str, str] = NOTHING, namespace: str = '',
               best_effort: bool = False, shared_memory: bool = False,
               prepend_path: Path | None = None, wrapper: Sequence[str] = (),
-              constants: Mapping[str, float] | None = None) -> Process:
+              constants: Mapping[str, float] = NOTHING) -> Process:
         """
         Start a node.
 
@@ -183,19 +182,16 @@ class Ros:
         transports that DDS chooses by default, and is ended in peace. The `constants` are those of
         the node that have another value, such as reports.LOOK_S.
         """
-        args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
-        for file in files:
-            args += ['--params-file', str(file)]
-        given = dict(parameters or {})
+        namespace, given = namespace or self.namespace, dict(parameters)
         if program == 'imu_allan_node':
             given.setdefault('output_dir', str(self.folder / 'output'))
             if not best_effort:
-                topic = (remaps or {}).get('imu/data_raw', 'imu/data_raw')
-                given |= lossless(f'{namespace or self.namespace}/{topic}')
-        args += arguments(given)
-        for before, after in (remaps or {}).items():
-            args += ['-r', f'{before}:={after}']
-        environment = dict(env or {})
+                given |= lossless(f'{namespace}/{remaps.get("imu/data_raw", "imu/data_raw")}')
+        args = ['--ros-args', *arguments(given), *(
+            word for file in files for word in ('--params-file', str(file)))]
+        for names in {'__ns': namespace, **remaps}.items():
+            args += ['-r', ':='.join(names)]
+        environment = dict(env)
         if shared_memory:
             environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'DEFAULT'
         if constants:
@@ -205,8 +201,7 @@ class Ros:
                 f'import imu_allan.node.{name.partition(".")[0]}\n'
                 f'imu_allan.node.{name} = {value}\n' for name, value in constants.items()))
         if prepend_path is not None:
-            paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
-            environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
+            environment['PYTHONPATH'] = f'{prepend_path}:{os.environ.get("PYTHONPATH", "")}'
         return self.started(program, args, environment, shared_memory, wrapper)
 
     def started(self, program: str, args: Sequence[str], env: Mapping[str, str] = NOTHING,
@@ -216,7 +211,7 @@ class Ros:
         self._processes.append(process)
         return process
 
-    def until(self, condition: Callable[[], T], timeout: float = PATIENCE_S) -> T:
+    def until(self, condition: Callable[[], Any], timeout: float = PATIENCE_S) -> Any:
         """Spin until `condition` gives something true, and return it."""
         end = time.monotonic() + timeout
         while not (found := condition()):
@@ -457,21 +452,17 @@ class Sensor:
         self.noise = NOISE
         self.sent = 0
         self.driver: Driver | None = None
-        # Subscriptions of killed nodes: no driver of it takes them for one to publish to.
-        self.dead: set[bytes] = set()
 
     def plug_in(self, away_s: float = 3.0) -> None:
         """Start the driver, anew if it runs."""
         self.unplug()
         self.now_s += away_s
-        self.driver = Driver(self.ros)
-        self.driver.dead = self.dead
-        self.driver.wait_for_node()
+        self.driver = Driver(self.ros).wait_for_node()
 
-    def unplug(self, in_peace: bool = True) -> None:
+    def unplug(self) -> None:
         """End the driver, which has sent everything."""
         if self.driver is not None:
-            assert not in_peace or self.driver.publisher.wait_for_all_acked()
+            assert self.driver.publisher.wait_for_all_acked()
             self.ros.node.destroy_publisher(self.driver.publisher)
             self.driver = None
 
@@ -557,15 +548,4 @@ def summary(**changes: Any) -> TimelineSummary:
 def arguments(parameters: Mapping[str, Any]) -> list[str]:
     """Give the arguments of a node that set its parameters."""
     return [word for key, value in parameters.items()
-            for word in ('-p', f'{key}:={yaml_value(value)}')]
-
-
-def yaml_value(value: Any) -> str:
-    """Write a value as rcl parses it on the command line."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return '[' + ', '.join(yaml_value(item) for item in value) + ']'
-    if isinstance(value, (str, Path)):
-        return "'" + str(value).replace("'", "''") + "'"
-    return repr(value)
+            for word in ('-p', f'{key}:={json.dumps(value)}')]

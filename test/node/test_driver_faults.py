@@ -5,6 +5,7 @@
 from collections.abc import Callable
 import json
 import os
+import re
 import struct
 import subprocess
 import time
@@ -124,6 +125,7 @@ HOSTILE: dict[str, Callable[[int], bytes]] = {
     'another frame_id every time': lambda i: message(i, frame_id=f'imu{i}'),
     'a frame_id that is no name': lambda i: message(i, frame_id='\x1b[2J\n\x07 ü%s{}'),
     'bytes that are no message': lambda i: bytes([0, 1, 0, 0]) + bytes([i % 256]) * i,
+    'any bytes': lambda i: b'\0\1\0\0' + np.random.default_rng(i).bytes(4 * (i + 1)),
 }
 
 
@@ -151,6 +153,8 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
         health.news()
         assert node.running, node.log
         assert ros.call(Trigger, 'imu_allan/reset').success
+    assert not re.search('Traceback|RuntimeWarning', node.log)
+    assert len(node.lines) < 3 * len(HOSTILE), node.log
     driver.publish(4000)
     driver.until_taken()
     document = ros.saved()

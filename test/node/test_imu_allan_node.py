@@ -20,7 +20,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros_harness import entries, Health, RATE_HZ, Ros
+from ros_harness import entries, Health, RATE_HZ, Ros, said_in
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -33,9 +33,11 @@ def live(shared_ros: Ros) -> Ros:
     ros, model = shared_ros, shared_ros.folder / 'model.yaml'
     model.write_text('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), rate_random_walk: '
                      '1e-3 rad/s^2/sqrt(Hz)}\naccel: {noise_density: 2e-3 m/s^2/sqrt(Hz)}')
-    ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': RATE_HZ,
-                                 'aiding_interval': 0.2, 'coast': 30.0,
-                                 'export_for': ['kalibr', 'openvins']}, shared_memory=True)
+    (ros.folder / 'spec.yaml').write_text('gyro: {x: {noise_density: 1e-4 rad/s/sqrt(Hz)}}')
+    ros.start('imu_allan_node', {
+        'publish_period': 0.5, 'expected_rate': RATE_HZ, 'aiding_interval': 0.2, 'coast': 30.0,
+        'export_for': ['kalibr', 'openvins'], 'spec_file': str(ros.folder / 'spec.yaml')},
+        shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3},
         shared_memory=True)
@@ -65,22 +67,7 @@ def result(live: Ros) -> Result:
     return load_result(response.message.splitlines()[0])
 
 
-def test_a_late_subscriber_gets_every_axis_with_values_and_intervals(live: Ros) -> None:
-    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
-    assert [s.name for s in array.status] == [
-        f'{live.name("imu_allan")}: {axis}' for axis in AXES]
-    for axis, found in values(array).items():
-        value, low, high = (float(found[f'noise_density/{one}'])
-                            for one in ('value', 'ci95_low', 'ci95_high'))
-        true, unit = (1e-3, 'rad/s') if axis.startswith('gyro') else (2e-3, 'm/s^2')
-        assert low * 0.98 < true < high * 1.02
-        assert low < value < high
-        assert found['noise_density/unit'] == f'{unit}/sqrt(Hz)'
-    assert array.header.frame_id == 'imu_link'
-    assert all(s.hardware_id == live.name('imu/data_raw') for s in array.status)
-
-
-def test_topics_service_and_file_say_the_same_to_the_last_digit(
+def test_late_subscriber_service_and_file_get_the_same_to_the_last_digit(
         live: Ros, result: Result) -> None:
     document = latest(live, String, 'imu_allan/result')
     published = Result.from_dict(json.loads(document.data))
@@ -93,18 +80,27 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         assert 'noise_density' in kept
         assert all(axis.coefficients[key] == found for key, found in kept.items())
         assert replace(axis, coefficients={}) == replace(published.axes[name], coefficients={})
-    stamp = latest(live, DiagnosticArray, 'imu_allan/coefficients').header.stamp
+    header = latest(live, DiagnosticArray, 'imu_allan/coefficients').header
+    assert header.frame_id == 'imu_link'
+    stamp = header.stamp
     # It is that of the last sample.
     start = np.datetime64(str(result.source.start_time).removesuffix('Z'), 'ns').astype(np.int64)
     assert (stamp.sec * 10**9 + stamp.nanosec - start) * 1e-9 == pytest.approx(
         DURATION_S - 1 / RATE_HZ, abs=2e-6)
     messages = result_messages(published, live.name('imu_allan'), stamp, Filter(0.2, 30.0))
+    assert [(one.name, one.hardware_id) for one in messages['coefficients'].status] == [
+        (f'{live.name("imu_allan")}: {axis}', live.name('imu/data_raw')) for axis in AXES]
     assert len(messages) == 24
     for topic, message in messages.items():
         # As text: NaN is none of the numbers.
         assert str(latest(live, type(message), f'imu_allan/{topic}')) == str(message), topic
     for name, found in values(messages['coefficients']).items():
         axis, (sensor, letter) = published.axes[name], name.split('_')
+        true, unit = (1e-3, 'rad/s') if sensor == 'gyro' else (2e-3, 'm/s^2')
+        low, high = (float(found[f'noise_density/ci95_{end}']) for end in ('low', 'high'))
+        assert low * 0.98 < true < high * 1.02
+        assert low < float(found['noise_density/value']) < high
+        assert found['noise_density/unit'] == f'{unit}/sqrt(Hz)'
         for key in TERMS:
             value = axis.coefficients[key].value
             assert found.get(f'{key}/value') == (None if value is None else repr(value))
@@ -194,6 +190,11 @@ def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> Non
     assert health.values('timeline').items() >= {
         'clock': 'header', 'missing': '0', 'duplicates': '0', 'out_of_order': '0'}.items()
     assert health.values('estimation')['observable/noise_density'] == '6'
+    broken = Varying('gyro_x N: the 95 % interval is above 1e-4 rad/s/sqrt(Hz) (measured '
+                     '<number>, <number> .. <number>)')
+    assert health.said('specification', broken, b'\2')
+    assert Varying(f'specification: {broken.line}') in said_in(
+        (live.folder / 'imu_allan_node_0.log').read_text())
 
 
 def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(live: Ros) -> None:

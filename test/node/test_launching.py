@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch files start, on stand-ins for launch; and a real node started so."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field, make_dataclass
+import importlib.util
 import json
 import os
 from pathlib import Path
@@ -11,10 +13,11 @@ import re
 import signal
 import subprocess
 import sys
+from types import ModuleType
 from typing import Any
+from unittest import mock
 
 from diagnostic_msgs.msg import DiagnosticArray
-from launch_stand_ins import declared, LaunchConfiguration, launched, ParameterValue, ROOT
 import pytest
 from rcl_interfaces.srv import GetParameters
 from repeated import slow
@@ -32,7 +35,106 @@ from std_srvs.srv import SetBool
 from whole_lines import refused
 import yaml
 
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
+# `launch` has no wheels: these show what a launch file says, no more.
+LaunchContext = dict[str, str]
+
+
+def taking(kind: str, *positional: str, **keywords: Any) -> Any:
+    """Give a class of the arguments, with defaults, that the Jazzy version documents alone."""
+    return make_dataclass(kind, [*positional, *(
+        (name, Any, field(default=default, kw_only=True)) for name, default in keywords.items())])
+
+
+DeclareLaunchArgument = taking('DeclareLaunchArgument', 'name', default_value=None,
+                               description='', choices=None)
+FindPackageShare = taking('FindPackageShare', 'package')
+IncludeLaunchDescription = taking('IncludeLaunchDescription', 'source', launch_arguments=())
+LaunchDescription = taking('LaunchDescription', 'entities')
+OpaqueFunction = taking('OpaqueFunction', function=None)
+ParameterValue = taking('ParameterValue', 'value', value_type=None)
+PythonLaunchDescriptionSource = taking('PythonLaunchDescriptionSource', 'location')
+ThisLaunchFileDir = taking('ThisLaunchFileDir')
+
+
+@dataclass
+class LaunchConfiguration:
+    name: str
+
+    def perform(self, context: LaunchContext) -> str:
+        return context[self.name]
+
+
+@dataclass
+class PathJoinSubstitution:
+    parts: Sequence[Any]
+
+    def perform(self, _: LaunchContext) -> str:
+        first, *others = self.parts
+        assert first == FindPackageShare('imu_allan')
+        return str(ROOT.joinpath(*others))
+
+
+Node = taking(
+    'Node', package=None, executable=None, name=None, namespace='', parameters=(), remappings=(),
+    arguments=(), output='log', respawn=False, respawn_delay=None, sigterm_timeout='5',
+    sigkill_timeout='5')
+
+
+def command(node: Any, folder: Path) -> list[str]:
+    """Give the arguments of the command line of a node; parameters go to files in `folder`."""
+    words = [*node.arguments, '--ros-args', '-r', f'__ns:=/{node.namespace.lstrip("/")}',
+             '-r', f'__node:={node.name}']
+    for number, given in enumerate(node.parameters):
+        file = given
+        if isinstance(given, Mapping):
+            file = folder / f'launch_params_{number}.yaml'
+            file.write_text(yaml.safe_dump({'/**': {'ros__parameters': dict(given)}}))
+        words += ['--params-file', str(file)]
+    for names in node.remappings:
+        words += ['-r', ':='.join(names)]
+    return words
+
+
+MODULES = {
+    'launch': {'LaunchContext': LaunchContext, 'LaunchDescription': LaunchDescription},
+    'launch.actions': {kind.__name__: kind for kind in (
+        DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction)},
+    'launch.launch_description_sources': {
+        'PythonLaunchDescriptionSource': PythonLaunchDescriptionSource},
+    'launch.substitutions': {kind.__name__: kind for kind in (
+        LaunchConfiguration, PathJoinSubstitution, ThisLaunchFileDir)},
+    'launch_ros': {}, 'launch_ros.actions': {'Node': Node},
+    'launch_ros.parameter_descriptions': {'ParameterValue': ParameterValue},
+    'launch_ros.substitutions': {'FindPackageShare': FindPackageShare}}
+
+
+def described(name: str) -> list[Any]:
+    modules = {module: ModuleType(module) for module in MODULES}
+    for module, kinds in MODULES.items():
+        vars(modules[module]).update(kinds)
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'launch' / f'{name}.launch.py')
+    assert spec is not None
+    assert spec.loader is not None
+    file = importlib.util.module_from_spec(spec)
+    with mock.patch.dict(sys.modules, modules):
+        spec.loader.exec_module(file)
+    return list(file.generate_launch_description().entities)
+
+
+def declared(name: str) -> dict[str, DeclareLaunchArgument]:
+    return {one.name: one for one in described(name) if isinstance(one, DeclareLaunchArgument)}
+
+
+def launched(file: str, /, **given: str) -> list[Any]:
+    """Give what a launch file starts with these arguments."""
+    context = {key: one.default_value if isinstance(one.default_value, (str, type(None)))
+               else one.default_value.perform(given) for key, one in declared(file).items()}
+    context |= given
+    return [started for one in described(file) for started in (
+        one.function(context) if isinstance(one, OpaqueFunction) else [one])
+        if not isinstance(started, DeclareLaunchArgument)]
 
 
 def test_every_argument_is_described_and_documented() -> None:
@@ -58,7 +160,7 @@ def test_every_argument_reaches_the_node(ros: Ros) -> None:
     assert {*given, 'imu_topic'} == {*declared('imu_allan')}
     [node] = launched('imu_allan', **given)
     assert (node.package, node.executable, node.respawn) == ('imu_allan', 'imu_allan_node', False)
-    process = ros.started('imu_allan_node', node.command(ros.folder))
+    process = ros.started('imu_allan_node', command(node, ros.folder))
     topics = ros.name('front/a/gyro'), ros.name('front/a/accel')
     ros.until(lambda: f'characterizing the IMU on {" and ".join(topics)}' in process.lines)
     wanted = {'publish_period': 0.5, 'coast': 30.0, **given, 'use_sim_time': True}
@@ -75,7 +177,7 @@ def test_every_argument_reaches_the_node(ros: Ros) -> None:
 def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
         tmp_path: Path) -> None:
     [node] = launched('imu_allan', imu_topic='/front/imu')
-    words = node.command(tmp_path)
+    words = command(node, tmp_path)
     assert words[-2:] == ['-r', 'imu/data_raw:=/front/imu']
     assert words[:3] == ['--ros-args', '--log-level', 'info']
     assert '__ns:=/' in words
@@ -140,9 +242,9 @@ def spinning(ros: Ros, executor: str, namespaces: Sequence[str]) -> Iterator[sub
     parameters: dict[str, Any] = {'publish_period': 0.5}
     for namespace in namespaces:
         parameters |= lossless(f'{namespace}/imu/data_raw')
-    command = [sys.executable, '-c', code, '--ros-args', *arguments(parameters)]
-    process = subprocess.Popen(command, env={
-        **os.environ, 'HOME': str(ros.folder), 'ROS_HOME': str(ros.folder)})
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, '--ros-args', *arguments(parameters)],
+        env={**os.environ, 'HOME': str(ros.folder), 'ROS_HOME': str(ros.folder)})
     try:
         yield process
     finally:

@@ -274,7 +274,7 @@ def test_nothing_is_drawn_while_nobody_watches(
 
 
 def test_a_pause_passes_samples_over_and_counts_as_a_gap(
-        shared_ros: Ros, shared_driver: Driver) -> None:
+        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
     ros, driver, health = shared_ros, shared_driver, Health(shared_ros)
     before = driver.next
 
@@ -286,7 +286,8 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
     assert ros.call(Trigger, 'imu_allan/reset').success
     driver.publish(600)
     received(600)
-    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
+    for data in False, True, True:
+        assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=data)).success
     driver.publish(400)
     received(1000)
     assert health.number('reception', 'passed_over') == 400
@@ -294,6 +295,9 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
     assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=False)).success
     driver.publish(600)
     received(1600)
+    assert ros.call(SetBool, 'imu_allan/pause').message == 'not paused'
+    assert [line for line in node.lines if 'pause' in line] == [
+        'paused: samples are passed over', 'going on; the pause counts as a gap']
     assert health.number('reception', 'lost') == 0
     timeline = ros.saved()['timeline']
     assert (timeline['samples'], timeline['missing']) == (1200, 400)

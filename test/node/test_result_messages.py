@@ -39,12 +39,9 @@ import pytest
 from ros_harness import (
     at_rest,
     characterized,
-    Driver,
     entries,
     facts,
-    Health,
     result_of,
-    Ros,
     summary,
 )
 from whole_lines import Varying
@@ -363,14 +360,3 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
             'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: '
             'bias <number> rad/s, <number> in the reference; gyro_z: a line at 31 Hz of 0.001 '
             'rad/s, none in the reference'))]
-
-
-def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(
-        ros: Ros, health: Health) -> None:
-    node = ros.start('imu_allan_node', {
-        'publish_period': 0.5, 'spec_file': written(ros.folder, '1e-4')})
-    driver = Driver(ros).wait_for_node()
-    # Certain takes longer than likely.
-    ros.until(lambda: driver.publish(500) or health.said(
-        'specification', Varying(above('1e-4')), b'\2'))
-    assert Varying(f'specification: {above("1e-4")}') in node.lines

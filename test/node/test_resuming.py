@@ -68,6 +68,8 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros: Ros) -> 
          f'it has version 99, this imu_allan reads {VERSION}'),
         ('settings', good, ['-p', 'gap_tolerance:=9'],
          'it was made with other parameters (gap_tolerance 5, now 9)'),
+        ('settings', good, ['-p', 'gyro_unit:=deg/s'], 'its messages were read as '
+         'sensor_msgs/msg/Imu, now as sensor_msgs/msg/Imu deg/s'),
         ('topic', good, ['-r', 'imu/data_raw:=other/imu'], f'it is of the topic {topic}')]
     arguments = []
     for number, (_, content, other, _) in enumerate(cases):

@@ -3,17 +3,14 @@
 """Services and parameters in any order and at any pace, while samples come in."""
 
 import random
-import re
 import time
 from typing import Any
 
-from imu_messages import encode_imu
-import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from repeated import slow
-from ros_harness import assert_kept_up, Driver, Health, Process, Ros, START_NS, too_early
+from ros_harness import assert_kept_up, Driver, Health, Process, Ros, too_early
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import SetBool, Trigger
 
@@ -160,25 +157,3 @@ def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(
     assert_kept_up(node, health, 1000.0)
     assert not [answer for answer in saves if not answer.success and not too_early(answer)]
     assert node.stop() == 0
-
-
-def test_what_nobody_should_send_does_not_flood_the_log(ros: Ros) -> None:
-    node = ros.start('imu_allan_node', {'publish_period': 1.0})
-    driver = Driver(ros).wait_for_node()
-    driver.publish(1000)
-    draw = random.Random(1)
-    for number in range(3000):
-        driver.send(b'\0\1\0\0' + draw.randbytes(4 * draw.randrange(1, 100)))
-        driver.send(encode_imu(START_NS + draw.randrange(10**12),
-                               np.full(6, draw.choice((np.nan, 1e300, number))), 'imu'))
-    for _ in range(20):
-        assert ros.call(SetBool, 'imu_allan/pause').success
-    ros.call(Trigger, 'imu_allan/save')
-    assert not re.search('Traceback|RuntimeWarning', node.log)
-    assert ros.call(SetBool, 'imu_allan/pause').message == 'not paused'
-    assert not [line for line in node.lines if 'pause' in line]
-    assert len(node.lines) < 25, node.log
-    for data in True, True, False:
-        assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=data)).success
-    assert [line for line in node.lines if 'pause' in line] == [
-        'paused: samples are passed over', 'going on; the pause counts as a gap']

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable
 import json
-from math import inf
 import random
 import signal
 import time
@@ -13,7 +12,6 @@ from typing import Any
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from rclpy.duration import Duration
 from repeated import slow
 from ros_harness import (
     assert_density,
@@ -36,11 +34,6 @@ def saved(ros: Ros, sensor: Sensor) -> Any:
     return ros.saved()
 
 
-def fitted(ros: Ros, node: Process) -> None:
-    """Wait for the first fit, from which on the run is known."""
-    ros.until(lambda: 'observable: noise density' in node.log)
-
-
 def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_returns(
         ros: Ros) -> None:
     state, reason = ros.folder / 'state', "it is of frame_id 'imu', the messages now have 'other'"
@@ -53,7 +46,8 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     sensor = Sensor(ros)
     sensor.plug_in()
     sensor.measure(300.0)
-    fitted(ros, node)
+    # The first fit, from which on the run is known.
+    ros.until(lambda: 'observable: noise density' in node.log)
     sensor.unplug()
     other = Sensor(ros, seed=2)
     other.now_s = sensor.now_s
@@ -110,7 +104,7 @@ def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) ->
         for _ in range(2):
             sensor.measure(60.0)
             ros.executor.spin_once(timeout_sec=0.6)
-        fitted(ros, node)
+        ros.until(lambda: 'observable: noise density' in node.log)
         if count not in (2, len(biases)):
             continue
         document = saved(ros, sensor)
@@ -183,9 +177,6 @@ PLUG_S = 2.5
 """Nobody plugs in faster: whoever sends again sooner has only been slow."""
 COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
 """Samples of the IMU that may be lost: what comes meanwhile, and what is held for a look at it."""
-CHECKPOINT_S = 1.0
-LATE_S = 0.2
-"""A checkpoint that is due may take so long to reach the disk."""
 
 
 class HostileWorld:
@@ -197,15 +188,12 @@ class HostileWorld:
         self.polled = polled
         self.happened: list[str] = []
         self.nodes: list[Process] = []
-        # Samples that kills may have lost, and when how many had come to the node that runs.
-        self.killed = 0
-        self._taken: list[tuple[float, int]] = []
         self.imu = Sensor(ros, 100.0, seed)
         self._start()
         self.imu.plug_in()
         self._actions: dict[str, Callable[[], None]] = {
             'replug': self._replug, 'stranger beside': self._beside,
-            'stranger instead': self._instead, 'rate': self._rate, 'kill': self._kill,
+            'stranger instead': self._instead, 'rate': self._rate,
             'signal': self._signal, 'clock jump': self._clock_jump, 'pause': self._pause}
 
     def go_on(self) -> None:
@@ -221,33 +209,17 @@ class HostileWorld:
         for _ in range(2):
             self.imu.measure(seconds / 2, self.polled)
             self.ros.executor.spin_once(timeout_sec=0.1)
-            if self._has_come(0.1):
-                self._taken.append((self._lived_s(), self.imu.sent))
 
-    def _has_come(self, within_s: float = 0.0) -> bool:
-        """Whether nothing is on its way to the node, or to one that was killed just now."""
+    @property
+    def driver(self) -> Driver:
         assert self.imu.driver is not None
-        return bool(self.imu.driver.publisher.wait_for_all_acked(
-            Duration(seconds=within_s)))
-
-    def _lived_s(self) -> float:
-        """Tell how long the node had a core, or needed none."""
-        return time.monotonic() - self.nodes[-1].starved_s
+        return self.imu.driver
 
     def _start(self) -> None:
         self.nodes.append(self.ros.start('imu_allan_node', {
-            'publish_period': 0.5, 'checkpoint_period': CHECKPOINT_S,
+            'publish_period': 0.5, 'checkpoint_period': 1.0,
             'state_file': str(self.ros.folder / 'state')}))
         self.ros.until(lambda: 'characterizing the IMU' in self.nodes[-1].log)
-        self._taken = [(-inf, self.imu.sent)]
-
-    def _again(self) -> None:
-        """Start the node and the driver anew: nobody waits for a reader that was killed."""
-        assert self.imu.driver is not None
-        self.imu.dead |= self.imu.driver.subscriptions()
-        self.imu.unplug(in_peace=False)
-        self._start()
-        self.imu.plug_in()
 
     def _plug_in(self, sensor: Sensor) -> None:
         """Plug in a sensor in place of the one before, which takes its time."""
@@ -261,7 +233,7 @@ class HostileWorld:
 
     def _other(self) -> Sensor:
         other = Sensor(self.ros, 100.0, self.draw.randrange(1000))
-        other.now_s, other.dead = self.imu.now_s, self.imu.dead
+        other.now_s = self.imu.now_s
         return other
 
     def _instead(self) -> None:
@@ -293,32 +265,22 @@ class HostileWorld:
         self.imu.measure(8.0, self.polled)
         self.imu.rate_hz = rate_hz
 
-    def _kill(self) -> None:
-        # Data comes faster than time goes: behind a checkpoint of it all some seconds are lost.
-        last, _ = self._taken[-1]
-        self.ros.until(lambda: self._lived_s() > last + CHECKPOINT_S + LATE_S)
-        self.imu.measure(2.0, self.polled)
-        due = self._lived_s() - CHECKPOINT_S - LATE_S
-        self.killed += self.imu.sent - max(sent for when, sent in self._taken if when < due)
-        self.nodes[-1].popen.send_signal(signal.SIGKILL)
-        self.nodes[-1].wait()
-        self._again()
-
     def _signal(self) -> None:
-        self.ros.until(self._has_come)
+        assert self.driver.publisher.wait_for_all_acked()
         assert self.nodes[-1].stop(self.draw.choice((
             signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))) == 0
-        self._again()
+        self.imu.unplug()
+        self._start()
+        self.imu.plug_in()
 
     def _clock_jump(self) -> None:
         self.imu.now_s += self.draw.choice((1, 3600, 100_000))
 
     def _pause(self) -> None:
-        assert self.imu.driver is not None
-        self.ros.until(self._has_come)
+        assert self.driver.publisher.wait_for_all_acked()
         self.ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True))
         self.imu.measure(2.0, self.polled)
-        assert self.imu.driver.publisher.wait_for_all_acked()
+        assert self.driver.publisher.wait_for_all_acked()
         self.ros.call(SetBool, 'imu_allan/pause')
 
 
@@ -340,16 +302,14 @@ def test_a_hostile_time_is_one_run_of_one_imu(
                      if term != 'noise_density' and found['observable']}
             assert not shown, world.happened
         results.clear()
-    assert world.imu.driver is not None
-    world.imu.driver.until_taken()
+    world.driver.until_taken()
     document = ros.saved()
     assert_density(document, 100.0)
     lines = [line for node in world.nodes for line in node.lines]
     assert not [line for line in lines if line.startswith('a new run')], (world.happened, lines)
     assert not [line for line in lines if 'Traceback' in line or 'RuntimeWarning' in line]
     samples = document['timeline']['samples']
-    # What a kill loses are seconds.
     assert samples > 0.8 * world.imu.sent, (samples, world.imu.sent, world.happened)
-    # What has come since the last checkpoint, at another rate, or among another's, is no more.
-    lost = world.killed + sum(COSTS.get(kind, 0) for kind in world.happened)
+    # What has come at another rate or among another's is no more.
+    lost = sum(COSTS.get(kind, 0) for kind in world.happened)
     assert samples >= world.imu.sent - lost - 1000, (samples, world.imu.sent, world.happened)
