@@ -8,7 +8,6 @@ from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.terms import AXES
 from imu_allan.result import GaussMarkov
 from imu_allan.sensor import units
 from imu_allan.sensor.noise_model import load_model, NoiseModel, parse_model
@@ -52,10 +51,7 @@ def test_what_is_not_an_angular_rate_is_refused_with_an_example(text, complaint)
         parse(text, 'rad/s')
 
 
-def test_an_angular_rate_is_no_noise_density_and_a_long_text_is_shown_in_part():
-    with refused(f"'18 deg/h' is not in a unit that can be turned into {GYRO_N}; write a number "
-                 f"with its unit, such as '1 deg/sqrt(h)' or '1 {GYRO_N}'"):
-        parse('18 deg/h', GYRO_N)
+def test_a_long_text_is_shown_in_part():
     text = '1 ' + 'rad/' * 200 + 's'
     with refused(f"'{text[:80]}...' {NO_RATE}; {RIGHT}"):
         parse(text, 'rad/s')
@@ -196,17 +192,6 @@ def test_a_file_that_is_no_model_is_named_with_what_it_may_hold(tmp_path, conten
         load_model(path)
 
 
-@settings(max_examples=200)
-@given(st.text(alphabet='gyroacel: {}[]xyz\n-&*!|>0123456789.#?"\'', max_size=80))
-def test_any_text_gives_a_model_or_the_known_error(text):
-    try:
-        model = parse_model(text)
-    except ImuAllanError as error:
-        assert '\n' not in str(error)
-    else:
-        assert set(model.axes) <= set(AXES)
-
-
 def test_every_shipped_model_is_read_and_table_2_has_the_values_of_the_paper():
     shipped = {path.stem: load_model(path) for path in CONFIG.glob('*.yaml')
                if 'ros__parameters' not in path.read_text()}
@@ -258,9 +243,3 @@ def test_blocks_cover_the_samples_with_even_stamps_and_a_sensor_left_out_is_abse
     gyro_only = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
     block = next(iter(simulated_blocks(gyro_only, 100.0, 10)))
     np.testing.assert_array_equal(block.absent, np.tile([False, True], (10, 1)))
-
-
-def test_white_noise_has_the_density_of_the_model() -> None:
-    white = parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
-                        'accel: {noise_density: 0.01 m/s^2/sqrt(Hz)}')
-    np.testing.assert_allclose(SimulatedImu(white, 100.0).draw(50_000).std(axis=0), 0.1, rtol=0.02)

@@ -3,7 +3,6 @@
 """Messages of an IMU at rest, to which tests add the faults of real drivers."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
@@ -43,18 +42,10 @@ def encode_imu(
     return encode_imu_rows(block).tobytes()
 
 
-def pick(block: ImuBlock, rows: NDArray[np.generic] | Sequence[int]) -> ImuBlock:
-    """Give the messages at `rows`, in that order: leaves out, repeats and swaps."""
-    return replace(block, header_ns=block.header_ns[rows], receive_ns=block.receive_ns[rows],
-                   samples=block.samples[rows], absent=block.absent[rows])
-
-
 def cut(block: ImuBlock, edges: Iterable[int]) -> list[ImuBlock]:
     """Give the messages in blocks that end at `edges`."""
     inner = sorted({edge for edge in edges if 0 < edge < len(block)})
-    ends = [0, *inner, len(block)]
-    return [pick(block, np.arange(first, last))
-            for first, last in pairwise(ends)]
+    return [block.part(slice(first, last)) for first, last in pairwise([0, *inner, len(block)])]
 
 
 def run(blocks: ImuBlock | Iterable[ImuBlock], **options: object
@@ -85,8 +76,8 @@ def said(seen: Result | TimelineSummary, code: str) -> Finding:
 
 def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Give the grid places of all rows, and the rows."""
-    blocks = [block for block in blocks if len(block)]
-    places = [np.empty(0, np.int64)]
-    places += [block.first_index + np.arange(len(block)) for block in blocks]
-    return np.concatenate(places), np.concatenate([np.empty((0, 6)),
-                                                   *(block.samples for block in blocks)])
+    places, rows = [np.empty(0, np.int64)], [np.empty((0, 6))]
+    for block in blocks:
+        places.append(block.first_index + np.arange(len(block)))
+        rows.append(block.samples)
+    return np.concatenate(places), np.concatenate(rows)

@@ -9,7 +9,7 @@ whether a number is wrong and nothing says so. ``python test/timeline/scenarios.
 prints those of a range of seeds, with `more` of the faults that were found later, too.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import sqrt
@@ -20,6 +20,7 @@ from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.timeline import NoAxes, TimelineOptions
+from imu_messages import cut
 import numpy as np
 from numpy.typing import NDArray
 
@@ -225,7 +226,7 @@ def not_a_number(m: Messages, truth: Truth, rng: Generator) -> None:
 
 
 def knock(m: Messages, truth: Truth, rng: Generator) -> None:
-    if len(m.place) < _SHORT_S * truth.rate_hz:
+    if len(m.place) < 4 * truth.rate_hz:
         # A knock with its margins is the larger part of it.
         truth.said.add('refused')
     at = int(rng.integers(len(m.place) // 4, len(m.place) * 3 // 4))
@@ -424,9 +425,6 @@ EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_mes
          'coarse_output', 'constant_axis', 'receive_constant', 'driver_restart',
          'noise_changes', 'tilt', 'half_rate_vibration'}
 """Faults beside which missing samples can be counted to the last one."""
-_SHORT_S = 4.0
-_TILT_S = 6.5
-_LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
 MOVES = ('scenario, topic /imu: the IMU moves during most of the recording. Record it at rest, '
@@ -457,24 +455,14 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
         fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
         truth.faults.append(fault.__name__)
         messages = fault(messages, truth, rng) or messages
-    if 'tilt' in truth.faults and np.ptp(messages.header) < _TILT_S:
+    if 'tilt' in truth.faults and np.ptp(messages.header) < 6.5:
         # By its stamps the record is so short that the turn, and where its means are held against
         # those of two seconds before, and a second on each side, are all of it.
         truth.said.add('refused')
-    if 'noise_changes' in truth.faults and len(messages.place) < _LONG_S * rate_hz:
+    if 'noise_changes' in truth.faults and len(messages.place) < 150 * rate_hz:
         # It takes a minute to tell a louder sensor from an engine, of what no outage takes away.
         truth.said.add('refused')
     return messages, truth, rng
-
-
-def split(block: ImuBlock, rng: Generator) -> Iterator[ImuBlock]:
-    """Cut messages into blocks of random sizes."""
-    first = 0
-    while first < len(block):
-        last = first + int(rng.choice([1, 17, 256, 4096, 9000]) * rng.uniform(0.5, 1.5)) + 1
-        part = slice(first, last)
-        yield block.part(part)
-        first = last
 
 
 def characterized(messages: Messages, rng: Generator | None = None, *, numbered: bool = False,
@@ -485,7 +473,8 @@ def characterized(messages: Messages, rng: Generator | None = None, *, numbered:
     block = messages.block()
     if numbered:
         block = replace(block, numbers=messages.place + 1)
-    for part in [block] if rng is None else split(block, rng):
+    edges = [] if rng is None else rng.integers(0, len(block), 12)
+    for part in cut(block, [*edges, *(edge + 1 for edge in edges[::3])]):
         # As node and recordings do: a driver may take a while to start.
         with suppress(NoAxes):
             run.update(part)

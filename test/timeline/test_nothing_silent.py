@@ -10,7 +10,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, are_interleaved
 from imu_allan.writers.words import for_display
-from imu_messages import codes, run, said
+from imu_messages import codes, cut, run, said
 import numpy as np
 import pytest
 from repeated import slow
@@ -132,48 +132,75 @@ def false_terms(result: Result) -> int:
                for axis in result.axes.values())
 
 
-STAMPS: list[tuple[str, float, float, float, Callable[..., Messages]]] = [
-    ('outages of any length', 100.0, 400, 0, partial(outages, on_s=1, off_s=3)),
-    ('few messages between outages', 5.0, 1200, 0, lambda m, _: replace(
+def received(messages: Messages, stamps: np.ndarray) -> Messages:
+    """Leave only stamps of reception."""
+    return replace(messages, header=0 * messages.header, receive=stamps)
+
+
+def in_pairs(messages: Messages) -> np.ndarray:
+    """Stamp messages of 40 Hz as a USB device does that hands over two samples at a time."""
+    return messages.header + 0.0185 * (messages.place % 2 == 0)
+
+
+def now_and_then_late(messages: Messages, rng: np.random.Generator) -> Messages:
+    """Let one step in seven be a tenth longer, which the median of the steps is not."""
+    steps = rng.choice([1.0, 1.1], len(messages.place), p=[0.86, 0.14])
+    return one_clock(replace(messages, header=np.cumsum(steps) / steps.mean() / 100))
+
+
+STAMPS: list[tuple[str, float, float, float, float, Callable[..., Messages]]] = [
+    ('outages of any length', 100.0, 400, 1e-4, 0, partial(outages, on_s=1, off_s=3)),
+    ('few messages between outages', 5.0, 1200, 1e-4, 0, lambda m, _: replace(
         m, receive=np.full(len(m.place), m.receive[-1])).pick(m.place % 24 < 3)),
-    ('batches, outages', 100.0, 150, 6, lambda m, _: in_batches(m, 10, 100.0).pick(
+    ('batches, outages', 100.0, 150, 1e-3, 6, lambda m, _: in_batches(m, 10, 100.0).pick(
         m.header % 6 < 5)),
-    ('a tick of 1 ms', 952.0, 60, 4, lambda m, rng: lose(
+    *((f'batches of {size} received', 400.0, 75, rel, 0, lambda m, _, size=size: received(
+        m, in_batches(m, size, 400.0).receive)) for size, rel in ((2, 1e-4), (25, 1e-3))),
+    ('four received together', 100.0, 200, 1e-3, 0, lambda m, _: received(
+        m, np.repeat(m.receive[3::4], 4))),
+    ('pairs', 40.0, 500, 1e-4, 0, lambda m, _: one_clock(replace(m, header=in_pairs(m)))),
+    ('pairs received', 40.0, 500, 1e-4, 0, lambda m, _: received(m, in_pairs(m))),
+    ('late now and then', 100.0, 200, 1e-4, 0, now_and_then_late),
+    ('stalls of the host', 200.0, 150, 1e-4, 0, lambda m, _: one_clock(replace(
+        m, header=m.header + np.maximum(40 - (m.place + 777) % 1777, 0) * 0.99 / 200))),
+    ('a tick of 1 ms', 952.0, 60, 1e-3, 4, lambda m, rng: lose(
         one_clock(in_ticks(m, 1e-3, 0.123456789)), 1e-3, rng)),
-    ('a tick of 10 ms', 104.0, 60, 0, lambda m, _: one_clock(in_ticks(m, 1e-2, 0))),
+    ('a tick of 10 ms', 104.0, 60, 1e-4, 0, lambda m, _: one_clock(in_ticks(m, 1e-2, 0))),
+    ('a tick of an interval', 9.862, 800, 1e-4, 0, lambda m, _: one_clock(in_ticks(m, 0.1, 0))),
     # A grid of the tick has its empty places, too: the receive stamps do not lie on it.
-    ('a tick of 10 ms, one of 12 lost', 62.5, 60, 0,
+    ('a tick of 10 ms, one of 12 lost', 62.5, 60, 1e-4, 0,
      lambda m, _: in_ticks(m, 1e-2, 0).pick(m.place % 12 > 0)),
-    ('1101', 100.0, 150, 2, lambda m, _: lose(m, '1101')),
-    ('11100 by one clock', 5.0, 1200, 2, lambda m, _: lose(one_clock(m), '11100')),
-    ('batches that hide what is dropped in turn', 100.0, 50, 2,
+    ('1101', 100.0, 150, 1e-3, 2, lambda m, _: lose(m, '1101')),
+    ('11100 by one clock', 5.0, 1200, 1e-3, 2, lambda m, _: lose(one_clock(m), '11100')),
+    ('batches that hide what is dropped in turn', 100.0, 50, 1e-3, 2,
      lambda m, _: dated_back(m, 8, 1.08).pick(m.place % 4 != 0)),
-    ('batches dated back, one clock', 1000.0, 60, 0,
+    ('batches dated back, one clock', 1000.0, 60, 1e-4, 0,
      lambda m, _: one_clock(dated_back(m, 16, 1.08, 1000.0))),
-    ('most lost of late receive stamps', 800.0, 20, 50, lambda m, rng: lose(
-        replace(m, header=0.0 * m.header), 0.55, rng)),
-    *((f'overruns of {share}, {shifts=}', 100.0, 150, 200 * shifts, partial(
-        overrun, share=share, shifts=shifts)) for share, shifts in ((0.05, False), (0.01, True))),
-    ('a fifth late by more than half', 100.0, 150, 0, partial(late_by_half, by=0.6)),
-    ('a fifth late by less than half', 100.0, 150, 9, lambda m, rng: lose(
+    ('most lost of late receive stamps', 800.0, 20, 1e-3, 50, lambda m, rng: lose(
+        received(m, m.receive), 0.55, rng)),
+    *((f'overruns of {share}, {shifts=}', 100.0, 150, rel, 200 * shifts, partial(
+        overrun, share=share, shifts=shifts))
+      for share, shifts, rel in ((0.05, False, 1e-4), (0.01, True, 1e-3))),
+    ('a fifth late by more than half', 100.0, 150, 1e-4, 0, partial(late_by_half, by=0.6)),
+    ('a fifth late by less than half', 100.0, 150, 1e-3, 9, lambda m, rng: lose(
         late_by_half(m, rng, 0.4), 0.1, rng)),
-    ('jitter beside gaps', 800.0, 10.5, 0, lambda m, rng: late(m, 0.2 / 800, rng).pick(
+    ('jitter beside gaps', 800.0, 10.5, 1e-4, 0, lambda m, rng: late(m, 0.2 / 800, rng).pick(
         m.place % 178 >= 46)),
 ]
 
 
-@pytest.mark.parametrize(('rate_hz', 'duration_s', 'off', 'spoil'), [
+@pytest.mark.parametrize(('rate_hz', 'duration_s', 'rel', 'off', 'spoil'), [
     pytest.param(*case, id=name) for name, *case in STAMPS])
-def test_rate_and_losses_are_right_whatever_the_stamps(rate_hz, duration_s, off, spoil):
+def test_rate_and_losses_are_right_whatever_the_stamps(rate_hz, duration_s, rel, off, spoil):
     messages, truth, rng = rest(rate_hz, duration_s)
     kept = spoil(messages, rng)
     summary, _ = run(kept.block())
-    assert summary.timeline.sample_rate_hz == pytest.approx(
-        truth.rate_hz, rel=1e-3 if off else 5e-4)
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=rel)
     assert off or not unsure(summary.remarks)
     assert summary.timeline.missing == pytest.approx(missed(kept), abs=off)
-    assert summary.timeline.samples == len(kept.place)
+    assert (summary.timeline.samples, summary.timeline.duplicates) == (len(kept.place), 0)
     assert 'rate_changed' not in codes(summary)
+    assert run(cut(kept.block(), range(0, len(kept.place), 997)))[0] == summary
 
 
 @pytest.mark.parametrize(('share', 'where'), [
@@ -328,8 +355,7 @@ def test_no_output_of_one_sensor_passes_for_two(lost, late, output):
 def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(every, size):
     messages, _, _ = rest(100, 60)
     messages.samples[::every] += size * SIGMA
-    found = codes(run(messages.block())[0])
-    assert not PERHAPS_TWO & found
+    assert not PERHAPS_TWO & codes(run(messages.block())[0])
 
 
 def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second():
@@ -448,15 +474,6 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
         [100, 101.8, 30_000 / time[-1]], rel=5e-5)
 
 
-def test_a_message_that_came_twice_is_one_although_an_axis_has_no_value():
-    messages, truth, rng = rest()
-    messages.samples[:, 4] = np.nan
-    twice = np.repeat(np.arange(len(messages.place)), 1 + (rng.random(len(messages.place)) < 0.01))
-    result = characterized(messages.pick(twice))
-    assert_right(result, truth, axes=5)
-    assert result.timeline.duplicates == len(twice) - len(messages.place)
-
-
 def test_where_two_publishers_pass_for_motion_the_refusal_names_them():
     with refused(f'{scenarios.MOVES}; {scenarios.OR_TWO}'):
         characterized(compose(5_000_149)[0])
@@ -515,17 +532,20 @@ def test_publication_numbers_change_nothing_where_stamps_tell_as_much():
     assert characterized(kept, numbered=True).to_dict() == characterized(kept).to_dict()
 
 
-@pytest.mark.parametrize(('rate_hz', 'share'), [(100.0, 0.003), (2700.0, 0.0003)])
-def test_messages_of_zeros_cost_nothing_but_themselves_however_rare(rate_hz, share):
+@pytest.mark.parametrize(('rate_hz', 'share', 'outlier'), [
+    (100.0, 0.003, 0.0), (2700.0, 0.0003, 0.0), (1000.0, 0.01, 30 * SIGMA)])
+def test_outliers_cost_nothing_but_themselves_however_rare(rate_hz, share, outlier):
     messages, truth, rng = gyro(rate_hz, 60)
     hit = rng.random(len(messages.place)) < share
     hit[1000] = True
-    messages.samples[hit] = 0.0
+    messages.samples[hit] = outlier * rng.choice([-1, 1], (np.count_nonzero(hit), 6))
     result = characterized(messages)
-    assert_right(result, truth, 0.04)
-    assert result.timeline.motion == ()
-    assert result.timeline.rejected == np.count_nonzero(hit)
-    assert said(result, 'spikes').values == {'messages': np.count_nonzero(hit)}
+    assert_right(result, truth, 0.04 if share < 0.01 else 0.03)
+    # Among many, some are neighbours of each other.
+    assert share == 0.01 or result.timeline.motion == ()
+    many = pytest.approx(np.count_nonzero(hit), rel=0.05 if share == 0.01 else 0)
+    assert result.timeline.rejected == many
+    assert said(result, 'spikes').values == {'messages': many}
 
 
 @pytest.mark.parametrize('at', [0, 1, 3583, 3584, 4095, 4096, 5997, 5999])
@@ -538,29 +558,15 @@ def test_a_single_wild_value_is_left_out_wherever_it_lies(at):
     assert max(abs(block.samples[:, 1]).max() for block in even) < 6 * SIGMA
 
 
-def test_spikes_in_a_hundredth_of_the_messages_are_left_out_and_reported():
-    messages, truth, rng = rest(1000.0, 30)
-    hit = rng.random(len(messages.place)) < 0.01
-    messages.samples[hit] += 30 * SIGMA * rng.choice([-1, 1], (np.count_nonzero(hit), 6))
-    result = characterized(messages)
-    assert_right(result, truth)
-    assert said(result, 'spikes').values['messages'] == pytest.approx(
-        np.count_nonzero(hit), rel=0.05)
-
-
-def polled(messages: Messages, rate_hz: float, poll_hz: float, rng: np.random.Generator
-           ) -> Messages:
-    """Give the newest sample at each poll; reception is a third of an interval late."""
-    polls = np.arange(1, int(messages.header[-1] * poll_hz)) / poll_hz
-    newest = messages.pick(np.floor(polls * rate_hz + 1e-6).astype(int))
-    late = rng.exponential(0.3 / poll_hz, len(polls))
-    return replace(newest, header=polls, receive=np.maximum.accumulate(polls + late) + 1e-4)
-
-
 @pytest.mark.parametrize('ratio', [slow(1.05), 1.3, 2.0, 2.3])
 def test_a_sensor_polled_faster_than_it_samples_has_its_own_rate(ratio):
     messages, truth, rng = gyro()
-    result = characterized(polled(messages, truth.rate_hz, ratio * truth.rate_hz, rng))
+    poll_hz = ratio * truth.rate_hz
+    polls = np.arange(1, int(messages.header[-1] * poll_hz)) / poll_hz
+    newest = messages.pick(np.floor(polls * truth.rate_hz + 1e-6).astype(int))
+    late = rng.exponential(0.3 / poll_hz, len(polls))
+    result = characterized(replace(
+        newest, header=polls, receive=np.maximum.accumulate(polls + late) + 1e-4))
     assert_right(result, truth, 0.02)
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
     assert result.timeline.missing == 0
