@@ -115,17 +115,6 @@ def test_messages_that_wait_are_in_the_result():
         assert 'unit_g' in {remark.code for remark in result.warnings}
 
 
-def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, tuple[str, str]]:
-    """Characterize 100 s at 100 Hz with noise of a sample and a bias; what is reported by axis."""
-    samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
-    samples += [gyro_bias, gyro_bias, gyro_bias, 0.0, 0.0, 9.81]
-    run = Characterization(kind='recording', path='x', topic='/imu')
-    run.take([messages(samples, 100.0)])
-    return {axis: (found.values['what'], found.values['likely'])
-            for found in run.result().warnings if found.code == 'implausible'
-            for axis in found.axes}
-
-
 @pytest.mark.parametrize(('gyro', 'bias', 'accel', 'said'), [
     (0.005, 0.02, 0.05, {}),
     # A poor one of 17 deg/h beside the turn of the Earth, and a quiet one.
@@ -137,8 +126,14 @@ def implausible_axes(gyro: float, gyro_bias: float, accel: float) -> dict[str, t
     (0.0436, 1.31, 1.47, {}),
 ])
 def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
-    found = implausible_axes(gyro, bias, accel)
-    assert found == {f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
+    samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
+    samples += [bias, bias, bias, 0.0, 0.0, 9.81]
+    run = Characterization(kind='recording', path='x', topic='/imu')
+    run.take([messages(samples, 100.0)])
+    assert {axis: (found.values['what'], found.values['likely'])
+            for found in run.result().warnings if found.code == 'implausible'
+            for axis in found.axes} == {
+        f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
 
 
 def test_a_spread_is_reported_where_the_noise_density_is_not_known():

@@ -96,7 +96,6 @@ def random_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def burst_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose several messages in a row now and then, as best-effort delivery does."""
     keep = np.ones(len(m.place), bool)
     for at in rng.integers(0, len(keep), max(len(keep) // 400, 1)):
         keep[at:at + rng.integers(2, 12)] = False
@@ -162,7 +161,6 @@ def header_tick(m: Messages, truth: Truth, rng: Generator) -> None:
 
 
 def header_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
-    """Let header stamps be late at random, in order."""
     late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz,
                                       len(m.header))
     m.header = np.maximum.accumulate(late + 2e-9 * np.arange(len(late)))
@@ -201,7 +199,6 @@ def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
 
 
 def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> None:
-    """Receive messages in pairs or batches."""
     size = int(rng.choice([2, 4, 10]))
     m.receive = ((m.place // size + 1) * size / truth.rate_hz + 1e-3
                  + (m.place % size) * 2e-5)
@@ -250,7 +247,6 @@ def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> No
 
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Mix in a second sensor of the same frame_id."""
     truth.said |= {'several_publishers', 'alternating'}
     offset = rng.uniform(0.3, 0.5) / truth.rate_hz
     other = Messages(m.place, m.header + offset, m.receive + offset,
@@ -425,6 +421,7 @@ EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_mes
          'coarse_output', 'constant_axis', 'receive_constant', 'driver_restart',
          'noise_changes', 'tilt', 'half_rate_vibration'}
 """Faults beside which missing samples can be counted to the last one."""
+SLOW = ('bias_instability', 'rate_random_walk')
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
 MOVES = ('scenario, topic /imu: the IMU moves during most of the recording. Record it at rest, '
@@ -490,6 +487,12 @@ def _bound(result: Result, *names: str) -> float:
                default=0.0)
 
 
+def false_terms(result: Result) -> int:
+    """Count the axes that have a slow term, which no scenario has."""
+    return sum(any(axis.coefficients[key].observable for key in SLOW)
+               for axis in result.axes.values())
+
+
 def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     """Give what is silently wrong, how many axes have a false slow term, and of how many."""
     wrong: list[str] = []
@@ -507,7 +510,6 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
         said = True
     if (rate is None or not -may - hidden < rate / truth.rate_hz - 1 < may) and not said:
         wrong.append(f'rate {rate}')
-    false_terms = 0
     for name, axis in result.axes.items():
         density = axis.coefficients['noise_density']
         if 'constant_axis' in codes and not density.observable:
@@ -518,14 +520,12 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
             near = -least < density.value / truth.density - 1 < least + too_high
             if not (near or low <= truth.density <= high) and not said:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')
-        false_terms += any(axis.coefficients[key].observable
-                           for key in ('bias_instability', 'rate_random_walk'))
     if 'several_publishers' in codes and 'two_publishers' not in truth.faults:
         wrong.append('one publisher passes for several')
     exact = EXACT.issuperset(truth.faults) and not said and 'uneven_stamps' not in codes
     if exact and result.timeline.missing != truth.missing:
         wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
-    return wrong, false_terms, len(result.axes)
+    return wrong, false_terms(result), len(result.axes)
 
 
 def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: bool = False,
@@ -536,28 +536,29 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     if not np.isfinite(messages.samples).any():
         truth.said.add('refused')
     try:
-        wrong, false_terms, axes = judge(
+        wrong, slow_axes, axes = judge(
             characterized(messages, rng, numbered=numbered and not before(truth)), truth)
     except ImuAllanError as error:
         said = 'refused' in truth.said or ('several_publishers' in truth.said
                                            and str(error) == f'{MOVES}; {OR_TWO}')
         wrong = [] if said else [f'refused: {error}']
-        false_terms, axes = 0, 0
+        slow_axes, axes = 0, 0
     except Exception as error:
-        wrong, false_terms, axes = [f'{type(error).__name__}: {error}'], 0, 0
-    return Verdict(seed, tuple(truth.faults), truth.rate_hz, tuple(wrong), false_terms, axes)
+        wrong, slow_axes, axes = [f'{type(error).__name__}: {error}'], 0, 0
+    return Verdict(seed, tuple(truth.faults), truth.rate_hz, tuple(wrong), slow_axes, axes)
 
 
 def main(first: int, last: int, kinds: Sequence[Sequence[Fault]]) -> None:
     """Judge scenarios of three axes each."""
-    wrong = false_terms = axes = 0
+    wrong = slow_axes = axes = 0
     for seed in range(first, last):
         one = verdict(seed, 6000, 3, kinds=kinds)
-        wrong, false_terms, axes = (wrong + bool(one.violations), false_terms + one.false_terms,
-                                    axes + one.axes)
+        wrong += bool(one.violations)
+        slow_axes += one.false_terms
+        axes += one.axes
         if one.violations:
             print(one, flush=True)
-    print(f'{wrong} of {last - first} wrong, {false_terms} of {axes} axes with a false slow term')
+    print(f'{wrong} of {last - first} wrong, {slow_axes} of {axes} axes with a false slow term')
 
 
 if __name__ == '__main__':

@@ -9,7 +9,6 @@ from functools import cache, partial
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Result
 from imu_allan.timeline.foreign_samples import alternates, are_interleaved
-from imu_allan.writers.words import for_display
 from imu_messages import codes, cut, run, said
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from scipy.signal import butter, lfilter
 from whole_lines import refused
 
 PERHAPS_TWO = {'several_publishers', 'alternating'}
-SLOW = ('bias_instability', 'rate_random_walk')
 
 
 def rest(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0
@@ -60,12 +58,6 @@ def dated_back(messages: Messages, size: int, interval: float, rate_hz: float = 
     place = messages.place
     return replace(messages, header=((place // size + 1) * size
                                      - (size - 1 - place % size) * interval) / rate_hz)
-
-
-def late(messages: Messages, by_s: float, rng: np.random.Generator) -> Messages:
-    """Let header stamps be late at random, in order."""
-    header = messages.header + rng.exponential(by_s, len(messages.place))
-    return replace(messages, header=np.maximum.accumulate(header) + 1e-8 * messages.place)
 
 
 def late_by_half(messages: Messages, rng: np.random.Generator, by: float) -> Messages:
@@ -127,11 +119,6 @@ def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: in
         assert density.value == pytest.approx(truth.density, rel=tolerance)
 
 
-def false_terms(result: Result) -> int:
-    return sum(any(axis.coefficients[key].observable for key in SLOW)
-               for axis in result.axes.values())
-
-
 def received(messages: Messages, stamps: np.ndarray) -> Messages:
     """Leave only stamps of reception."""
     return replace(messages, header=0 * messages.header, receive=stamps)
@@ -184,8 +171,9 @@ STAMPS: list[tuple[str, float, float, float, float, Callable[..., Messages]]] = 
     ('a fifth late by more than half', 100.0, 150, 1e-4, 0, partial(late_by_half, by=0.6)),
     ('a fifth late by less than half', 100.0, 150, 1e-3, 9, lambda m, rng: lose(
         late_by_half(m, rng, 0.4), 0.1, rng)),
-    ('jitter beside gaps', 800.0, 10.5, 1e-4, 0, lambda m, rng: late(m, 0.2 / 800, rng).pick(
-        m.place % 178 >= 46)),
+    ('jitter beside gaps', 800.0, 10.5, 1e-4, 0, lambda m, rng: replace(
+        m, header=np.maximum.accumulate(m.header + rng.exponential(2.5e-4, len(m.place)))
+        + 1e-8 * m.place).pick(m.place % 178 >= 46)),
 ]
 
 
@@ -213,7 +201,7 @@ def test_a_frozen_sensor_is_left_out_and_reported(share, where):
     messages.samples[first:first + lasts] = messages.samples[max(first - 1, 0)]
     result = characterized(messages)
     assert_right(result, truth)
-    assert not false_terms(result)
+    assert not scenarios.false_terms(result)
     assert 'motion' not in codes(result)
     if where == 'start':
         assert result.timeline.rejected == pytest.approx(lasts, abs=1)
@@ -395,7 +383,7 @@ def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_
     messages.samples[:late, dead] = 0.0
     result = characterized(messages, rng)
     assert_right(result, truth, 0.05)
-    assert not false_terms(result)
+    assert not scenarios.false_terms(result)
     assert result.timeline.motion == ()
     names = list(result.axes)[dead]
     for name in set(result.axes) - set(names):
@@ -449,9 +437,9 @@ def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_b
     # To rounding: numpy before 2.0 adds in another order where an array lies elsewhere in memory.
     assert numbers(result, 'gyro') == pytest.approx(numbers(whole, 'gyro'), rel=1e-14)
     assert numbers(result, 'accel') != numbers(whole, 'accel')
-    [found] = [one for one in for_display(result.warnings) if one.code == 'axis_absent_in_part']
-    assert found == finding('axis_absent_in_part', ('accel_x', 'accel_y', 'accel_z'),
-                            absent=int(np.count_nonzero(gone)), messages=15_000)
+    assert said(result, 'axis_absent_in_part') == finding(
+        'axis_absent_in_part', ('accel_x', 'accel_y', 'accel_z'),
+        absent=int(np.count_nonzero(gone)), messages=15_000)
 
 
 def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
@@ -595,7 +583,7 @@ def test_a_slow_turn_is_reported():
     messages.samples[:, 2] += 0.01 * turn
     result = characterized(messages)
     turned = result.axes['gyro_z'].coefficients
-    assert not any(turned[key].observable for key in SLOW)
+    assert not any(turned[key].observable for key in scenarios.SLOW)
     assert turned['rate_random_walk'].upper95 > 0
     slow = said(result, 'slow_motion')
     assert (slow.axes, slow.values['count']) == (('gyro_z',), 1)
