@@ -8,7 +8,7 @@ gravity that does not fall measures about 9.81 m/s^2, so a steady magnitude near
 Messages are held back until that is decided, so that their division into blocks does not matter.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from imu_allan.block import ImuBlock
@@ -47,24 +47,24 @@ class AccelerationUnit:
     decided : bool, optional
         Earlier decision for a stream that continues: whether it is in g.
 
+    Attributes
+    ----------
+    decision : bool or None
+        Whether the stream is in g; None while that is undecided.
+
     """
 
     def __init__(self, decided: bool | None = None) -> None:
-        self._decision = decided
+        self.decision = decided
         self._waiting: list[ImuBlock] = []
         self._waited = self._unjudged = self._agreeing = 0
         self._latest = np.empty(0)
 
     @property
-    def decision(self) -> bool | None:
-        """Whether the stream is in g; None while that is undecided."""
-        return self._decision
-
-    @property
     def in_g(self) -> bool:
         """Whether the stream is in g, by the latest messages while that is undecided."""
-        if self._decision is not None:
-            return self._decision
+        if self.decision is not None:
+            return self.decision
         return len(self._latest) > 0 and _verdict(self._latest) is True
 
     @property
@@ -79,7 +79,7 @@ class AccelerationUnit:
 
     def __call__(self, block: ImuBlock) -> list[ImuBlock]:
         """Take messages; return those whose unit is decided, in m/s^2."""
-        if self._decision is not None:
+        if self.decision is not None:
             return self._converted([block])
         if self._waiting:
             return self._after(block)
@@ -107,23 +107,24 @@ class AccelerationUnit:
         usable = np.append(self._latest, magnitudes[magnitudes > 0])
         first = len(self._latest) - self._unjudged
         span = 32   # a sensor that is steady for this many messages is at rest, or nearly
-        while self._decision is None and len(usable) - first >= span:
+        while self.decision is None and len(usable) - first >= span:
             verdict = _verdict(usable[first:first + span])
             first += span
             self._agreeing += verdict is True
             # The first messages of a driver, or a steady push with gravity removed, may lie near 1
             # for a while. Eight spans must look like g, and none unlike it.
             if verdict is False or self._agreeing == 8:
-                self._decision = verdict
+                self.decision = verdict
         self._unjudged, self._latest = len(usable) - first, usable[-span:]
-        if self._decision is None:
+        if self.decision is None:
             if self._waited < longest:
                 return []
-            self._decision = False
+            self.decision = False
         ready, self._waiting = self.waiting, []
         return ready
 
-    def _converted(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
+    def _converted(self, blocks: list[ImuBlock]) -> list[ImuBlock]:
+        if not self.in_g:
+            return [*blocks]
         to_si = np.array([1, 1, 1, *3 * [STANDARD_GRAVITY]])
-        return ([replace(block, samples=block.samples * to_si) for block in blocks]
-                if self.in_g else list(blocks))
+        return [replace(block, samples=block.samples * to_si) for block in blocks]

@@ -133,7 +133,9 @@ class Content(Record):
 
     def spikes(self, samples: Floats) -> Bools:
         """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
-        steps = self._steps(samples)
+        steps = np.empty_like(samples)
+        steps[0] = samples[0] - self.last if self.last else 0.0
+        np.subtract(samples[1:], samples[:-1], out=steps[1:])
         # Fewer samples do not give the noise with which an outlier is compared.
         if len(samples) < 8 or (len(self.noise) == 6 and not may_have_outlier(
                 steps, np.array(self.noise))):
@@ -142,27 +144,18 @@ class Content(Record):
         self.noise = noise_of_steps(steps).tolist()
         return spikes(samples, np.array(self.last) if self.last else None)
 
-    def _steps(self, samples: Floats) -> Floats:
-        """Return the steps from the newest message on, shape (n, 6), at the start (n - 1, 6)."""
-        if not self.last:
-            return samples[1:] - samples[:-1]
-        steps = np.empty_like(samples)
-        steps[0] = samples[0] - self.last
-        np.subtract(samples[1:], samples[:-1], out=steps[1:])
-        return steps
-
-    def look(self, samples: Floats, consumed: int) -> Repeats:
+    def look(self, samples: Floats, consumed: int, all_usable: bool) -> Repeats:
         """
         Find held and frozen messages and outliers in `samples`, shape (n, 6), in order of arrival.
 
         The state advances by the first `consumed` messages.
         """
-        wild = self.spikes(np.clip(np.nan_to_num(samples), -LARGEST, LARGEST))
+        known = samples if all_usable else np.nan_to_num(samples)
+        wild = self.spikes(known if all_usable else np.clip(known, -LARGEST, LARGEST))
         none = np.zeros(len(samples), dtype=bool)
         if self.has_no_repeats(samples[:consumed]):
-            self.last = np.nan_to_num(samples[consumed - 1]).tolist()
+            self.last = known[consumed - 1].tolist()
             return Repeats(none, none, wild)
-        known = np.nan_to_num(samples)
         first = not self.last
         before = known[0] + 1 if first else np.array(self.last)
         differs = np.concatenate([[known[0] != before], known[1:] != known[:-1]])
@@ -236,15 +229,14 @@ class Presence(Record):
     value: list[float] = field(default_factory=lambda: [0.0] * 6)
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
-    def is_unchanged(self, samples: Floats) -> bool:
-        """Return whether every axis is present, and none wakes in `samples`, shape (n, 6)."""
-        return all(self.there) and all(
-            asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
-            for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True)))
-
-    def count(self, messages: int) -> None:
-        """Count messages for which `is_unchanged` holds."""
-        self.asleep = [asleep + messages if asleep > 0 else asleep for asleep in self.asleep]
+    def stays(self, samples: Floats) -> bool:
+        """Take samples, shape (n, 6), if every axis is there and none wakes; else return False."""
+        if not all(self.there) or not all(
+                asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
+                for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True))):
+            return False
+        self.asleep = [asleep + len(samples) if asleep > 0 else -1 for asleep in self.asleep]
+        return True
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """

@@ -145,16 +145,16 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
     return None
 
 
-def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints | None:
+def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints:
     """
-    Count for each message those in a row before it with its stamp; None if there are none.
+    Count for each message those in a row before it with its stamp.
 
     `last` is the stamp of the previous message, and `ties` the number of messages before that one
     with the same stamp.
     """
     tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
                      stamps[1:] == stamps[:-1])
-    return runs(tied, ties)[0] if tied.any() else None
+    return runs(tied, ties)[0]
 
 
 def runs(same: Bools, before: int) -> tuple[Ints, Ints]:

@@ -24,7 +24,6 @@ import numpy as np
 _LITTLE_HIDDEN = 0.005
 """Fewer hidden losses change the noise density by less than a tenth of a usual interval."""
 
-
 Facts = dict[str, dict[str, Any]]
 """Figures of findings about the recording as a whole, by code."""
 
@@ -44,7 +43,7 @@ def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
 
 
 def _hidden_error(decision: Decision) -> float:
-    hidden = decision.pace.hidden if decision.pace.counting else 0.0
+    hidden = decision.pace.hidden
     return hidden / 2 / (1 - hidden) if hidden >= _LITTLE_HIDDEN else 0.0
 
 
@@ -118,7 +117,13 @@ def _facts(memory: Memory) -> Facts:
             'from_hz': used if known else other, 'to_hz': other if known else used,
             'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
             'most_left_out': counts.at_other_rate >= counts.samples}
-    facts |= _rate_facts(counts)
+    uneven = _uneven_error(counts)
+    if uneven:
+        # The rate changes too little, or too briefly, to be cut out.
+        rate = counts.paced_steps / counts.paced_ns * SECOND
+        facts['uneven_rate'] = {'lowest_hz': min(counts.lowest_rate_hz, rate),
+                                'highest_hz': max(counts.highest_rate_hz, rate),
+                                'mean_hz': rate, 'tau_error_share': uneven}
     if counts.other_frames:
         facts['several_frames'] = {'frame_id': decision.frame_id,
                                    'others': list(counts.other_frames),
@@ -129,19 +134,13 @@ def _facts(memory: Memory) -> Facts:
         # judgment.
         if abs(size - STANDARD_GRAVITY) > 0.5:
             facts['gravity'] = {'mean': size}
-    return facts | (_motion_facts(motion) if memory.options.motion == 'exclude'
-                    else _kept_motion(motion))
-
-
-def _rate_facts(counts: Counts) -> Facts:
-    """Bound the error of a rate that changes too little, or too briefly, to be cut out."""
-    off = _uneven_error(counts)
-    if not off:
-        return {}
-    rate = counts.paced_steps / counts.paced_ns * SECOND
-    return {'uneven_rate': {'lowest_hz': min(counts.lowest_rate_hz, rate),
-                            'highest_hz': max(counts.highest_rate_hz, rate),
-                            'mean_hz': rate, 'tau_error_share': off}}
+    if memory.options.motion == 'exclude':
+        return facts | _motion_facts(motion)
+    cut = motion.cut
+    if cut.listed:
+        facts['motion_kept'] = {'count': cut.count, 'seen_s': cut.total_s,
+                                'first_s': cut.listed[0][0]}
+    return facts
 
 
 def _axes_findings(counts: Counts, decision: Decision, content: Content, presence: Presence
@@ -200,15 +199,13 @@ def _clock_facts(counts: Counts, decision: Decision) -> Facts:
 
 def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
     """Report means that moved away and came back: the largest of each axis, and their number."""
-    of_axis: dict[int, list[Sequence[float]]] = {}
-    for excursion in excursions:
-        of_axis.setdefault(int(excursion[2]), []).append(excursion)
     found = []
-    for axis, own in sorted(of_axis.items()):
-        start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
-        found.append(finding('slow_motion', (tuple(AXES)[axis],), size=size,
-                             unit='rad/s' if axis < 3 else 'm/s^2', start_s=start,
-                             duration_s=lasts, count=len(own)))
+    for number, (axis, quantity) in enumerate(AXES.items()):
+        own = [one for one in excursions if one[2] == number]
+        if own:
+            start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
+            found.append(finding('slow_motion', (axis,), size=size, unit=quantity.unit,
+                                 start_s=start, duration_s=lasts, count=len(own)))
     return found
 
 
@@ -232,9 +229,3 @@ def _motion_facts(motion: MotionSummary) -> Facts:
         facts['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
                                         'ratios': [ratio for _, ratio in motion.changes]}
     return facts
-
-
-def _kept_motion(motion: MotionSummary) -> Facts:
-    cut = motion.cut
-    return {'motion_kept': {'count': cut.count, 'seen_s': cut.total_s,
-                            'first_s': cut.listed[0][0]}} if cut.listed else {}

@@ -84,9 +84,9 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     if new_run and raw[0] < before - 1:
         # Stamps may be late but never early, so the first message lies before a gap.
         before = int(raw[0])
-    padded = np.concatenate([[before], raw, [_level(raw[-few:])]])
-    # The median removes single strays; the minimum removes lateness, which recovers later.
-    smooth = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0).astype(np.int64)
+    earlier, later = np.append(before, raw[:-1]), np.append(raw[1:], _level(raw[-few:]))
+    # The median of three removes single strays; the minimum removes passing lateness.
+    smooth = np.clip(raw, np.minimum(earlier, later), np.maximum(earlier, later))
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
 

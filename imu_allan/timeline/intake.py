@@ -80,25 +80,6 @@ class Intake(Record):
             return window.header_ns, window.receive_ns
         return window.receive_ns, window.header_ns
 
-    def is_clean(self, window: Window) -> bool:
-        """Return whether every value of every axis is present and usable, the usual case."""
-        return bool(not window.absent.any()
-                    and self.presence.is_unchanged(window.samples[:window.consumed])
-                    and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
-                    and self.content.has_no_repeats(window.samples[:window.consumed])
-                    and not self.content.spikes(window.samples).any())
-
-    def count_even(self, window: Window) -> None:
-        """Count faultless messages; the clock in use is known to be even and needs no check."""
-        counts, c = self._counts, window.consumed
-        if self.decision.clock == 'header':
-            counts.receive.add(window.receive_ns[:c])
-        else:
-            counts.header.add(window.header_ns[:c])
-        self.content.last = window.samples[c - 1].tolist()
-        self.presence.count(c)
-        self._count(window)
-
     def usable(self, window: Window) -> Messages:
         """
         Drop duplicate and frozen messages, and mark those with unusable values.
@@ -109,7 +90,10 @@ class Intake(Record):
         window = replace(window, header_ns=np.clip(window.header_ns, -farthest_ns, farthest_ns),
                          receive_ns=np.clip(window.receive_ns, -farthest_ns, farthest_ns))
         decision, c = self.decision, window.consumed
-        repeats = self.content.look(window.samples, c)
+        # The usual case, in which several searches are not needed.
+        all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
+                          and window.samples.min() > -LARGEST)
+        repeats = self.content.look(window.samples, c, all_usable)
         if decision.clock is None:
             self._decide(window, repeats)
             self._seek_second_publisher(window, repeats)
@@ -119,13 +103,15 @@ class Intake(Record):
         if faulty and decision.clock == 'header' and self._options.clock == 'auto':
             self._replace_header_clock(window)
         stamps, other = self.stamps(window)
-        away, unusable = self._unusable(window)
+        away, unusable = self._unusable(window, all_usable)
         twice = self._twice(window, stamps) | repeats.held
         if self.content.frozen_s is None and repeats.frozen[:c].any():
             first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
             begins = int(stamps[np.argmax(repeats.frozen)])
             self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
-        self._count(window)
+        counts.messages += c
+        counts.header.last_ns = int(window.header_ns[c - 1])
+        counts.receive.last_ns = int(window.receive_ns[c - 1])
         # Unusable values are not counted as spikes.
         counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
         void = repeats.spikes | unusable
@@ -146,12 +132,6 @@ class Intake(Record):
         left_out = repeats.frozen | twice
         return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
                 if left_out.any() else messages)
-
-    def _count(self, window: Window) -> None:
-        counts, c = self._counts, window.consumed
-        counts.messages += c
-        counts.header.last_ns = int(window.header_ns[c - 1])
-        counts.receive.last_ns = int(window.receive_ns[c - 1])
 
     def _decide(self, window: Window, repeats: Repeats) -> None:
         """Choose clock, axes and pace from the first messages."""
@@ -350,7 +330,7 @@ class Intake(Record):
             same[0] = np.array_equal(window.samples[0, there], newest[there])
         return same
 
-    def _unusable(self, window: Window) -> tuple[Bools, Bools]:
+    def _unusable(self, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
         """
         Find values that are NaN, infinite or absurd, or whose field is declared absent.
 
@@ -358,6 +338,8 @@ class Intake(Record):
         are unusable.
         """
         counts, presence, c = self._counts, self.presence, window.consumed
+        if all_usable and presence.stays(window.samples[:c]):
+            return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
         with np.errstate(invalid='ignore'):
             bad: Bools = ~(np.abs(window.samples) < LARGEST)
         declared = np.repeat(window.absent, 3, axis=1)
@@ -376,9 +358,8 @@ class Intake(Record):
 def _pace_of(stamps: Stamps, other: Stamps | None, numbers: Ints | None, bursts: bool,
              each: bool = False) -> tuple[Pace | None, int]:
     """Measure the pace on the longest run at one rate; also return the number of stamps used."""
-    since = place_in_burst(stamps, None, 0) if bursts else None
-    if since is not None:
-        stamps = stamps + since
+    if bursts:
+        stamps = stamps + place_in_burst(stamps, None, 0)
     order = order_stamps(stamps, None)
     place = None if numbers is None else np.cumsum(1 + lost_before(numbers, int(numbers[0]) - 1))
     if order is not None:

@@ -64,12 +64,12 @@ class Placing(Record):
         self._options, self._counts = memory.options, memory.counts
         self._decision, self.cursor = memory.decision, memory.cursor
 
-    def is_even(self, stamps: Stamps, consumed: int) -> bool:
-        """Return whether the stamps are one interval apart, the usual case."""
+    def _are_even(self, messages: Messages) -> bool:
+        """Return whether usable messages are one interval apart, the usual case."""
         cursor, decision = self.cursor, self._decision
-        interval = decision.pace.interval_ns
-        if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate
-                or decision.pace.counting or decision.counted_only):
+        stamps, consumed, interval = messages.stamps, messages.consumed, decision.pace.interval_ns
+        if (not consumed or messages.void.any() or cursor.last_ns is None or cursor.fresh_run
+                or cursor.other_rate or decision.pace.counting or decision.counted_only):
             return False
         first = int(stamps[0]) - cursor.last_ns
         steps = stamps[1:] - stamps[:-1]
@@ -80,8 +80,8 @@ class Placing(Record):
             and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
             < 4 * interval)
 
-    def place_even(self, messages: Messages) -> list[EvenBlock]:
-        """Fast path of `place` for messages that `is_even` accepts."""
+    def _place_even(self, messages: Messages) -> EvenBlock:
+        """Fast path of `place` for messages that `_are_even` accepts."""
         cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
         assert cursor.last_ns is not None
         if self._decision.separates_equal_stamps:
@@ -93,7 +93,7 @@ class Placing(Record):
         late = ((lately - lately[-1]) / self._decision.pace.interval_ns
                 + np.arange(len(lately) - 1, -1, -1))
         self._advance(messages, late, passed, c, passed, c)
-        return [block]
+        return block
 
     def place(self, messages: Messages) -> Iterator[EvenBlock]:
         """
@@ -105,7 +105,9 @@ class Placing(Record):
             If the pace of the messages is not that of an IMU.
 
         """
-        if len(messages.stamps):
+        if self._are_even(messages):
+            yield self._place_even(messages)
+        elif len(messages.stamps):
             for run in self._runs(messages):
                 yield from self._at_one_rate(run)
 
@@ -149,8 +151,6 @@ class Placing(Record):
         if self._decision.overlaps:
             stamps = in_order(stamps, cursor.tied_to, self._decision.pace.interval_ns)
         since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
-        if since is None:
-            since = np.zeros(len(stamps), dtype=np.int64)
         if consumed:
             cursor.tied_to, cursor.ties = int(stamps[consumed - 1]), int(since[consumed - 1])
         return stamps + since
@@ -308,7 +308,7 @@ class Placing(Record):
             return True
         # Half the rate for some of the messages looks like every second one lost.
         blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
-        return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
+        return bool(np.any(np.median(blocks, axis=1) > 1))
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
         """Put messages on the grid and update the counts."""

@@ -20,7 +20,7 @@ from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
-from imu_allan.timeline.messages import Messages, Window
+from imu_allan.timeline.messages import Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
@@ -195,15 +195,7 @@ class TimelineStage(Record):
         return 4096 << sum(interval_ns * (4096 << more) <= 20 * SECOND for more in (1, 2))
 
     def _process(self, window: Window) -> list[EvenBlock]:
-        intake, placing = self._intake, self._placing
-        if intake.decision.clock is not None:
-            stamps, other = intake.stamps(window)
-            if placing.is_even(stamps, window.consumed) and intake.is_clean(window):
-                intake.count_even(window)
-                return self._at_rest(placing.place_even(
-                    Messages(stamps, other, window.samples, window.consumed,
-                             np.empty(0, dtype=bool))))
-        return self._at_rest(placing.place(intake.usable(window)))
+        return self._at_rest(self._placing.place(self._intake.usable(window)))
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
         """Leave out motion, or only detect it; pass blocks on until an interval is known."""
