@@ -43,27 +43,34 @@ class Pending(Record):
         self.messages += len(block)
 
     def join(self) -> None:
-        """Join all messages into one block, each axis contiguous, which is faster in numpy."""
+        """Join all messages into one block."""
         if len(self.blocks) > 1:
-            blocks = self.blocks
-            numbers = [block.numbers for block in blocks if block.numbers is not None]
-            self.blocks = [ImuBlock(
-                np.concatenate([block.header_ns for block in blocks]),
-                np.concatenate([block.receive_ns for block in blocks]),
-                np.concatenate([block.samples for block in blocks],
-                               out=np.empty((6, self.messages)).T),
-                np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
-                np.concatenate(numbers) if len(numbers) == len(blocks) else None)]
+            self.blocks = [_joined(self.blocks, self.messages)]
 
     def take(self, n: int, consumed: int) -> Window:
         """Return the first `n` messages and discard the first `consumed` of them."""
-        self.join()
-        [block] = self.blocks
-        first = block.part(slice(n))
+        later, beyond = [], self.messages - n
+        while beyond >= len(self.blocks[-1]):
+            later.append(self.blocks.pop())
+            beyond -= len(later[-1])
+        last = self.blocks.pop()
+        first = _joined([*self.blocks, last.part(slice(len(last) - beyond))], n)
         self.messages -= consumed
-        self.blocks = [block.part(slice(consumed, None))] if self.messages else []
-        return Window(first.header_ns, first.receive_ns, np.asfortranarray(first.samples),
-                      first.absent, first.frame_id, first.numbers, consumed)
+        self.blocks = [block for block in (
+            first.part(slice(consumed, None)), last.part(slice(len(last) - beyond, None)),
+            *reversed(later)) if len(block)]
+        return Window(**vars(first), consumed=consumed)
+
+
+def _joined(blocks: list[ImuBlock], messages: int) -> ImuBlock:
+    """Join messages into one block, each axis contiguous, which is faster in numpy."""
+    numbers = [block.numbers for block in blocks if block.numbers is not None]
+    return ImuBlock(
+        np.concatenate([block.header_ns for block in blocks]),
+        np.concatenate([block.receive_ns for block in blocks]),
+        np.concatenate([block.samples for block in blocks], out=np.empty((6, messages)).T),
+        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
+        np.concatenate(numbers) if len(numbers) == len(blocks) else None)
 
 
 @dataclass(frozen=True)

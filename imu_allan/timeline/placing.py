@@ -308,7 +308,7 @@ class Placing(Record):
             return True
         # Half the rate for some of the messages looks like every second one lost.
         blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
-        return bool(np.any(np.median(blocks, axis=1) > 1))
+        return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= RATE_BLOCK // 2))
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
         """Put messages on the grid and update the counts."""

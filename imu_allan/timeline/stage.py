@@ -190,9 +190,9 @@ class TimelineStage(Record):
     def _window(self) -> int:
         """Messages that are processed at once: 20 s of them, from 4,096 to 16,384."""
         interval_ns = self._memory.decision.first_interval_ns
-        if interval_ns is None:
+        if interval_ns is None or 8192 * interval_ns > 20 * SECOND:
             return 4096
-        return 4096 << sum(interval_ns * (4096 << more) <= 20 * SECOND for more in (1, 2))
+        return 8192 if 16_384 * interval_ns > 20 * SECOND else 16_384
 
     def _process(self, window: Window) -> list[EvenBlock]:
         return self._at_rest(self._placing.place(self._intake.usable(window)))
