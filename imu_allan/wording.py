@@ -153,6 +153,8 @@ def duration(seconds: float) -> str:
     --------
     >>> [duration(seconds) for seconds in (0.04, 9.34, 87.1, 119.99, 345, 10_000, 259_200)]
     ['40 ms', '9.34 s', '87 s', '2 min', '5 min 45 s', '2 h 47 min', '3 days']
+    >>> [duration(seconds) for seconds in (0.9994, 0.9999999)]
+    ['999 ms', '1 s']
 
     """
     if seconds >= 172_800:
@@ -165,7 +167,7 @@ def duration(seconds: float) -> str:
         return f'{minutes} min {rest} s' if rest else f'{minutes} min'
     if seconds >= 60:
         return f'{seconds:.0f} s'
-    return f'{seconds:.3g} s' if seconds >= 1 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
+    return f'{seconds:.3g} s' if seconds >= 0.9995 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
 
 
 def about(seconds: float) -> str:
@@ -174,11 +176,11 @@ def about(seconds: float) -> str:
 
     Examples
     --------
-    >>> [about(seconds) for seconds in (0.123, 1215.0, 7900.0, 156_300.0)]
-    ['120 ms', '20 min', '2 h 12 min', '43 h']
+    >>> [about(seconds) for seconds in (0.123, 191.0, 1215.0, 7900.0, 156_300.0)]
+    ['120 ms', '3 min 10 s', '20 min', '2 h 12 min', '43 h']
 
     """
-    size = 3600.0 if round(seconds) >= 7200 else 60.0 if round(seconds) >= 120 else 1.0
+    size = 3600.0 if round(seconds) >= 7200 else 60.0 if seconds >= 600 else 1.0
     return duration(float(f'{seconds / size:.2g}') * size)
 
 

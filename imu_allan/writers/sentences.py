@@ -700,7 +700,7 @@ WORDS: Mapping[str, Words] = {
     'motion': Words(
         'motion', 'Motion and knocks are left out.',
         'The noise rises for a moment.',
-        says=lambda f: f'motion or knocks were cut out {_times(f.count)}, {f.excluded_s:.6g} s '
+        says=lambda f: f'motion or knocks were cut out {_times(f.count)}, {_time(f.excluded_s)} '
                        'in all'),
     'rest_within_motion': Words(
         'rest within motion', 'Only the time at rest is used.',
@@ -709,8 +709,8 @@ WORDS: Mapping[str, Words] = {
     'motion_kept': Words(
         'motion kept', 'Motion is part of what was measured, as asked for.',
         'The noise rises for a moment.',
-        says=lambda f: f'motion or knocks were seen {_times(f.count)}, {f.seen_s:.6g} s in all, '
-                       f'first at {f.first_s:.5g} s, and kept as asked',
+        says=lambda f: f'motion or knocks were seen {_times(f.count)}, {_time(f.seen_s)} in all, '
+                       f'first at {_time(f.first_s)}, and kept as asked',
         do='coefficients and bounds describe them as much as the noise'),
     'motion_not_listed': Words(
         'motion not listed', 'The result lists the first spans of motion only.',
