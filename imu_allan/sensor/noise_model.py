@@ -80,20 +80,7 @@ class NoiseModel:
 
 
 def find_model(name: str) -> Path:
-    """
-    Find the file of a noise model.
-
-    Parameters
-    ----------
-    name : str
-        A path, or the name of a model that the package ships, such as ``consumer_mems``.
-
-    Raises
-    ------
-    ImuAllanError
-        If neither exists.
-
-    """
+    """Find the file of a noise model, by its path or by the name of one that is shipped."""
     try:
         path = Path(name).expanduser()
     except RuntimeError as error:
@@ -113,16 +100,7 @@ def find_model(name: str) -> Path:
 
 
 def load_model(path: str | os.PathLike[str]) -> NoiseModel:
-    """
-    Read a model or datasheet file.
-
-    Raises
-    ------
-    ImuAllanError
-        If the file cannot be read, or a key, value or unit is invalid. The message names the file
-        and the key, and gives a valid example.
-
-    """
+    """Read a model or datasheet file; errors name the file and the key, with an example."""
     # A model has 1 KB, and a YAML parser takes seconds for 1000 KB.
     longest = 1_000_000
     try:
@@ -141,22 +119,7 @@ def load_model(path: str | os.PathLike[str]) -> NoiseModel:
 
 
 def parse_model(text: str, name: str = 'model') -> NoiseModel:
-    """
-    Read the text of a model or datasheet file.
-
-    Parameters
-    ----------
-    text : str
-        YAML.
-    name : str
-        Name of the text in error messages, for instance its path.
-
-    Raises
-    ------
-    ImuAllanError
-        If a key, value or unit is invalid.
-
-    """
+    """Read the text of a model or datasheet, which has `name` in errors."""
     document = _yaml(text, name)
     sensors = ('gyro', 'accel')
     if not isinstance(document, dict) or not any(sensor in document for sensor in sensors):

@@ -35,15 +35,7 @@ LIMITS = {
 
 
 def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """
-    Find axes whose noise density, mean or spread is beyond `LIMITS`; code `implausible`.
-
-    Examples
-    --------
-    >>> implausible({})
-    []
-
-    """
+    """Find axes whose noise density, mean or spread is beyond `LIMITS`; code `implausible`."""
     found = []
     for name, axis in axes.items():
         limits = LIMITS[axis.quantity]

@@ -77,27 +77,7 @@ def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
 def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, seed: int = 0,
                      start_ns: int = 0, frame_id: str = 'imu_link',
                      block_samples: int = 10_000) -> Iterator[ImuBlock]:
-    """
-    Yield `samples` Imu samples of a simulated IMU.
-
-    Parameters
-    ----------
-    model : NoiseModel
-        Coefficients of each axis, as for `SimulatedImu`.
-    sample_rate_hz : float
-        Samples per second.
-    samples : int
-        Number of samples.
-    seed : int, optional
-        As for `SimulatedImu`.
-    start_ns : int, optional
-        Stamp of the first sample in nanoseconds.
-    frame_id : str, optional
-        header.frame_id of the messages.
-    block_samples : int, optional
-        Samples in a block.
-
-    """
+    """Yield samples of a simulated IMU in blocks, the first sample stamped `start_ns`."""
     imu = SimulatedImu(model, sample_rate_hz, seed)
     for first in range(0, samples, block_samples):
         index = np.arange(first, min(first + block_samples, samples))

@@ -34,8 +34,8 @@ ENGINEERING_UNITS: dict[str, str] = {
 }
 """The unit that datasheets use for each SI unit of a coefficient or of an Allan deviation."""
 
-_Powers = tuple[float, float, float, float]
-_UNITS: dict[str, tuple[float, _Powers]] = {
+_Size = tuple[float, tuple[float, ...]]
+_UNITS: dict[str, _Size] = {
     name: (factor, powers)
     for powers, sizes in {
         (1.0, 0.0, 0.0, 0.0): {
@@ -65,28 +65,7 @@ _LONGEST = 80
 
 
 def parse(text: str, to: str) -> float:
-    """
-    Read a value with its unit.
-
-    Parameters
-    ----------
-    text : str
-        A number and a unit, such as ``0.03 deg/s/sqrt(Hz)``, ``18 deg/h`` or ``100 ug/sqrt(Hz)``.
-        The symbols of datasheets (``°``, ``µ``, ``√``, ``²``) are accepted.
-    to : str
-        Unit of the result, one of the keys of `ENGINEERING_UNITS`.
-
-    Returns
-    -------
-    float
-        Value in the unit `to`.
-
-    Raises
-    ------
-    ImuAllanError
-        If the number, the unit or its dimension is invalid; the message gives a valid example.
-
-    """
+    """Read a value such as ``0.03 deg/s/sqrt(Hz)`` or ``18 deg/h``, in the unit `to`."""
     known = dict.fromkeys((ENGINEERING_UNITS.get(to, to), to))
     right = ' or '.join(repr(f'1 {unit}') for unit in known)
     examples = f'write a number with its unit, such as {right}'
@@ -94,32 +73,22 @@ def parse(text: str, to: str) -> float:
     match = _NUMBER.match(text)
     if match is None:
         raise ImuAllanError(f'{shown} does not begin with a number; {examples}')
-    number, unit = float(match[1]), match[2].strip()
+    unit = match[2].strip()
     if re.match(r',\d', unit):
         raise ImuAllanError(f'{shown} has a decimal comma where a point belongs; {examples}')
     if not unit:
         raise ImuAllanError(f'{shown} has no unit; {examples}')
-    if not isfinite(number):
-        raise ImuAllanError(f'{shown} is too large; {examples}')
     factor = _factor(unit, to)
     if factor is None:
         raise ImuAllanError(f'{shown} is not in a unit that can be turned into {to}; {examples}')
-    value = number * factor
+    value = float(match[1]) * factor
     if not isfinite(value):
         raise ImuAllanError(f'{shown} is too large; {examples}')
     return value
 
 
 def unit_of(text: str) -> str:
-    """
-    Return the unit of a value that `parse` reads, as it is written.
-
-    Raises
-    ------
-    ImuAllanError
-        If `text` does not begin with a number.
-
-    """
+    """Return the unit of a value that `parse` reads, as it is written."""
     match = _NUMBER.match(text)
     if match is None:
         raise ImuAllanError(f'{text[:_LONGEST]!r} does not begin with a number')
@@ -127,15 +96,7 @@ def unit_of(text: str) -> str:
 
 
 def convert(value: float, unit: str, to: str) -> float:
-    """
-    Return `value` given in `unit` in the unit `to`.
-
-    Raises
-    ------
-    ImuAllanError
-        If the two units have different dimensions.
-
-    """
+    """Return `value` given in `unit` in the unit `to`."""
     factor = _factor(unit, to)
     if factor is None:
         raise ImuAllanError(f'{unit} cannot be turned into {to}')
@@ -147,23 +108,7 @@ MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
 
 
 def engineering(value: float, unit: str) -> tuple[float, str]:
-    """
-    Return an SI value in the unit that datasheets use for it.
-
-    Parameters
-    ----------
-    value : float
-        Value in the SI unit `unit`.
-    unit : str
-        One of the keys of `ENGINEERING_UNITS`.
-
-    Returns
-    -------
-    value : float
-    unit : str
-        For instance ``deg/sqrt(h)`` for an angle random walk.
-
-    """
+    """Return an SI value in the unit that datasheets use for it, and that unit."""
     to = ENGINEERING_UNITS[unit]
     return convert(value, unit, to), to
 
@@ -184,9 +129,6 @@ def _factor(unit: str, to: str) -> float | None:
     except (_NotAUnit, ArithmeticError):
         return None
     return size / to_size if powers == to_powers else None
-
-
-_Size = tuple[float, tuple[float, ...]]
 
 
 class _NotAUnit(ValueError):

@@ -145,11 +145,7 @@ class Content(Record):
         return spikes(samples, np.array(self.last) if self.last else None)
 
     def look(self, samples: Floats, consumed: int, all_usable: bool) -> Repeats:
-        """
-        Find held and frozen messages and outliers in `samples`, shape (n, 6), in order of arrival.
-
-        The state advances by the first `consumed` messages.
-        """
+        """Find held and frozen messages and outliers; only the first `consumed` count."""
         known = samples if all_usable else np.nan_to_num(samples)
         wild = self.spikes(known if all_usable else np.clip(known, -LARGEST, LARGEST))
         none = np.zeros(len(samples), dtype=bool)
@@ -183,12 +179,10 @@ class Content(Record):
 
 
 def _come_evenly(again: Bools) -> bool:
-    """
-    Return whether messages repeat as regularly as those of a timer that polls a sensor.
-
-    The number of messages between new values then varies by at most one. If repeats replace new
-    samples at random, the positions drift: by 1.5 messages for 32 repeats, the fewest considered.
-    """
+    """Return whether messages repeat as regularly as those of a timer that polls a sensor."""
+    # The number of messages between new values then varies by at most one. If repeats replace new
+    # samples at random, the positions drift: by 1.5 messages for 32 repeats, the fewest
+    # considered.
     new = np.flatnonzero(~again)
     # Repeats matter from a share of 0.03, which changes N by 1 %.
     if len(again) - len(new) < max(32, 0.03 * len(again)) or len(new) < 64:
@@ -239,11 +233,7 @@ class Presence(Record):
         return True
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
-        """
-        Find the axes that are gone from unusable values, both bool arrays of shape (n, 6).
-
-        The state advances by the first `consumed` messages.
-        """
+        """Find the axes that are gone from unusable values; only the first `consumed` count."""
         gone = np.empty_like(unusable)
         for axis in range(6):
             gone[:, axis] = self._gone(axis, unusable[:, axis], consumed)
@@ -273,11 +263,7 @@ class Presence(Record):
         return gone
 
     def waking(self, samples: Floats, consumed: int) -> Bools:
-        """
-        Find values before an axis comes to life, which must not be used, shape (n, 6).
-
-        `samples` has shape (n, 6), NaN where unknown. The state advances by the first `consumed`.
-        """
+        """Find values before an axis comes to life, which must not be used, shape (n, 6)."""
         away = np.zeros(samples.shape, dtype=bool)
         for axis, asleep in enumerate(self.asleep):
             values = samples[:, axis]

@@ -25,20 +25,9 @@ _JUMP_MESSAGES = 16
 
 
 def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
-    """
-    Return what makes `stamps` unusable as the clock, or None if nothing does.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        In order of arrival.
-    repeats : ndarray of bool, shape (n - 1,)
-        Whether a message has the same content as the one before: a repeated message is not a flaw
-        of the clock.
-    bursts : bool
-        Whether equal stamps are expected, because messages are received in bursts.
-
-    """
+    """Return what makes `stamps`, in order of arrival, unusable as the clock, or None."""
+    # A message that `repeats` the content of the one before is not a flaw of the clock. With
+    # `bursts`, equal stamps are expected.
     if len(stamps) < 2:
         return None
     if not stamps.any():
@@ -78,25 +67,10 @@ class Order:
 
 
 def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
-    """
-    Find stamps that repeat or run backward.
-
-    Messages behind the newest stamp are rejected. If many follow each other there, the clock has
-    jumped back (clock step, bag loop, restarted simulator), and ordering starts afresh with them.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        In order of arrival.
-    last : int or None
-        Newest stamp kept so far, None at the start.
-
-    Returns
-    -------
-    Order or None
-        None in the usual case that every stamp is later than the one before.
-
-    """
+    """Find stamps that repeat or run backward, `last` before them; None if there are none."""
+    # Messages behind the newest stamp are rejected. If many follow each other there, the clock has
+    # jumped back (clock step, bag loop, restarted simulator), and ordering starts afresh with
+    # them.
     n = len(stamps)
     if n == 0 or ((last is None or stamps[0] > last) and bool(np.all(stamps[1:] > stamps[:-1]))):
         return None
@@ -146,23 +120,14 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
 
 
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints:
-    """
-    Count for each message those in a row before it with its stamp.
-
-    `last` is the stamp of the previous message, and `ties` the number of messages before that one
-    with the same stamp.
-    """
+    """Count for each message those in a row before it with its stamp; `last` had `ties`."""
     tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
                      stamps[1:] == stamps[:-1])
     return runs(tied, ties)[0]
 
 
 def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
-    """
-    Count the consecutive True values of `same`, up to each element and in its whole visible run.
-
-    `before` is the number of True values in the run that the first element may continue.
-    """
+    """Count True values in a row up to each element, and in its run; `before` come first."""
     run = np.cumsum(~same)
     begins = np.append(-1 - before, np.flatnonzero(~same))
     lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
@@ -170,13 +135,10 @@ def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
 
 
 def overlaps(stamps: Stamps) -> bool:
-    """
-    Return whether the stamps of successive batches of samples overlap.
-
-    A driver makes such stamps if it back-dates the samples of a FIFO by too long an interval.
-    After a step back, messages then continue one interval apart. A reordered message would be
-    followed by a longer step instead.
-    """
+    """Return whether the stamps of successive batches of samples overlap."""
+    # A driver makes such stamps if it back-dates the samples of a FIFO by too long an interval.
+    # After a step back, messages then continue one interval apart. A reordered message would be
+    # followed by a longer step instead.
     steps = np.diff(stamps)
     back = np.flatnonzero(steps[:-1] < 0)
     # At least one message in 200 begins a FIFO batch.

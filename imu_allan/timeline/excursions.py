@@ -38,17 +38,7 @@ class Excursions(Record):
             raise ValueError('excursions are not those of six axes')
 
     def take(self, means: Floats, start_s: float, window_s: float) -> None:
-        """
-        Add windows at rest.
-
-        Parameters
-        ----------
-        means : ndarray, shape (n, 6)
-            Mean of each window.
-        start_s, window_s : float
-            Start of the first window, and duration of each.
-
-        """
+        """Add the means of windows at rest, shape (n, 6), of which the first is at `start_s`."""
         first = 0
         in_block = 8   # windows of half a second: a slow turn lasts longer
         while first < len(means):

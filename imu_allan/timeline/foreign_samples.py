@@ -24,19 +24,10 @@ _SPIKE_SIGMAS = 10.0
 
 
 def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
-    """
-    Return in which respect every second sample differs, '' if in none.
-
-    Two sensors differ in mean or in noise. Either alternates from message to message, which is a
-    line at exactly half the message rate. A vibration at that frequency also alternates in its
-    values, but not in their magnitude.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 6)
-        In order of arrival; NaN where an axis is absent.
-
-    """
+    """Return in which respect every second sample differs, '' if in none."""
+    # Two sensors differ in mean or in noise. Either alternates from message to message, which is a
+    # line at exactly half the message rate. A vibration at that frequency also alternates in its
+    # values, but not in their magnitude.
     blocks = len(samples) // _BLOCK
     there = np.isfinite(samples).all(axis=0)
     # White noise passes on one axis in 0.2 % of cases, on three in 1e-8; with 4 blocks in 2 % and
@@ -92,23 +83,11 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
 
 def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
                     ) -> Literal['', 'half', 'apart']:
-    """
-    Detect two sensors that publish in turn, even with losses: their values depend on the time.
-
-    Messages are divided into two sides by their values. Messages of one sensor are whole intervals
-    apart, those of two are not, and this persists. If there is only one, sides and times are
-    independent. A vibration at half the rate has sides half a period apart, as two sensors may.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        Stamps in nanoseconds.
-    samples : ndarray, shape (n, 6)
-        In order of arrival; NaN where an axis is absent.
-    interval_ns : float
-        Measured interval.
-
-    """
+    """Return whether two sensors publish in turn, even with losses, and how far apart."""
+    # Messages are divided into two sides by their values. Messages of one sensor are whole
+    # intervals apart, those of two are not, and this persists. If there is only one, sides and
+    # times are independent. A vibration at half the rate has sides half a period apart, as two
+    # sensors may.
     # More messages are not needed to recognize the turns.
     time = (stamps[:2048] - stamps[0]).astype(np.float64)
     if len(time) < 512:
@@ -202,20 +181,8 @@ def _apart(known: Floats) -> Iterator[Floats]:
 
 
 def noise_of_steps(steps: Floats) -> Floats:
-    """
-    Estimate the noise of samples from nonzero steps, so that held or coarse outputs have some.
-
-    Parameters
-    ----------
-    steps : ndarray, shape (n, 6)
-        Differences of successive samples.
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Standard deviations; infinite for an axis without nonzero steps.
-
-    """
+    """Estimate the noise of each axis from its steps; infinite if all of them are zero."""
+    # Zero steps do not count, so that held or coarse outputs have noise.
     made = [np.abs(values[values != 0]) for values in steps.T]
     # For a quantized output, the median is known to half a step.
     usual = [float(np.median(values) + values.min() / 2) if len(values) else np.inf
@@ -232,22 +199,9 @@ def may_have_outlier(steps: Floats, sigma: Floats) -> bool:
 
 
 def spikes(samples: Floats, before: Floats | None) -> Bools:
-    """
-    Find single samples and pairs that lie far from their neighbours.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 6), n >= 3
-        Samples of plausible size; 0 where an axis is absent.
-    before : ndarray, shape (6,), or None
-        The sample before the first.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False where nearby samples are outliers, too, or louder than noise: that is a knock.
-
-    """
+    """Find single samples and pairs that lie far from their neighbours."""
+    # They are not outliers where nearby samples are some, too, or louder than noise: that is a
+    # knock.
     known = samples if before is None else np.concatenate([before[None], samples])
     steps = np.diff(known, axis=0)
     # A noise-free simulation still has rounding errors.

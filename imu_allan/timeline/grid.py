@@ -32,26 +32,9 @@ RATE_BLOCK = 64
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
-    """
-    Count the grid steps to each message from the one before.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n,)
-        Increasing stamps in intervals; 0 is the grid place of the last sample placed before.
-    pace : Pace
-        Pace measured most recently.
-    late : float
-        How far the stamp before the first one lies behind its grid place, in intervals.
-    new_run : bool
-        Whether a run begins. Its phase then rests on the first message alone, which may be late.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        At least 1 each; 1 where nothing is missing.
-
-    """
+    """Count the grid steps to each message from the one before, 1 where nothing is missing."""
+    # `places` are stamps in intervals; 0 is the place of the last sample, whose stamp is `late`.
+    # The phase of a new run rests on its first message alone, which may be late.
     steps = np.empty_like(places)
     steps[0] = places[0] - late
     np.subtract(places[1:], places[:-1], out=steps[1:])
@@ -96,24 +79,8 @@ def _level(values: Ints) -> int:
 
 
 def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
-    """
-    Return the local means that replace missing samples.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 6)
-        Received samples.
-    at : ndarray of int64, shape (g,)
-        Rows of `samples` before which samples are missing.
-    segment : ndarray of int64, shape (n,)
-        Number of the unbroken segment that each row belongs to.
-
-    Returns
-    -------
-    ndarray, shape (g, 6)
-        Mean of up to 8 samples before and 8 after each gap, within the same segment.
-
-    """
+    """Return, for gaps before rows `at`, the mean of up to 8 samples on each side."""
+    # Only samples of the same unbroken segment are used.
     around = at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS)
     valid = (around >= 0) & (around < len(samples))
     around = np.clip(around, 0, len(samples) - 1)
@@ -127,13 +94,9 @@ def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
 
 def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
                 interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
-    """
-    Return the samples with an `index` as blocks without gaps; the others are only neighbours.
-
-    `tail` holds up to `NEIGHBOURS` samples from before. `steps` are grid steps to each sample from
-    the one before; steps of up to `tolerated` are interpolated, longer ones end a block.
-    `elapsed_ns` are times since the first sample.
-    """
+    """Return the samples with an `index` as blocks; the others are only neighbours."""
+    # `tail` holds the samples before. Steps of up to `tolerated` are interpolated, longer ones end
+    # a block.
     c = len(index)
     known = np.concatenate([tail, samples[:c + NEIGHBOURS]])
     gaps = np.flatnonzero((steps[:c] > 1) & (steps[:c] <= tolerated))
@@ -161,13 +124,9 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
 
 
 def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
-    """
-    Find segments at another rate; `places` are stamps in units of the interval so far.
-
-    Returns the first message of each segment, and whether it is at another rate; `other_rate` says
-    so for the messages before. A segment lasts at least two blocks. A block has 64 messages, 256
-    where messages are counted, and more if they come in long batches.
-    """
+    """Return the first message of each segment at one rate, and whether at another one."""
+    # A segment lasts at least two blocks. A block has 64 messages, 256 where messages are counted,
+    # and more if they come in long batches.
     block = RATE_BLOCK
     if pace.counting:
         # A block of 16 batches: one more or less changes the rate by 6 %.

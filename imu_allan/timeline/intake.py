@@ -81,11 +81,7 @@ class Intake(Record):
         return window.receive_ns, window.header_ns
 
     def usable(self, window: Window) -> Messages:
-        """
-        Drop duplicate and frozen messages, and mark those with unusable values.
-
-        The clock is chosen from the first messages, and replaced if it becomes unusable.
-        """
+        """Drop duplicate and frozen messages, and mark those with unusable values."""
         farthest_ns = 2**61   # differences of clipped stamps do not overflow
         window = replace(window, header_ns=np.clip(window.header_ns, -farthest_ns, farthest_ns),
                          receive_ns=np.clip(window.receive_ns, -farthest_ns, farthest_ns))
@@ -226,16 +222,7 @@ class Intake(Record):
             decision.overlaps = overlaps(window.header_ns)
 
     def _measure(self, window: Window, repeats: Repeats) -> tuple[Pace | None, int]:
-        """
-        Measure the pace, by the other clock where that one is even and the chosen one is not.
-
-        Returns
-        -------
-        Pace or None
-        int
-            Number of stamps used.
-
-        """
+        """Measure the pace, by the other clock if only that is even; count the stamps used."""
         decision = self.decision
         # For a polled sensor, only messages with new values show the pace.
         twice = self._twice(window, self.stamps(window)[0])
@@ -331,12 +318,7 @@ class Intake(Record):
         return same
 
     def _unusable(self, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
-        """
-        Find values that are NaN, infinite or absurd, or whose field is declared absent.
-
-        Returns the axes that are gone for a while, and the messages in which other axes, or all,
-        are unusable.
-        """
+        """Return the axes that are gone for a while, and messages with other unusable values."""
         counts, presence, c = self._counts, self.presence, window.consumed
         if all_usable and presence.stays(window.samples[:c]):
             return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
@@ -394,11 +376,8 @@ def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
 
 
 def _leaps(own: Stamps, other: Stamps, pace: Pace) -> bool:
-    """
-    Return whether stamps advance too slowly and catch up in leaps that the other clock lacks.
-
-    This happens if microseconds are written into the nanoseconds field.
-    """
+    """Return whether stamps are slow and catch up in leaps that the other clock lacks."""
+    # This happens if microseconds are written into the nanoseconds field.
     if pace.counting:
         return False
     steps, passed = np.diff(own), np.diff(other)

@@ -228,15 +228,7 @@ class Decision(Record):
                                           or self.overlaps)
 
     def take_pace(self, pace: Pace, one_clock: bool) -> None:
-        """
-        Adopt a measured pace.
-
-        Raises
-        ------
-        ImuAllanError
-            If no IMU has such a pace.
-
-        """
+        """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
         if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
             advance = f'advance by {pace.interval_ns / SECOND:.3g} s from'

@@ -70,25 +70,9 @@ class Pace:
 
 
 def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
-    """
-    Measure the sample interval of increasing stamps.
-
-    On a grid, it is the interval whose phases fit best, whatever share of its places is empty and
-    however late single stamps are.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        Increasing stamps in nanoseconds.
-    other : ndarray of int64, shape (n,), optional
-        Stamps of the same messages by another clock.
-
-    Returns
-    -------
-    Pace or None
-        None for fewer than two stamps.
-
-    """
+    """Measure the sample interval of increasing stamps; None for fewer than two."""
+    # On a grid, it is the interval whose phases fit best, whatever share of its places is empty
+    # and however late single stamps are. `other` are the stamps of the other clock.
     n = len(stamps)
     if n < 2:
         return None
@@ -154,22 +138,7 @@ def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
 
 
 def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
-    """
-    Measure the sample interval of stamps whose grid places are known.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        Increasing stamps in nanoseconds.
-    place : ndarray of int64, shape (n,)
-        Increasing numbers that the publisher gave its messages.
-
-    Returns
-    -------
-    Pace or None
-        None for fewer than eight stamps.
-
-    """
+    """Measure the interval of stamps whose places are known; None for fewer than eight."""
     if len(stamps) < _FEW_LOSSES:
         return None
     time, numbers = (stamps - stamps[0]).astype(np.float64), place.astype(np.float64)
@@ -186,11 +155,8 @@ def pace_of_each(stamps: Stamps) -> Pace | None:
 
 
 def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
-    """
-    Return whether a grid only consists of the ticks of the clock, of 0.1, 1 or 10 ms.
-
-    If samples of such an interval were dropped in turn, some stamps would be one place apart.
-    """
+    """Return whether a grid only consists of the ticks of the clock, of 0.1, 1 or 10 ms."""
+    # If samples of such an interval were dropped in turn, some stamps would be one place apart.
     # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
     tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
                  if abs(interval / tick - 1) < 1e-3), None)
@@ -213,13 +179,10 @@ def follow_a_beat(stamps: Stamps) -> bool:
 
 
 def _is_beat(time: Floats, grid: Pace) -> bool:
-    """
-    Return whether the empty places of a grid are those of a timer that reads a slower sensor.
-
-    Clocks that are read when the timer fires show that time, although no sample is lost. The
-    places per message then vary by at most one, as 16 random losses do once in 100,000 times.
-    Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
-    """
+    """Return whether the empty places of a grid are of a timer that reads a slower sensor."""
+    # Clocks that are read when the timer fires show that time, although no sample is lost. The
+    # places per message then vary by at most one, as 16 random losses do once in 100,000 times.
+    # Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
     n = len(time)
     steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
     if grid.spread > 0.05 or steps.min() < 0:
@@ -358,11 +321,8 @@ def _even_with_outages(steps: Floats) -> float | None:
 
 
 def _overfull(time: Floats, interval: float) -> bool:
-    """
-    Return whether there are more messages than grid places, as on the grid of batches.
-
-    Messages that wait for a late one also arrive together, but none of them early.
-    """
+    """Return whether there are more messages than grid places, as on the grid of batches."""
+    # Messages that wait for a late one also arrive together, but none of them early.
     groups = len(time) // _GROUP
     phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
     falls = np.diff(phase.min(axis=1)) < -0.9
@@ -430,13 +390,10 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
 
 
 def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
-    """
-    Bound the share of the samples that may be lost unseen.
-
-    Random losses turn the phase into a random walk, whose variance grows by their share with every
-    message; jitter, ticks and batches do not. `errors` is the number of standard deviations to
-    add, those of a variance from the few segments that fit into a window.
-    """
+    """Bound the share of the samples that may be lost unseen."""
+    # Random losses turn the phase into a random walk, whose variance grows by their share with
+    # every message; jitter, ticks and batches do not. `errors` is the number of standard
+    # deviations to add, those of a variance from the few segments that fit into a window.
     if len(residual) < 3 * lags[-1]:
         return 0.0
     # Averaged over 20 lags, at least one batch, since a FIFO is read at least every 20 messages. A
@@ -450,22 +407,8 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
 
 
 def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
-    """
-    Count all samples missing before each message, by jumps of the phase that last.
-
-    Parameters
-    ----------
-    phase : ndarray, shape (n,)
-        Stamps in intervals, minus the number of the message.
-    before : float, optional
-        Level of the phase before, if known.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Nondecreasing counts.
-
-    """
+    """Count all samples missing before each message, by jumps of the phase that last."""
+    # The phase is the stamp in intervals, minus the number of the message.
     missing = np.zeros(len(phase), dtype=np.int64)
     groups = len(phase) // _GROUP
     if groups < 4:
@@ -502,12 +445,9 @@ def _lasting_rise(level: Floats) -> Floats:
 
 
 def longest_at_one_rate(stamps: Stamps) -> slice:
-    """
-    Find the longest part of increasing stamps in which the rate stays the same.
-
-    Parts of 128 messages are compared by the median distance of messages 16 apart, which neither a
-    lost message nor a tick changes by 12 %.
-    """
+    """Find the longest part of increasing stamps in which the rate stays the same."""
+    # Parts of 128 messages are compared by the median distance of messages 16 apart, which neither
+    # a lost message nor a tick changes by 12 %.
     # Long compared with a batch, short compared with a recording.
     part = 128
     parts, whole = len(stamps) // part, slice(0, len(stamps))
@@ -540,17 +480,9 @@ def median_interval(time: Floats, apart: int) -> float:
 
 
 def group_phases(phase: Floats) -> tuple[Floats, Floats]:
-    """
-    Return the mean phase, modulo one place, of every group of 64 messages.
-
-    Returns
-    -------
-    turn : ndarray, shape (groups,)
-        Mean phase in places, unwrapped: neighbours differ by less than half a place.
-    length : ndarray, shape (groups,)
-        Resultant length: 1 without jitter, 0 for an arbitrary phase.
-
-    """
+    """Return the mean phase of every 64 messages, in places, and its resultant length."""
+    # Neighbouring phases differ by less than half a place. The length is 1 without jitter, 0 for
+    # an arbitrary phase.
     circle = np.exp(2j * pi * phase)
     starts = np.arange(0, max(len(phase) - PHASE_GROUP // 2, 1), PHASE_GROUP)
     sums = np.add.reduceat(circle, starts)

@@ -96,15 +96,7 @@ class Placing(Record):
         return block
 
     def place(self, messages: Messages) -> Iterator[EvenBlock]:
-        """
-        Put messages on the grid.
-
-        Raises
-        ------
-        ImuAllanError
-            If the pace of the messages is not that of an IMU.
-
-        """
+        """Put messages on the grid, or raise ImuAllanError if no IMU has their pace."""
         if self._are_even(messages):
             yield self._place_even(messages)
         elif len(messages.stamps):

@@ -159,12 +159,9 @@ class RestLevel(Record):
         return np.asarray(unlike)
 
     def refine_resolution(self, segment: Segment, windows: Ints, size: int) -> bool:
-        """
-        Look for smaller steps in the rows of `windows`; return whether any were found.
-
-        A change by one step of a coarse output is not motion. Some outputs are constant for
-        minutes before they show how small their step is.
-        """
+        """Look for smaller steps in the rows of `windows`; return whether any were found."""
+        # A change by one step of a coarse output is not motion. Some outputs are constant for
+        # minutes before they show how small their step is.
         rows = segment.joined()
         known = self.baseline.resolution
         smaller = known
@@ -191,11 +188,8 @@ class RestLevel(Record):
         return np.log(np.maximum(louder, 1.0))
 
     def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
-        """
-        Find the start of windows far quieter than the baseline, which are the actual rest.
-
-        If a recording begins while its vehicle drives, the first baseline is that of driving.
-        """
+        """Find the start of windows far quieter than the baseline, which are the actual rest."""
+        # If a recording begins while its vehicle drives, the first baseline is that of driving.
         if not (segment.loudness[first:last] < self.baseline.far_quieter).any():
             self.quieter = 0
             return None
@@ -225,11 +219,7 @@ class RestLevel(Record):
         self.past, self.news, self.lately = self.past[:0], self.news[:0], self.lately[:0]
 
     def learn(self, windows: Floats, moving: Bools, beyond: Bools) -> list[float]:
-        """
-        Update the baseline from windows at rest, or to a level that has changed for good.
-
-        Returns ratios of new to old noise if it has become much louder or quieter.
-        """
+        """Learn from windows at rest; return ratios of new to old noise if it has changed."""
         changes: list[float] = []
         inner = ~np.isnan(windows[:, 12])
         self.news = np.concatenate([self.news, windows[inner & ~moving]])
@@ -285,12 +275,9 @@ class RestLevel(Record):
 
 
 def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
-    """
-    Find the windows at rest, and their baseline.
-
-    The set grows from the quietest eighth until there is a hole of many standard deviations in the
-    distribution of loudness. Wander is NaN at the ends of a segment.
-    """
+    """Find the windows at rest, and their baseline."""
+    # The set grows from the quietest eighth until there is a hole of many standard deviations in
+    # the distribution of loudness. Wander is NaN at the ends of a segment.
     dead = _dead(loudness, resolution)
     percentile = np.nanpercentile if dead.any() else np.percentile
     # The quietest windows are taken for rest: with less rest than that, motion enters the
@@ -333,12 +320,9 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
 
 
 def _dead(loudness: Floats, resolution: Floats) -> Bools:
-    """
-    Find windows in which an axis is dead, shape (n, 6).
-
-    A fine axis is never constant while others change. Axes that never changed, and coarse ones,
-    are not included.
-    """
+    """Find windows in which an axis is dead, shape (n, 6)."""
+    # A fine axis is never constant while others change. Axes that never changed, and coarse ones,
+    # are not included.
     still = loudness[:, :6] == 0
     dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
     for axis in np.flatnonzero(dead.any(axis=0)).tolist():

@@ -39,7 +39,8 @@ class TimelineStage(Record):
         Options set by the user.
 
     `push` returns what is decided, up to some thousand messages late; `flush` returns the rest. To
-    look at a running stream, flush a `copy`.
+    look at a running stream, flush a `copy`. An ImuAllanError says that no clock is usable, that
+    no axis is provided, or that the stated rate is not the measured one.
 
     """
 
@@ -51,15 +52,7 @@ class TimelineStage(Record):
         self._intake, self._placing = Intake(memory), Placing(memory)
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
-        """
-        Take messages, and return the even samples that are decided by now.
-
-        Raises
-        ------
-        ImuAllanError
-            If no clock is usable, no axis is provided, or the stated rate is not the measured one.
-
-        """
+        """Take messages, and return the even samples that are decided by now."""
         if not len(block):
             return []
         decision = self._intake.decision
@@ -80,15 +73,7 @@ class TimelineStage(Record):
         return blocks
 
     def flush(self) -> list[EvenBlock]:
-        """
-        Return what is still held back, at the end of a recording.
-
-        Raises
-        ------
-        ImuAllanError
-            As `push`.
-
-        """
+        """Return what is still held back, at the end of a recording."""
         n = self._pending.messages
         blocks = self._process(self._pending.take(n, n)) if n else []
         if self._memory.motion is not None:
@@ -97,20 +82,7 @@ class TimelineStage(Record):
         return blocks
 
     def break_run(self) -> list[EvenBlock]:
-        """
-        Begin a new run with the next sample, after an interruption of unknown length.
-
-        Returns
-        -------
-        list of EvenBlock
-            What was still held back, as from `flush`.
-
-        Raises
-        ------
-        ImuAllanError
-            As `push`.
-
-        """
+        """Begin a run with the next sample, after an unknown time; return what was held back."""
         blocks = self.flush()
         self._placing.cursor.fresh_run = True
         return blocks
@@ -129,15 +101,7 @@ class TimelineStage(Record):
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
-        """
-        Restore a stage from the result of `to_state`.
-
-        Raises
-        ------
-        ImuAllanError
-            If `state` is not a result of `to_state`.
-
-        """
+        """Restore a stage from the result of `to_state`."""
         try:
             memory = restored(Memory, state)
         except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -153,13 +153,10 @@ class Windows(Record):
 
 
 def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
-    """
-    Return means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6).
-
-    Loudness is the cube root of a variance: of that within parts, and of that of their means, as
-    the differences of successive parts give it. The cube root makes a chi-square variable nearly
-    normal, whatever its degrees of freedom. Axes without values count as zero.
-    """
+    """Return means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6)."""
+    # Loudness is the cube root of a variance: of that within parts, and of that of their means, as
+    # the differences of successive parts give it. The cube root makes a chi-square variable nearly
+    # normal, whatever its degrees of freedom. Axes without values count as zero.
     windows, size, _ = rows.shape
     axes, parts = rows.transpose(2, 0, 1), size // part
     if part == 1 or parts < 2:
