@@ -42,6 +42,10 @@ class MalformedImu(ImuAllanError):
     """Bytes that are not a sensor_msgs/Imu message."""
 
 
+OnMalformed = Callable[[int, MalformedImu], None]
+"""Called with the number of messages left out and the reason for the first of them."""
+
+
 @dataclass(frozen=True)
 class MessageBatch:
     """
@@ -88,22 +92,7 @@ class ImuLayout:
 
 
 def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr') -> ImuLayout:
-    """
-    Find the fields of one message from its encapsulation, frame_id and length.
-
-    Parameters
-    ----------
-    message : bytes-like
-        The serialized message.
-    serialization : {'cdr', 'ros1'}
-        How it was serialized.
-
-    Raises
-    ------
-    MalformedImu
-        If the bytes cannot be a sensor_msgs/Imu.
-
-    """
+    """Find the fields of one message from its encapsulation, frame_id and length."""
     size = len(message)
     if size < _TEXT_AT + 8 * _DOUBLES:
         raise MalformedImu(
@@ -131,36 +120,13 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
 
 
 def decode_imu_rows(
-    rows: NDArray[np.uint8],
-    receive_ns: NDArray[np.int64],
-    serialization: Serialization = 'cdr',
-    on_malformed: Callable[[int, MalformedImu], None] | None = None,
+    rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], serialization: Serialization,
+    on_malformed: OnMalformed,
 ) -> list[ImuBlock]:
     """
-    Decode messages of equal size at once.
+    Decode messages of equal size at once, one in each row of bytes, which need not adjoin.
 
-    Parameters
-    ----------
-    rows : ndarray of uint8, shape (n, size)
-        One message per row. Rows may be any distance apart; the bytes of a row are contiguous.
-    receive_ns : ndarray of int64, shape (n,)
-        Receive stamps of the messages in nanoseconds.
-    serialization : {'cdr', 'ros1'}
-        How the messages were serialized.
-    on_malformed : callable, optional
-        Called with the number of messages left out and the reason for the first of them. Without
-        it, malformed messages raise.
-
-    Returns
-    -------
-    list of ImuBlock
-        In the order of the rows; more than one if frame_id or byte order changes.
-
-    Raises
-    ------
-    MalformedImu
-        If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
-
+    Another frame_id or byte order begins another block.
     """
     blocks: list[ImuBlock] = []
     for start, stop in _uniform_runs(rows, serialization):
@@ -168,40 +134,17 @@ def decode_imu_rows(
         try:
             layout = imu_layout(run[0].data, serialization)
         except MalformedImu as error:
-            if on_malformed is None:
-                raise
             on_malformed(stop - start, error)
             continue
         blocks.append(_decode_run(run, receive_ns[start:stop], layout, serialization))
     return blocks
 
 
-def blocks_from_messages(
-    messages: Sequence[bytes],
-    receive_ns: NDArray[np.int64],
-    serialization: Serialization = 'cdr',
-    on_malformed: Callable[[int, MalformedImu], None] | None = None,
-) -> list[ImuBlock]:
-    """
-    Decode messages of any size, in order.
-
-    Parameters
-    ----------
-    messages : sequence of bytes
-        The serialized messages.
-    receive_ns : ndarray of int64, shape (len(messages),)
-        Their receive stamps in nanoseconds.
-    serialization, on_malformed
-        As for `decode_imu_rows`.
-
-    Raises
-    ------
-    MalformedImu
-        If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
-
-    """
-    return [block for batch in batches_of(messages, receive_ns) for block in decode_imu_rows(
-        batch.rows, batch.receive_ns, serialization, on_malformed)]
+def blocks_from_messages(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
+                         on_malformed: OnMalformed) -> list[ImuBlock]:
+    """Decode messages in CDR, of any size, in order."""
+    return [block for batch in batches_of(messages, receive_ns)
+            for block in decode_imu_rows(batch.rows, batch.receive_ns, 'cdr', on_malformed)]
 
 
 def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
@@ -216,20 +159,7 @@ def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
 def encode_imu_rows(
     block: ImuBlock, serialization: Serialization = 'cdr', byte_order: Literal['<', '>'] = '<',
 ) -> NDArray[np.uint8]:
-    """
-    Encode the messages of a block; the inverse of `decode_imu_rows`.
-
-    Returns
-    -------
-    ndarray of uint8, shape (len(block), size)
-        One message per row.
-
-    Raises
-    ------
-    ImuAllanError
-        If a stamp does not fit into a message.
-
-    """
+    """Encode the messages of a block, one in each row; the inverse of `decode_imu_rows`."""
     seconds = block.header_ns // 1_000_000_000
     if serialization == 'cdr' and len(seconds) and not (
             -1 << 31 <= seconds.min() <= seconds.max() < 1 << 31):
@@ -347,22 +277,7 @@ def _key(row: NDArray[np.uint8], serialization: Serialization) -> bytes:
 def rows_like_first(
     rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]],
 ) -> NDArray[np.bool_] | None:
-    """
-    Return which messages have the same bytes as the first one.
-
-    Parameters
-    ----------
-    rows : ndarray of uint8, shape (n, size)
-        One message per row.
-    spans : iterable of (int, int)
-        First byte of each span to compare, and the byte after its last.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,), or None
-        None if all messages do.
-
-    """
+    """Return which rows have the bytes of the first in these spans; None if all have."""
     like: NDArray[np.bool_] | None = None
     for start, stop in spans:
         # Short texts are compared as numbers: five passes cost as much as one copy.

@@ -4,7 +4,7 @@
 
 from itertools import pairwise
 
-from bags import assert_same, block
+from bags import assert_same, block, raise_malformed
 from hypothesis import given, settings, strategies as st
 from imu_allan import cdr
 from imu_allan.block import ImuBlock
@@ -24,7 +24,7 @@ MESSAGE = encode_imu(5, np.arange(6.), 'imu')
 
 def decoded(message: bytes) -> ImuBlock:
     """Decode one message."""
-    [after] = blocks_from_messages([message], np.zeros(1, np.int64))
+    [after] = blocks_from_messages([message], np.zeros(1, np.int64), raise_malformed)
     return after
 
 
@@ -37,7 +37,7 @@ def test_decoding_what_was_encoded_gives_every_bit_back(
     before.header_ns[0] = (sec if serialization[0] == 'cdr' else abs(sec)) * 10**9 + nanosec
     before.samples[0] = sample
     rows = encode_imu_rows(before, *serialization)
-    [after] = decode_imu_rows(rows, before.receive_ns, serialization[0])
+    [after] = decode_imu_rows(rows, before.receive_ns, serialization[0], raise_malformed)
     assert_same(before, after)
 
 
@@ -69,7 +69,7 @@ def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
     parts = [block(1, frame, first) for first, frame in enumerate(frames)]
     messages = [encode_imu_rows(part).tobytes() for part in parts]
     receive = np.arange(len(parts), dtype=np.int64)
-    blocks = blocks_from_messages(messages, receive)
+    blocks = blocks_from_messages(messages, receive, raise_malformed)
     assert [frame for item in blocks for frame in [item.frame_id] * len(item)] == frames
     assert np.concatenate([item.receive_ns for item in blocks] or [receive]).tolist() == (
         receive.tolist())

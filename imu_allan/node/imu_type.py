@@ -71,8 +71,7 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             gyro_unit: str = '', accel_unit: str = '') -> Decode:
     """Return a function that decodes messages of a type."""
     if type_name == IMU and not (gyro or accel or stamp or gyro_unit or accel_unit):
-        return lambda messages, receive_ns, on_malformed: blocks_from_messages(
-            messages, receive_ns, on_malformed=on_malformed)
+        return blocks_from_messages
     # Imported late: most nodes read sensor_msgs/Imu and do not need these.
     from imu_allan.recordings.messages.imus_in import imu_messages
     from imu_allan.recordings.options import RecordingOptions

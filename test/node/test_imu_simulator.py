@@ -32,7 +32,8 @@ class Recording:
 
     def __len__(self) -> int:
         batch = self._subscription.take()
-        self.blocks += blocks_from_messages(batch.messages, batch.receive_ns)
+        self.blocks += blocks_from_messages(
+            batch.messages, batch.receive_ns, lambda _, error: pytest.fail(str(error)))
         return sum(map(len, self.blocks))
 
     def __getattr__(self, part: str) -> Any:

@@ -82,6 +82,11 @@ def figures(reason: str) -> list[int]:
     return [int(number) for number in re.findall(r'\d+', reason)]
 
 
+def raise_malformed(_count: int, error: Exception) -> None:
+    """Take a malformed message for an error of the test."""
+    raise error
+
+
 def assert_same(first: ImuBlock, second: ImuBlock) -> None:
     """Require every bit to agree."""
     assert first.frame_id == second.frame_id

@@ -34,42 +34,15 @@ _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
 
 
 def gather(
-    buffer: bytes,
-    wanted: AbstractSet[int],
-    describe: Callable[[int, bytes], object] | None = None,
-    index: Callable[[], NDArray[np.int64]] | None = None,
-    limits: ReadingLimits | None = None,
+    buffer: bytes, wanted: AbstractSet[int], describe: Callable[[int, bytes], object],
+    index: Callable[[], NDArray[np.int64]] | None, limits: ReadingLimits,
 ) -> tuple[Iterator[MessageBatch], int]:
     """
-    Gather the messages of the channels `wanted`.
+    Gather the messages of the channels `wanted`; also return the bytes of complete records.
 
-    Parameters
-    ----------
-    buffer : bytes
-        Records, the first one starting at byte 0; the last one may be incomplete.
-    wanted : set of int
-        Channel ids; calls of `describe` may add to them.
-    describe : callable, optional
-        Called with opcode and body of each Schema and Channel record.
-    index : callable, optional
-        Returns the offsets of all message records in the buffer, as the file declares them, in any
-        order. Called if topics alternate.
-    limits : ReadingLimits, optional
-        Bound on the records that are read one by one.
-
-    Returns
-    -------
-    batches : iterator of MessageBatch
-        The messages; copies are made only when a batch is requested.
-    consumed : int
-        Bytes of complete records. Less than ``len(buffer)`` if the last record is incomplete, or
-        is of a type that cannot occur among messages.
-
-    Raises
-    ------
-    DamagedData
-        If `limits` is exhausted.
-
+    `describe` is called with opcode and body of each Schema and Channel record, and may add to
+    `wanted`. `index` returns the offsets of all messages, as the file declares them, in any order.
+    Messages are copied only when a batch is requested.
     """
     batches: list[Iterable[MessageBatch]] = []
     scattered: list[int] = []
@@ -81,8 +54,7 @@ def gather(
         stride = RECORD_HEAD + length
         if stride > end - at:
             break
-        if limits is not None:
-            limits.step()
+        limits.step()
         if opcode == _MESSAGE:
             if stride < _MESSAGE_HEAD:
                 break
@@ -110,8 +82,7 @@ def gather(
                     scattered.append(at)
             at += count * stride
         elif opcode in _DESCRIPTIONS:
-            if describe is not None:
-                describe(opcode, buffer[at + RECORD_HEAD:at + stride])
+            describe(opcode, buffer[at + RECORD_HEAD:at + stride])
             at += stride
         else:
             break
@@ -172,7 +143,7 @@ def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.
 
 def _verified(
     buffer: bytes, at: int, places: NDArray[np.int64],
-    describe: Callable[[int, bytes], object] | None,
+    describe: Callable[[int, bytes], object],
 ) -> NDArray[np.int64] | None:
     """Sort `places` from `at` on; return None unless their records fill the rest of the buffer."""
     places = np.unique(places[places >= at])
@@ -192,15 +163,14 @@ def _verified(
 
 
 def _only_descriptions(
-    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object] | None,
+    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object],
 ) -> bool:
     """Return whether only Schema and Channel records lie between two messages."""
     while at < stop:
         opcode, length = OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
         if opcode not in _DESCRIPTIONS:
             return False
-        if describe is not None:
-            describe(opcode, buffer[at + RECORD_HEAD:at + RECORD_HEAD + length])
+        describe(opcode, buffer[at + RECORD_HEAD:at + RECORD_HEAD + length])
         at += RECORD_HEAD + length
     return at == stop
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from imu_allan.cdr import MalformedImu
+from imu_allan.cdr import MalformedImu, OnMalformed
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
-from imu_allan.recordings.messages.layouts import joint_field, OnMalformed, Place
+from imu_allan.recordings.messages.layouts import joint_field, Place
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,24 +24,8 @@ bursts, 'message', the index of its message."""
 
 
 def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
-            receive_ns: NDArray[np.int64], on_malformed: OnMalformed | None) -> Columns:
-    """
-    Extract samples and stamps from records.
-
-    Parameters
-    ----------
-    fields : ImuFields
-        The fields to read.
-    stamps_read : sequence of Stamp
-        The stamps to read, of which one is chosen later.
-    messages : structured ndarray, shape (n,)
-        The records.
-    receive_ns : ndarray of int64, shape (n,)
-        Their receive stamps.
-    on_malformed : callable, optional
-        Called for invalid bursts; without it they raise MalformedImu.
-
-    """
+            receive_ns: NDArray[np.int64], on_malformed: OnMalformed) -> Columns:
+    """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
     count = len(messages)
     stamps = np.empty((len(stamps_read), count), np.int64).T
     for number, stamp in enumerate(stamps_read):
@@ -66,7 +50,7 @@ def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[n
 
 def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
            stamps: NDArray[np.int64], receive_ns: NDArray[np.int64],
-           on_malformed: OnMalformed | None) -> Columns:
+           on_malformed: OnMalformed) -> Columns:
     """Expand messages with many samples; the stamp is that of the last sample."""
     [(first, vector)] = fields.vectors()
     width = messages[vector.paths[0]].shape[1]
@@ -76,11 +60,8 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
     sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
         step_ns < 1e9)
     if not sound.all():
-        error = MalformedImu(
-            f'{burst.samples} is not 1 to {width}, or {burst.step_us} is no time')
-        if on_malformed is None:
-            raise error
-        on_malformed(int((~sound).sum()), error)
+        on_malformed(int((~sound).sum()), MalformedImu(
+            f'{burst.samples} is not 1 to {width}, or {burst.step_us} is no time'))
     place = np.arange(width)
     before_ns = np.rint(np.where(sound, step_ns, 0)[:, np.newaxis] * (
         filled[:, np.newaxis] - 1 - place)).astype(np.int64)

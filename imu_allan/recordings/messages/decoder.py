@@ -18,13 +18,14 @@ from imu_allan.cdr import (
     decode_imu_rows,
     MalformedImu,
     MessageBatch,
+    OnMalformed,
     rows_like_first,
     Serialization,
 )
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields
-from imu_allan.recordings.messages.layouts import OnMalformed, RecordLayout, RecordLayouts
+from imu_allan.recordings.messages.layouts import RecordLayout, RecordLayouts
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,9 +33,9 @@ from numpy.typing import NDArray
 class Decoder(Protocol):
     """Callable that decodes messages of a topic to blocks; use a new one for each reading."""
 
-    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
+    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
-        """Decode messages in order; malformed ones raise MalformedImu or are reported."""
+        """Decode messages in order; malformed ones are reported."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +71,13 @@ class ImuMessages:
             return plain
         factors = np.repeat(self.factors, 3)
 
-        def scaled(batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
-                   ) -> list[ImuBlock]:
+        def scaled(batches: Iterable[MessageBatch], on_malformed: OnMalformed) -> list[ImuBlock]:
             return [replace(block, samples=block.samples * factors)
                     for block in plain(batches, on_malformed)]
 
         return scaled
 
-    def _decoded(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
+    def _decoded(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
         """Decode sensor_msgs/Imu itself."""
         return [block for batch in batches for block in decode_imu_rows(
@@ -113,9 +113,9 @@ class FieldsDecoder:
         self._frames: dict[str, int] = {'': 0}
         self._step_ns = 0.0
 
-    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed | None = None,
+    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
-        """Decode messages in order; malformed ones raise MalformedImu or are reported."""
+        """Decode messages in order; malformed ones are reported."""
         held = [batch for batch in batches if len(batch.rows)]
         self._frames = {'': 0}
         if not held:
@@ -133,7 +133,7 @@ class FieldsDecoder:
 
     # ----------------------------------------------------------------------------------- columns
 
-    def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed | None,
+    def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed,
                  ) -> Columns | None:
         """Decode batches, grouped by message size; 'frames' may have one entry for all."""
         if len(batches) == 1:
@@ -168,7 +168,7 @@ class FieldsDecoder:
                 for name in decoded[0]}
 
     def _extract(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64],
-                 layout: RecordLayout, on_malformed: OnMalformed | None) -> Columns:
+                 layout: RecordLayout, on_malformed: OnMalformed) -> Columns:
         stamps = self._fields.stamps
         return extract(self._fields, stamps if self._clock is None else [stamps[self._clock]],
                        rows.view(layout.record)[:, 0], receive_ns, on_malformed)

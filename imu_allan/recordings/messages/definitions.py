@@ -69,10 +69,6 @@ Types = Mapping[str, tuple[Field, ...]]
 """The fields of each type, by type name as ROS 2 spells it."""
 
 
-class UnreadableDefinition(ImuAllanError):
-    """A definition that cannot be parsed."""
-
-
 def field_of(name: str, kind: str, count: int | None = None) -> Field:
     """Create a field from the name of a base type or message type in a definition."""
     # An unknown base type, such as wstring, is treated like an undefined message type.
@@ -90,26 +86,7 @@ def parse(type_name: str, definition: Definition | Types,
     """
     Parse the definition of a type and of the types nested in it.
 
-    ROS types missing from the text are taken from ROS 2 Jazzy or ROS 1 Noetic.
-
-    Parameters
-    ----------
-    type_name : str
-        Type name in ROS 1 or ROS 2.
-    definition : Definition or Types
-        The text, or the fields if they are already known.
-    serialization : {'cdr', 'ros1'}
-        Selects ROS 2 or ROS 1 for the missing types.
-
-    Returns
-    -------
-    Types
-
-    Raises
-    ------
-    UnreadableDefinition
-        If the text is too long or is not a valid definition.
-
+    ROS types missing from the text are taken from ROS 2 Jazzy, or ROS 1 Noetic for ``'ros1'``.
     """
     if not isinstance(definition, Definition):
         return definition
@@ -117,7 +94,7 @@ def parse(type_name: str, definition: Definition | Types,
 
     name = normal_name(type_name)
     if len(definition.text) > _LARGEST:
-        raise UnreadableDefinition(f'the definition of {_shown(name)} has more than '
+        raise ImuAllanError(f'the definition of {_shown(name)} has more than '
                                    f'{_LARGEST} characters')
     found: dict[str, Any] = {}
     try:
@@ -133,10 +110,10 @@ def parse(type_name: str, definition: Definition | Types,
     # The parser raises its own error, but also KeyError, RecursionError or AssertionError.
     except Exception as error:
         reason = printable(shorten(' '.join(str(error).split()), 80))
-        raise UnreadableDefinition(
+        raise ImuAllanError(
             f'the definition of {_shown(name)} cannot be parsed ({reason})') from error
     if name not in found:
-        raise UnreadableDefinition(f'the definition of {_shown(name)} defines another type')
+        raise ImuAllanError(f'the definition of {_shown(name)} defines another type')
     types = {known: _fields(nodes) for known, (_, nodes) in found.items()}
     if _undefined(types):
         store = get_typestore(Stores.ROS1_NOETIC if serialization == 'ros1'

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings.messages.decoder import Decoder, ImuMessages
+from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import (
     Definition,
     definition_files,
@@ -69,30 +69,10 @@ def imus_in(
     definition: Definition | Types | None, options: RecordingOptions,
 ) -> dict[str, ImuMessages]:
     """
-    Find the IMUs in the messages of a topic.
+    Find the IMUs in the messages of a topic; NotRead if one might be there that cannot be read.
 
-    Parameters
-    ----------
-    topic, type_name : str
-        Name and type of the topic.
-    serialization : {'cdr', 'ros1'}
-        How its messages are serialized.
-    definition : Definition, Types or None
-        Definition from the recording, or fields from a Python class.
-    options : RecordingOptions
-        Fields and units given by the user.
-
-    Returns
-    -------
-    dict of str to ImuMessages
-        The IMUs by name: that of the topic or, if its messages hold several, topic and field, such
-        as ``/imus.left``. Empty if there are none.
-
-    Raises
-    ------
-    NotRead
-        If there might be one that cannot be read or holds no raw data.
-
+    They have the name of the topic or, if its messages hold several, of topic and field, such as
+    ``/imus.left``.
     """
     found = _imus_in(topic, normal_name(type_name), serialization, definition, options)
     temperature = options.temperature
@@ -161,33 +141,13 @@ def thermometer_in(type_name: str, serialization: Serialization, definition: Def
     return ImuMessages(kind, serialization, fields, types)
 
 
-def decoder_of(type_name: str, definition: str, *, serialization: Serialization = 'cdr',
-               options: RecordingOptions = RecordingOptions()) -> Decoder:  # noqa: B008
+def imu_messages(type_name: str, definition: str | Types, serialization: Serialization = 'cdr',
+                 options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
     """
-    Create a decoder for messages of a type that holds an IMU.
+    Describe how to read messages of a type that holds one IMU.
 
-    Parameters
-    ----------
-    type_name : str
-        Type name such as ``px4_msgs/msg/SensorCombined``.
-    definition : str
-        The ``.msg`` text of the type. Those of nested types follow, each after a line of 80 ``=``
-        and a line ``MSG: package/Name``. May be empty if the package is sourced.
-    serialization : {'cdr', 'ros1'}
-        How the messages are serialized.
-    options : RecordingOptions, optional
-        Fields and units given by the user, and where to look for definitions.
-
-    Returns
-    -------
-    Decoder
-        Converts batches of serialized messages, as in `imu_allan.cdr`, to blocks. It remembers
-        which stamp is used, so create one per topic.
-
-    Raises
-    ------
-    ImuAllanError
-        If the type holds no IMU, or several, so that fields must be named.
+    In `definition`, those of nested types follow, each after a line of 80 ``=`` and a line ``MSG:
+    package/Name``. It may be empty if the package is sourced.
 
     Examples
     --------
@@ -195,21 +155,15 @@ def decoder_of(type_name: str, definition: str, *, serialization: Serialization 
     >>> from imu_allan.cdr import MessageBatch
     >>> definition = 'uint64 timestamp' + chr(10) + 'float32[3] gyro_rad' + chr(10) + (
     ...     'float32[3] accelerometer_m_s2')
-    >>> decode = decoder_of('px4_msgs/msg/SensorCombined', definition)
+    >>> decode = imu_messages('px4_msgs/msg/SensorCombined', definition).decoder()
     >>> message = bytes([0, 1, 0, 0]) + np.array([5], 'u8').tobytes() + np.arange(
     ...     6, dtype='f4').tobytes()
     >>> rows = np.frombuffer(message, np.uint8).reshape(1, -1)
-    >>> [block] = decode([MessageBatch(rows, np.zeros(1, np.int64))])
+    >>> [block] = decode([MessageBatch(rows, np.zeros(1, np.int64))], print)
     >>> block.samples.tolist(), block.header_ns.tolist()
     ([[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]], [5000])
 
     """
-    return imu_messages(type_name, definition, serialization, options).decoder()
-
-
-def imu_messages(type_name: str, definition: str | Types, serialization: Serialization = 'cdr',
-                 options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
-    """Describe how to read messages of a type; the first half of `decoder_of`."""
     known = (definition if not isinstance(definition, str)
              else Definition(definition) if definition.strip() else None)
     found = imus_in('', type_name, serialization, known, options)

@@ -14,17 +14,16 @@ As for `imu_allan.cdr`: CDR aligns every number to its own size, counted from by
 
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from imu_allan.cdr import MalformedImu, rows_like_first, Serialization
+from imu_allan.cdr import MalformedImu, OnMalformed, rows_like_first, Serialization
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields, split_path, Vector
 import numpy as np
 from numpy.typing import NDArray
 
-OnMalformed = Callable[[int, MalformedImu], None]
 Spans = tuple[tuple[int, int], ...]
 
 
@@ -208,7 +207,7 @@ class RecordLayouts:
                 known.append((_key(message, layout), layout))
         return layout
 
-    def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
+    def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed,
                ) -> list[tuple[NDArray[np.intp], RecordLayout]]:
         """Group rows, messages of equal size, by layout."""
         found: list[tuple[NDArray[np.intp], RecordLayout]] = []
@@ -220,8 +219,6 @@ class RecordLayouts:
             try:
                 layout = self.of(first.data)
             except MalformedImu as error:
-                if on_malformed is None:
-                    raise
                 on_malformed(1, error)
                 left = left[1:]
                 continue

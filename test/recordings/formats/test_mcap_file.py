@@ -11,6 +11,7 @@ import bags
 from bags import assert_same, block, figures, mcap_written, read, said, serialized, write_mcap
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.recordings import open_recording
+from imu_allan.recordings.formats.decompress import ReadingLimits
 from imu_allan.recordings.formats.gather import gather, in_lists
 from mcap.reader import make_reader
 from mcap.records import Chunk
@@ -47,6 +48,12 @@ def test_an_image_outside_of_chunks_that_is_larger_than_a_window_is_passed_over(
     assert remarks == []
 
 
+def unlimited() -> ReadingLimits:
+    limits = ReadingLimits(Path(__file__), 1_000_000)
+    limits.begin(0)
+    return limits
+
+
 def message_places(data: bytes) -> NDArray[np.int64]:
     """Return where the messages of a chunk begin."""
     places, at = [], 0
@@ -74,7 +81,8 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
         places = message_places(chunk.data)[::-1]
         for wanted in ({1}, {2, 4}, {1, 2, 3, 4}):
             batches, consumed = gather(
-                chunk.data, wanted, None, partial(np.copy, places) if index else None)
+                chunk.data, wanted, lambda *_: None, partial(np.copy, places) if index else None,
+                unlimited())
             assert consumed == len(chunk.data)
             assert [(stamp, row.tobytes()) for batch in batches
                     for row, stamp in zip(batch.rows, batch.receive_ns.tolist(), strict=True)] == [
@@ -270,7 +278,7 @@ def test_definitions_that_a_few_kilobytes_expand_to_are_not_kept(tmp_path):
 def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():
     count = 100_000
     data = b''.join(message(bytes(number % 2)) for number in range(count))
-    batches, consumed = gather(data, {1})
+    batches, consumed = gather(data, {1}, lambda *_: None, None, unlimited())
     assert consumed == len(data)
     sizes = [len(held) for held in in_lists(batches)]
     assert sum(sizes) == count

@@ -5,7 +5,7 @@
 from contextlib import closing
 from pathlib import Path
 
-from bags import database, figures, insert, read, refusal, said
+from bags import database, figures, insert, raise_malformed, read, refusal, said
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch
 from imu_allan.recordings import open_recording, RecordingOptions
@@ -171,7 +171,7 @@ def test_messages_of_one_size_may_all_be_of_another_form():
         np.zeros(number, np.uint32), np.zeros(count - number, np.uint32), imu(store, number)),
         'x/msg/Forms'), np.uint8) for number in range(count)])
     decode = imu_messages('x/msg/Forms', full_definition(store, 'x/msg/Forms')).decoder()
-    [block] = decode([MessageBatch(rows, np.zeros(count, np.int64))])
+    [block] = decode([MessageBatch(rows, np.zeros(count, np.int64))], raise_malformed)
     assert block.samples.tobytes() == samples(count).tobytes()
 
 
