@@ -64,7 +64,8 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
     with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
             choose_topic(recording)
-        print(f'{printable(recording.path)}  {_amount(recording.size_bytes)}')
+        size = path.stat().st_size if path.is_file() else recording.size_bytes
+        print(f'{printable(recording.path)}  {_amount(size)}')
         read = recording.topics[:most]
         total = recording.size_bytes * len(read)
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:

@@ -69,8 +69,8 @@ def open_recording(
             return BagDirectory(path, open_recording, options)
         head = read_head(path)
         if head.startswith(b'\x28\xb5\x2f\xfd'):
-            from imu_allan.recordings.formats.compressed_file import CompressedRecording
-            return CompressedRecording(path, open_stored, options)
+            from imu_allan.recordings.formats.compressed_file import open_compressed
+            return open_compressed(path, open_stored, options)
         return open_stored(path, path, options)
     except OSError as error:
         raise unreadable_error(path, error) from error

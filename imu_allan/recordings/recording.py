@@ -15,6 +15,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding import Finding, finding
+from imu_allan.recordings.formats.temporary_folder import remove_folder
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
@@ -60,6 +61,8 @@ class Recording(ABC):
         Bytes that `decoded` processes, to report progress.
     untimed : bool
         Whether the samples have no times and are timed by the sample rate that the user gives.
+    folders : list of Path
+        Temporary folders of unpacked or copied files, which `close` removes.
     ends_ns : list of int
         First and last receive stamp of a bag file; empty if it does not say so.
     remarks : list of Finding
@@ -85,6 +88,7 @@ class Recording(ABC):
         self.reason_not_paired = ''
         self.size_bytes = 0
         self.untimed = False
+        self.folders: list[Path] = []
         self.ends_ns: list[int] = []
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
@@ -94,8 +98,10 @@ class Recording(ABC):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Yield blocks in file order, each with the number of bytes consumed so far."""
 
-    def close(self) -> None:  # noqa: B027
-        """Release resources; does nothing for formats whose readers close their own files."""
+    def close(self) -> None:
+        """Remove what was unpacked or copied."""
+        for folder in self.folders:
+            remove_folder(folder)
 
     def for_another_topic(self) -> 'AbstractContextManager[Recording]':
         """Return this open recording for reading another topic, with its own remarks."""

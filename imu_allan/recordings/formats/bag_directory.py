@@ -56,16 +56,17 @@ class BagDirectory(Recording):
         """Read the files in turn."""
         before = messages = 0
         for file in self._files:
-            part = self._opened(file)
+            part, size = self._opened(file), file.stat().st_size
             if part is not None:
                 with part:
                     if any(item.name == topic
                            for item in (*part.topics, *part.thermometers)):
                         for block, position in part.decoded(topic):
                             messages += len(block)
-                            yield block, before + position
+                            # Of a compressed file, the position is that in the unpacked one.
+                            yield block, before + position * size // part.size_bytes
                     self.keep_remarks_of(part)
-            before += file.stat().st_size
+            before += size
         counted = self.imu(topic).count or 0
         # Other remarks may already explain why messages are missing.
         if messages < counted and {

@@ -25,7 +25,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
-from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
+from imu_allan.recordings.formats.temporary_folder import make_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
     LONGEST_VALUE,
@@ -51,7 +51,6 @@ class SqliteRecording(FileRecording):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         # SQLite looks for the log beside the target of a link, not beside the link.
         super().__init__(path, Path(os.path.realpath(stored)), options)
-        self._copy: Path | None = None
         self._numbers: dict[str, list[int]] = {}
         self._tolerant = False
         # Bytes of the file and its log, which bound the size of all rows.
@@ -61,11 +60,6 @@ class SqliteRecording(FileRecording):
         except BaseException:
             self.close()
             raise
-
-    def close(self) -> None:
-        """Remove the temporary copy, if there is one."""
-        if self._copy is not None:
-            remove_folder(self._copy)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks in the order of recording, each with the number of bytes consumed so far."""
@@ -135,10 +129,10 @@ class SqliteRecording(FileRecording):
         if self._room > room_in(tempfile.gettempdir()):
             raise OSError(f'no room for a copy in {tempfile.gettempdir()}; name a larger folder '
                           'with TMPDIR')
-        self._copy = make_folder()
+        self.folders.append(make_folder())
         for file in (*beside, self._stored):
-            shutil.copyfile(file, self._copy / file.name, follow_symlinks=False)
-        self._stored = self._copy / self._stored.name
+            shutil.copyfile(file, self.folders[-1] / file.name, follow_symlinks=False)
+        self._stored = self.folders[-1] / self._stored.name
 
     def _cut_last_page(self) -> None:
         """Work on a copy without an incomplete last page, which SQLite would pad."""
