@@ -70,28 +70,7 @@ class Stream:
 
 
 def choose_streams(recording: Recording, topic: str | None = None) -> list[Stream]:
-    """
-    Choose what to read as one IMU: one topic, or two halves with different rates.
-
-    Parameters
-    ----------
-    recording : Recording
-        An open recording.
-    topic : str, optional
-        The user's choice. May be omitted if there is only one topic, or one pair of halves.
-
-    Returns
-    -------
-    list of Stream
-        One stream, or the gyroscope and then the accelerometer.
-
-    Raises
-    ------
-    ImuAllanError
-        As in `choose_topic`. Also if only one half is named, or if two halves do not overlap in
-        time.
-
-    """
+    """Choose what to read as one IMU: one topic, or a gyroscope and an accelerometer."""
     gyro, accel = recording.options.gyro_topic, recording.options.accel_topic
     if (gyro is None) != (accel is None):
         given, needed = ('--gyro-topic', '--accel-topic') if accel is None else (

@@ -14,28 +14,7 @@ from numpy.typing import NDArray
 
 
 def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
-    """
-    Find the temperature that belongs to an IMU.
-
-    Parameters
-    ----------
-    recording : Recording
-        An open recording.
-    topic : str
-        One of its Imu topics.
-
-    Returns
-    -------
-    ImuTopic or None
-        The temperature that the user names. Otherwise a field of the messages, or the only
-        temperature topic in the same namespace or with the same frame_id.
-
-    Raises
-    ------
-    ImuAllanError
-        If the user names a temperature that does not exist.
-
-    """
+    """Return the temperature that the user names, or the only one near an IMU; None without."""
     own = [thermometer for thermometer in recording.thermometers
            if thermometer.name.startswith(f'{topic}:')]
     separate = [thermometer for thermometer in recording.thermometers
@@ -66,50 +45,14 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
 
 
 def share_namespace(topic: str, thermometer: str) -> bool:
-    """
-    Return whether two topics share a namespace; the root namespace does not count.
-
-    Parameters
-    ----------
-    topic, thermometer : str
-        Full topic names.
-
-    Examples
-    --------
-    >>> share_namespace('/imu/raw', '/imu/temp'), share_namespace('/imu', '/temp')
-    (True, False)
-
-    """
+    """Return whether two topics share a namespace; the root namespace does not count."""
     space = topic.rpartition('/')[0]
     return bool(space) and thermometer.rpartition('/')[0] == space
 
 
 def temperatures(recording: Recording, topic: str, clock: Literal['header', 'receive'] | None,
                  ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """
-    Read the temperature that belongs to an IMU.
-
-    Parameters
-    ----------
-    recording : Recording
-        An open recording.
-    topic : str
-        One of its Imu topics.
-    clock : {'header', 'receive'} or None
-        Which stamps of the IMU are used.
-
-    Yields
-    ------
-    stamps : ndarray of int64, shape (n,)
-        Time stamps in nanoseconds on that clock.
-    celsius : ndarray of float64, shape (n,)
-
-    Raises
-    ------
-    ImuAllanError
-        As in `thermometer_of`.
-
-    """
+    """Yield stamps in ns on the clock of an IMU, and degrees Celsius, of its thermometer."""
     thermometer = thermometer_of(recording, topic)
     if thermometer is None or clock is None:
         return

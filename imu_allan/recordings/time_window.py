@@ -10,26 +10,7 @@ import numpy as np
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
             ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
-    """
-    Yield the part of a recording within a window of receive time.
-
-    Parameters
-    ----------
-    blocks : iterable of ImuBlock
-        Blocks in the order of the recording.
-    start_s : float
-        Start of the window in seconds after the first message.
-    duration_s : float or None
-        Length of the window in seconds; None for the rest of the recording.
-    ended : callable, optional
-        Called if the recording ends before the window does. Its arguments are the seconds from the
-        first message and from the start of the window to the last message.
-
-    Yields
-    ------
-    ImuBlock
-
-    """
+    """Yield what was received in a window; tell `ended` of a recording that ends before it."""
     begin: int | None = None
     first = last = 0
     for block in blocks:
@@ -49,6 +30,7 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
         elif keep.any():
             yield block.part(keep)
     if begin is not None and ended is not None:
+        # In seconds from the first message, and from the start of the window.
         ended((last - first) / 1e9, (last - begin) / 1e9)
 
 

@@ -291,20 +291,7 @@ def _decoded(line: bytes) -> str:
 
 def _parse(lines: list[str], columns: Columns,
            ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
-    """
-    Parse the columns used.
-
-    Returns
-    -------
-    table : ndarray of float64, shape (n, axes)
-        Rows of the lines that hold only numbers; empty cells are NaN. If there are other columns,
-        a row without any number belongs to another topic and is omitted.
-    stamps : ndarray of int64, shape (n,), or None
-        Times in nanoseconds; None without a time column.
-    bad : list of int
-        Indices of the malformed lines, in order.
-
-    """
+    """Parse lines to axes (NaN if empty), stamps in ns (or None) and indices of bad lines."""
     axes = [column for column, _, _ in columns.axes]
     clock = columns.clock
     if clock is None:

@@ -178,11 +178,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
 
 def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[Clock], bool],
            ) -> tuple[int | None, list[int]]:
-    """
-    Return the header stamp of the axes' own message, if usable, and all usable times.
-
-    The header stamp of another message is used only if there is no other time.
-    """
+    """Return the stamp of the axes' own message, if usable, and all usable times."""
     times = [column for column, meaning in found.items() if meaning == 'time']
     others = [column for column in times if not _STAMP.fullmatch(names[column].lower())]
     own = _stamp_of_axes(names)
@@ -320,19 +316,7 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 # -------------------------------------------------------------------------------- names and units
 
 def meaning_of(name: str, unit: str | None = None) -> str | None:
-    """
-    Return the meaning of a column with this name: ``'time'``, one of the axes, or None.
-
-    Examples
-    --------
-    >>> [meaning_of(name) for name in ('w_RS_S_x', '/imu/linear_acceleration/z', 'ax', 'mag_x')]
-    ['gyro_x', 'accel_z', 'accel_x', None]
-    >>> [meaning_of(name) for name in ('x_gyro', 'gy_dps', 'imu.wz', 'stamp')]
-    ['gyro_x', 'gyro_y', 'gyro_z', 'time']
-    >>> meaning_of('X', 'rad/s'), meaning_of('X')
-    ('gyro_x', None)
-
-    """
+    """Return the meaning of a column with this name: ``'time'``, one of the axes, or None."""
     lower = name.lower()
     if _clock_named(lower) is not None:
         return 'time'
@@ -371,15 +355,7 @@ def is_rest_of_imu(cell: str) -> bool:
 
 
 def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
-    """
-    Map the names of three columns numbered from 0 or from 1 to their axes.
-
-    Examples
-    --------
-    >>> _numbered_axes(['t', 'gyro1', 'gyro2', 'gyro3'])
-    {'gyro1': 'gyro_x', 'gyro2': 'gyro_y', 'gyro3': 'gyro_z'}
-
-    """
+    """Map the names of three columns numbered from 0 or 1, such as ``gyro1``, to axes."""
     found: dict[str, str] = {}
     for sensor, pattern in _NUMBERED.items():
         of: dict[str, dict[int, str]] = {}
@@ -394,15 +370,7 @@ def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
 
 
 def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
-    """
-    Find columns of whole seconds with their matching columns of nanoseconds.
-
-    Examples
-    --------
-    >>> next(_split_seconds(['Time', 'header.stamp.secs', 'header.stamp.nsecs', 'gyro.x']))
-    Clock(column=1, unit='s', nanoseconds=2)
-
-    """
+    """Find columns of whole seconds with their matching columns of nanoseconds."""
     whole, parts = ({match[1]: column for column, name in reversed([*enumerate(names)])
                      if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})', name.lower()))}
                     for words in ('secs?|seconds', 'nano_?secs?|nano_?seconds|nsecs?'))
@@ -421,16 +389,7 @@ def _clock_named(name: str) -> tuple[int, str | None] | None:
 
 
 def _stamp_of_axes(names: Sequence[str]) -> int | None:
-    """
-    Find the column of the header stamp in the message that contains the first axis.
-
-    Examples
-    --------
-    >>> _stamp_of_axes(['__time', '/cam/header/stamp', '/imu/header/stamp',
-    ...                 '/imu/angular_velocity/x'])
-    2
-
-    """
+    """Find the column of the header stamp in the message that contains the first axis."""
     axis = next((name.lower() for name in names if meaning_of(name) not in (None, 'time')), '')
     stamps = {match[1]: column for column, name in enumerate(names)
               if (match := _STAMP.fullmatch(name.lower())) and axis.startswith(match[1])}

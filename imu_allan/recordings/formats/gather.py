@@ -91,15 +91,7 @@ def gather(
 
 
 def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
-    """
-    Group batches into lists of 16 MiB, as there may be millions with one message each.
-
-    Raises
-    ------
-    DamagedData
-        As `batches` does, after the batches before it.
-
-    """
+    """Group batches into lists of 16 MiB, as there may be millions of batches."""
     held: list[MessageBatch] = []
     # 20 chunks of rosbag2, as one chunk may be far larger
     batch_bytes = 1 << 24

@@ -156,23 +156,7 @@ def split_path(path: str) -> tuple[str, int]:
 
 
 def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
-    """
-    Find messages with vectors `angular_velocity` and `linear_acceleration` inside a type.
-
-    They are nested sensor_msgs/Imu messages, and any other messages with these two fields.
-
-    Returns
-    -------
-    list of ImuFields
-        The messages found, in the order of the definition. Their own stamps precede those of the
-        enclosing messages.
-
-    Raises
-    ------
-    ImuAllanError
-        If there are too many nested messages to search; a few lines can define billions.
-
-    """
+    """Find messages with vectors `angular_velocity` and `linear_acceleration` in a type."""
     found: list[ImuFields] = []
     _search(types, type_name, '', (), None, found, 0, iter(range(_MOST_VISITED)))
     return found
@@ -253,27 +237,7 @@ def own_clock(types: Types, type_name: str, path: str = '',
 
 
 def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
-    """
-    Find a vector that the user names.
-
-    Parameters
-    ----------
-    types : Types
-        Fields of all types in the message.
-    type_name : str
-        Type of the message.
-    text : str
-        A message with x, y, z (``imu.rate``), three elements of an array (``imu.gyro[0:3]``, or
-        ``imu.gyro`` if it has exactly three), or three numbers (``gx,gy,gz``).
-    what : str
-        Name of the option, for error messages.
-
-    Raises
-    ------
-    ImuAllanError
-        If the field does not exist or is not three numbers.
-
-    """
+    """Find what a user names: ``imu.rate`` with x, y, z, ``gyro[0:3]``, or ``gx,gy,gz``."""
     parts = tuple(part.strip() for part in text.split(','))
     if len(parts) == 3:
         for part in parts:

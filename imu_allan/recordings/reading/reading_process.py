@@ -49,29 +49,7 @@ _SLOT = np.dtype([
 
 
 def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-    """
-    Start a process that reads the messages of one topic.
-
-    Parameters
-    ----------
-    recording : Recording
-        An open recording; it must stay open while blocks are read.
-    topic : str
-        One of its topics.
-
-    Returns
-    -------
-    iterator of (ImuBlock, int)
-        The blocks, each with the number of bytes of the recording consumed so far. It raises any
-        exception of the reading, after the blocks before it, and ImuAllanError if the process was
-        terminated from outside.
-
-    Raises
-    ------
-    OSError
-        If no process can be started or no memory shared.
-
-    """
+    """Start a process that reads a topic; yield blocks and the bytes consumed so far."""
     _keep_memory()
     memory = _shared_memory()
     try:
