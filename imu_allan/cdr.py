@@ -20,6 +20,7 @@ Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -151,7 +152,7 @@ def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
                ) -> Iterator[MessageBatch]:
     """Group consecutive messages of equal size into batches, one message per row."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
-    for start, stop in _runs(sizes[1:] != sizes[:-1], len(sizes)):
+    for start, stop in runs(sizes[1:] != sizes[:-1], len(sizes)):
         rows = np.frombuffer(b''.join(messages[start:stop]), np.uint8)
         yield MessageBatch(rows.reshape(stop - start, int(sizes[start])), receive_ns[start:stop])
 
@@ -248,16 +249,14 @@ def _uniform_runs(
     """Yield spans of rows that share byte order and frame_id, and therefore one layout."""
     if len(rows) == 0:
         return
-    try:
+    with suppress(MalformedImu):
         layout = imu_layout(rows[0].data, serialization)
-    except MalformedImu:
-        layout = None
-    if layout is not None and rows_like_first(rows, _key_spans(layout, serialization)) is None:
-        yield 0, len(rows)
-        return
+        if rows_like_first(rows, _key_spans(layout, serialization)) is None:
+            yield 0, len(rows)
+            return
     # The padding after the text may hold anything, so a key ends with its text.
     keys = np.array([_key(row, serialization) for row in rows], object)
-    yield from _runs(keys[1:] != keys[:-1], len(keys))
+    yield from runs(keys[1:] != keys[:-1], len(keys))
 
 
 def _key_spans(layout: ImuLayout, serialization: Serialization) -> list[tuple[int, int]]:
@@ -306,7 +305,7 @@ def _as_numbers(start: int, stop: int) -> list[tuple[slice, str]]:
             for at in (*range(start, stop - width, width), stop - width)]
 
 
-def _runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
+def runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
     """Yield spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
     if count == 0:
         return

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 import re
 from typing import TYPE_CHECKING
@@ -19,6 +20,13 @@ from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 if TYPE_CHECKING:
     from imu_allan.recordings.formats.table_folder import TableFolder
 
+_FORMATS = (
+    (b'\x89MCAP', 'mcap_file', 'McapRecording'),
+    (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
+    (b'#ROSBAG V', 'ros1_bag', 'Ros1Recording'),
+    (b'ULog\x01\x12\x35', 'px4_ulog', 'UlogRecording'),
+    (b'\xa3\x95\x80', 'ardupilot_log', 'ArduPilotRecording'))
+"""First bytes of a format, and the class that reads it; its libraries are imported only then."""
 _RESULTS = ('result.json', 'fleet.json')
 
 
@@ -191,21 +199,11 @@ def read_head(path: Path) -> bytes:
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
     """Open a file by its first bytes; `stored` is the unpacked file if `path` is compressed."""
     head = read_head(stored)
-    if head.startswith(b'\x89MCAP'):
-        from imu_allan.recordings.formats.mcap_file import McapRecording
-        return McapRecording(path, stored, options)
-    if head.startswith(b'SQLite format 3\0'):
-        from imu_allan.recordings.formats.sqlite_file import SqliteRecording
-        return SqliteRecording(path, stored, options)
-    if head.startswith(b'#ROSBAG V'):
-        from imu_allan.recordings.formats.ros1_bag import Ros1Recording
-        return Ros1Recording(path, stored, options)
-    if head.startswith(b'ULog\x01\x12\x35'):
-        from imu_allan.recordings.formats.px4_ulog import UlogRecording
-        return UlogRecording(path, stored, options)
-    if head.startswith(b'\xa3\x95\x80'):
-        from imu_allan.recordings.formats.ardupilot_log import ArduPilotRecording
-        return ArduPilotRecording(path, stored, options)
+    for first_bytes, module, name in _FORMATS:
+        if head.startswith(first_bytes):
+            kind = getattr(import_module(f'imu_allan.recordings.formats.{module}'), name)
+            recording: Recording = kind(path, stored, options)
+            return recording
     if head.startswith(b'{') and b'"schema": "imu_allan.' in head:
         raise _result_given(path, path)
     if head.startswith((b'\xff\xfe', b'\xfe\xff')):

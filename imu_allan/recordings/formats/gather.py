@@ -13,10 +13,10 @@ channel of every record are always checked.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
-from itertools import chain, pairwise
+from itertools import chain
 from struct import Struct
 
-from imu_allan.cdr import MessageBatch, rows_like_first
+from imu_allan.cdr import MessageBatch, rows_like_first, runs
 from imu_allan.recordings.formats.decompress import DamagedData, ReadingLimits
 from mcap.opcode import Opcode
 import numpy as np
@@ -96,7 +96,6 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     # 20 chunks of rosbag2, as one chunk may be far larger
     batch_bytes = 1 << 24
     left = batch_bytes
-    failure: DamagedData | None = None
     try:
         for batch in batches:
             held.append(batch)
@@ -105,11 +104,10 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
             if left < 0:
                 yield held
                 held, left = [], batch_bytes
-    except DamagedData as error:
-        failure = error
+    except DamagedData:
+        yield held
+        raise
     yield held
-    if failure is not None:
-        raise failure
 
 
 def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int, int]]) -> int:
@@ -189,8 +187,7 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
         return
     places = np.array(offsets)
     lengths = _lengths(buffer, places)
-    bounds = [0, *(np.flatnonzero(np.diff(lengths)) + 1).tolist(), len(places)]
-    for start, stop in pairwise(bounds):
+    for start, stop in runs(np.diff(lengths) != 0, len(places)):
         yield _batch(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
 
 

@@ -84,10 +84,10 @@ class Ros1Recording(ChunkedRecording):
                 record = _record(file, at, self.size_bytes)
                 if record is None:
                     return False
-                if record.operation == _CONNECTION:
+                if record.fields['op'] == _CONNECTION:
                     self._describe(record.fields, file.read(
                         min(record.length, LARGEST_DESCRIPTION)))
-                elif record.operation == _CHUNK_INFO:
+                elif record.fields['op'] == _CHUNK_INFO:
                     place = _number(record.fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
                         self._chunk_starts.append(place)
@@ -129,7 +129,7 @@ class Ros1Recording(ChunkedRecording):
         part: Part | None = None
         while True:
             record = _record(file, at, self._next_chunk(at) or self.size_bytes)
-            if record is not None and record.operation == _INDEX and part is not None:
+            if record is not None and record.fields['op'] == _INDEX and part is not None:
                 with suppress(DamagedData):
                     part.counts[_number(record.fields, 'conn', 4)] = _number(
                         record.fields, 'count', 4)
@@ -142,10 +142,10 @@ class Ros1Recording(ChunkedRecording):
                     break
                 at = known
                 continue
-            if record.operation == _CHUNK:
+            if record.fields['op'] == _CHUNK:
                 part = Part(at, record.start + record.length - at, is_chunk=True)
                 damage.chunks += 1
-            elif record.operation in (_CONNECTION, _CHUNK_INFO):
+            elif record.fields['op'] in (_CONNECTION, _CHUNK_INFO):
                 break
             at = record.start + record.length
 
@@ -160,10 +160,15 @@ class Ros1Recording(ChunkedRecording):
         heads: list[_MessageHead] = []
         scattered: list[int] = []
         scattered_head: _MessageHead | None = None
-        failure: DamagedData | None = None
-        at, end = 0, len(buffer)
-        while at < end:
-            try:
+
+        def collected() -> Iterator[MessageBatch]:
+            if scattered_head is not None:
+                yield scattered_head.batch(
+                    collect(buffer, np.array(scattered), scattered_head.stride))
+
+        at = 0
+        try:
+            while at < len(buffer):
                 limits.step()
                 head = _head_at(buffer, at, heads)
                 if head is None:
@@ -171,32 +176,27 @@ class Ros1Recording(ChunkedRecording):
                     if number is not None:
                         enter(number)
                     continue
-            except DamagedData as error:
-                failure = error
-                break
-            # Two probes are cheap; comparing a whole run is not.
-            count = 1
-            if (head.stands_at(buffer, at + head.stride)
-                    and head.stands_at(buffer, at + 8 * head.stride)):
-                time_at = len(head.before)
-                count = equal_records(buffer, at, head.stride, [
-                    (0, time_at), (time_at + 8, time_at + 8 + len(head.after))])
-            if head.connection in wanted:
-                if scattered_head is not None and (count > 1 or head is not scattered_head):
-                    yield scattered_head.batch(
-                        collect(buffer, np.array(scattered), scattered_head.stride))
-                    scattered, scattered_head = [], None
-                if count > 1:
-                    yield head.batch(np.ndarray((count, head.stride), np.uint8, buffer, at))
-                else:
-                    scattered.append(at)
-                    scattered_head = head
-            at += count * head.stride
-        if scattered_head is not None:
-            yield scattered_head.batch(
-                collect(buffer, np.array(scattered), scattered_head.stride))
-        if failure is not None:
-            raise failure
+                # Two probes are cheap; comparing a whole run is not.
+                count = 1
+                if (head.stands_at(buffer, at + head.stride)
+                        and head.stands_at(buffer, at + 8 * head.stride)):
+                    time_at = len(head.before)
+                    count = equal_records(buffer, at, head.stride, [
+                        (0, time_at), (time_at + 8, time_at + 8 + len(head.after))])
+                if head.connection in wanted:
+                    if count > 1 or head is not scattered_head:
+                        yield from collected()
+                        scattered, scattered_head = [], None
+                    if count > 1:
+                        yield head.batch(np.ndarray((count, head.stride), np.uint8, buffer, at))
+                    else:
+                        scattered.append(at)
+                        scattered_head = head
+                at += count * head.stride
+        except DamagedData:
+            yield from collected()
+            raise
+        yield from collected()
 
     def _gather_connection(self, buffer: bytes, at: int) -> tuple[int, int | None]:
         """Store the connection record at `at`; return its end, and its number if it is new."""
@@ -216,7 +216,6 @@ class _Record(NamedTuple):
     """A record in the file: its header, and the location of its data."""
 
     fields: _Fields
-    operation: bytes
     start: int
     length: int
 
@@ -298,7 +297,7 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
         length = int.from_bytes(file.read(4), 'little')
         start = at + 8 + size
         if 'op' in fields and start + length <= end:
-            return _Record(fields, fields['op'], start, length)
+            return _Record(fields, start, length)
     return None
 
 

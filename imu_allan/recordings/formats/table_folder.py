@@ -18,9 +18,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import duration, NO_TOPIC, SENSORS
 
-_REPORTED = 2
-"""Number of unreadable files whose reason is reported."""
-
 
 def tables_in(folder: Path) -> list[Path]:
     """List the CSV files of a folder in natural order of their names."""
@@ -102,7 +99,7 @@ class TableFolder(Recording):
         said = f'its CSV files give no {" and no ".join(lacking)}'
         # List likely files first; most of a phone's thirty sensors are not part of an IMU.
         names = sorted(self.reasons, key=lambda name: not re.search('gyr|acc|imu', name.lower()))
-        return '; '.join([said, *(self.reasons[name] for name in names[:_REPORTED])])
+        return '; '.join([said, *(self.reasons[name] for name in names[:2])])
 
     def _why_not_paired(self, gyro: str, accel: str) -> str:
         """Explain why two tables are not one recording; return '' if their times overlap."""

@@ -7,11 +7,10 @@ Decoding of messages of any type to blocks, and choice of the clock among severa
 `imu_allan.recordings.messages.columns` extracts them as columns.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
@@ -20,6 +19,7 @@ from imu_allan.cdr import (
     MessageBatch,
     OnMalformed,
     rows_like_first,
+    runs,
     Serialization,
 )
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
@@ -29,13 +29,8 @@ from imu_allan.recordings.messages.layouts import RecordLayout, RecordLayouts
 import numpy as np
 from numpy.typing import NDArray
 
-
-class Decoder(Protocol):
-    """Callable that decodes messages of a topic to blocks; use a new one for each reading."""
-
-    def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
-                 ) -> list[ImuBlock]:
-        """Decode messages in order; malformed ones are reported."""
+Decoder = Callable[[Iterable[MessageBatch], OnMalformed], list[ImuBlock]]
+"""Decodes messages of a topic in order; use a new one for each reading."""
 
 
 @dataclass(frozen=True)
@@ -126,10 +121,9 @@ class FieldsDecoder:
         header_ns = self._header_ns(columns['stamps'])
         self._spread_increments(columns['samples'], header_ns, columns['receive_ns'])
         names, frames = list(self._frames), columns['frames']
-        bounds = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(header_ns)]
         return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
                          columns['absent'][a:b], names[frames[a]])
-                for a, b in pairwise(bounds)]
+                for a, b in runs(np.diff(frames) != 0, len(header_ns))]
 
     # ----------------------------------------------------------------------------------- columns
 

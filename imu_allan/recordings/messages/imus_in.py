@@ -141,7 +141,7 @@ def thermometer_in(type_name: str, serialization: Serialization, definition: Def
     return ImuMessages(kind, serialization, fields, types)
 
 
-def imu_messages(type_name: str, definition: str | Types, serialization: Serialization = 'cdr',
+def imu_messages(type_name: str, definition: str | Types,
                  options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
     """
     Describe how to read messages of a type that holds one IMU.
@@ -166,7 +166,7 @@ def imu_messages(type_name: str, definition: str | Types, serialization: Seriali
     """
     known = (definition if not isinstance(definition, str)
              else Definition(definition) if definition.strip() else None)
-    found = imus_in('', type_name, serialization, known, options)
+    found = imus_in('', type_name, 'cdr', known, options)
     if len(found) > 1:
         raise ImuAllanError(
             f'type {shown(type_name)} holds {len(found)} IMUs '

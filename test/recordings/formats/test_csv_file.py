@@ -265,7 +265,8 @@ def fields(form: str) -> str:
      f'"{STAMP}","1","2","3","4","5","6"\n"{STAMP + 5_000_001}","1","2","3","4","5","6"\n',
      [STAMP, STAMP + 5_000_001]),
     ('time;gx;gy;gz;ax;ay;az\n0;1;2;3;4;5;6\n0,01;1,0;2;3;4;5;6\n', [0, 10_000_000]),
-    ('stamp,imu.wx,imu.wy,imu.wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
+    ('stamp,imu.wx,imu.wy,imu.wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n',
+     [1_700_000_000 * 10**9]),
     ('# timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z\n'
      '1.5 1 2 3 4 5 6\n', [1_500_000_000]),
     ('t, a_x, a_y, a_z, w_x, w_y, w_z\n1, 4, 5, 6, 1, 2, 3\n', [10**9]),
