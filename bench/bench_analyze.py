@@ -51,7 +51,8 @@ MOST_CPU_US, MOST_MB = 3.5, 100
 def measured(command: list[str], checkout: Path = ROOT) -> tuple[float, float, float]:
     """Wall and processor time in seconds, and largest resident size in MB, of a process."""
     begin = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL,
+    # Python looks into the current folder first, which may be another checkout.
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=checkout,
                                env={**os.environ, 'PYTHONPATH': str(checkout)})
     _, status, usage = os.wait4(process.pid, 0)
     wall = time.perf_counter() - begin

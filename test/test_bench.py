@@ -97,6 +97,10 @@ def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_p
     *_, heard, head = battery('--base', str(written)).stdout.splitlines()
     assert heard == '2 records compared: where they differ by more than two standard errors'
     assert head.split() == ['term', 'what', 'base', 'now', 'standard', 'errors']
+    (tmp_path / 'imu_allan').mkdir()
+    (tmp_path / 'imu_allan' / '__init__.py').write_text('raise SystemExit("of the base")')
+    other = battery('--checkout', str(written), '--base', str(tmp_path))
+    assert other.stderr.splitlines()[-1] == f'the battery failed in {tmp_path}'
 
 
 @pytest.fixture(scope='module')

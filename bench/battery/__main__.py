@@ -42,8 +42,11 @@ def outcomes_of(checkout: Path, arguments: Sequence[str]) -> list[dict[str, Any]
     # Two processes of one thread each, whatever the machine: times are those of one core.
     environment = {**os.environ, 'PYTHONPATH': path, 'OMP_NUM_THREADS': '1',
                    'OPENBLAS_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
+    if data := os.environ.get('IMU_ALLAN_DATA'):
+        environment['IMU_ALLAN_DATA'] = os.path.abspath(data)
     print(f'{checkout} ...', file=sys.stderr)
-    done = subprocess.run([sys.executable, '-m', 'battery.outcomes', *arguments],
+    # Python looks into the current folder first, which may be another checkout.
+    done = subprocess.run([sys.executable, '-m', 'battery.outcomes', *arguments], cwd=checkout,
                           env=environment, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         sys.exit(f'the battery failed in {checkout}')
