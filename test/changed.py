@@ -35,14 +35,3 @@ def with_coefficient(result: Result, begin: str, key: str, **fields: Any) -> Res
     def changed(axis: AxisResult) -> dict[str, Any]:
         return {**axis.coefficients, key: replace(axis.coefficients[key], **fields)}
     return with_axes(result, begin, coefficients=changed)
-
-
-def known_for(result: Result, to_s: float) -> Result:
-    """Return a result whose drift is known up to a time."""
-    return with_axes(result, drift_model=lambda axis: replace(axis.drift_model, to_s=to_s))
-
-
-def with_edf(result: Result, edf: float) -> Result:
-    """Return a result of which every averaging time is as well known as stated."""
-    return with_axes(result, curve=lambda axis: replace(
-        axis.curve, edf=(edf,) * len(axis.curve.edf)))

@@ -9,12 +9,12 @@ from pathlib import Path
 import re
 import signal
 import tempfile
-import traceback
 from typing import Any
 
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
+from sources import ON_PYPI_ALONE
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -39,55 +39,43 @@ settings.load_profile('unhurried')
 
 
 @pytest.fixture
-def fails_with(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Run the command here, of which one line is expected on stderr; gives its output."""
-    from imu_allan.cli.main import main
-    from whole_lines import Varying
-
-    def run(line: str, *arguments: object) -> str:
-        capsys.readouterr()
-        assert main([*map(str, arguments)]) == 1
-        shown = capsys.readouterr()
-        assert shown.err == Varying(f'imu_allan: {line}\n')
-        return shown.out
-    return run
-
-
-@pytest.fixture
-def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Run the command here, which is to end well without a word on stderr; gives its output."""
+def ran(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[object, str, str]]:
+    """Run the command here; gives its status, its output, and what it wrote to stderr."""
     from imu_allan.cli.main import main
 
-    def run(*arguments: object) -> str:
+    def run(*arguments: object) -> tuple[object, str, str]:
         capsys.readouterr()
         try:
             status: object = main([*map(str, arguments)])
         except SystemExit as stop:
-            # As --help and --version do.
+            # As wrong usage, --help and --version do.
             status = stop.code
-        shown = capsys.readouterr()
-        assert shown.err == ''
-        assert status == 0
-        return shown.out
+        return status, *capsys.readouterr()
     return run
 
 
 @pytest.fixture
-def wrong_usage(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
-    """Run the command here, of which its usage is expected, and a line that ends so."""
-    from imu_allan.cli.main import main
+def fails_with(ran: Callable[..., tuple[object, str, str]]) -> Callable[..., str]:
+    """Run the command here, of which one line is expected on stderr; gives its output."""
     from whole_lines import Varying
 
-    def run(line: str, *arguments: object) -> None:
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main([*map(str, arguments)])
-        assert stop.value.code == 2
-        shown = capsys.readouterr()
-        assert shown.out == ''
-        usage, error = shown.err.splitlines()
-        assert usage.startswith('usage: imu_allan')
-        assert error == Varying(f'imu_allan{line}')
+    def run(line: str, *arguments: object) -> str:
+        status, out, err = ran(*arguments)
+        assert err == Varying(f'imu_allan: {line}\n')
+        assert status == 1
+        return out
+    return run
+
+
+@pytest.fixture
+def output_of(ran: Callable[..., tuple[object, str, str]]) -> Callable[..., str]:
+    """Run the command here, which is to end well without a word on stderr; gives its output."""
+    def run(*arguments: object) -> str:
+        status, out, err = ran(*arguments)
+        # Apart from the status, of which a failure shows the whole.
+        assert err == ''
+        assert status == 0
+        return out
     return run
 
 
@@ -110,46 +98,30 @@ def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
-ON_PYPI_ALONE = frozenset((
-    'allantools', 'isal', 'lz4', 'mcap', 'plotly', 'rich', 'rosbags', 'zstandard'))
-"""A test that needs one of them skips where it is missing."""
-ROOT = Path(__file__).parents[1]
-MAY_ASK = ('test', 'imu_allan/recordings', 'imu_allan/cli', 'imu_allan/writers')
-"""Tests and the offline tool. Where numerics or nodes ask, a missing package is a fault."""
-
-
-def _lacking(error: BaseException | None) -> str | None:
-    """Name the package of PyPI for want of which a test ended; None where that is no excuse."""
-    while error is not None:
-        name = error.name if isinstance(error, ModuleNotFoundError) else None
-        if name is not None and name.partition('.')[0] in ON_PYPI_ALONE:
-            places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
-            asking = [place for place in places if ROOT in place.parents]
-            if asking and asking[-1].relative_to(ROOT).as_posix().startswith(MAY_ASK):
-                return name.partition('.')[0]
+def _skip_if_lacking(report: Any, call: Any, path: Path) -> None:
+    """Skip what failed for want of a package that only PyPI has, where that is missing."""
+    if not report.failed:
+        return
+    error = call and call.excinfo and call.excinfo.value
+    while error is not None and not isinstance(error, ModuleNotFoundError):
         error = error.__cause__
-    return None
-
-
-def _said(text: str, path: Path) -> str | None:
-    """Name the package of PyPI that a program of a test said it lacks, and that is lacking."""
-    # A node has no excuse for a traceback.
+    # A program of a test may have said so; a node has no excuse for a traceback.
     words = 'needs the Python package ' + ('' if 'node' in path.parts else "|No module named '")
-    for name in re.findall(rf'(?:{words})(\w+)', text):
-        if name in ON_PYPI_ALONE:
-            try:
-                import_module(name)
-            except ModuleNotFoundError:
-                return str(name)
-    return None
+    said = report.longreprtext + ''.join(text for _, text in report.sections)
+    for name in ([] if error is None else [str(error.name).partition('.')[0]]) + re.findall(
+            rf'(?:{words})(\w+)', said):
+        if name in ON_PYPI_ALONE and not _importable(name):
+            report.outcome = 'skipped'
+            report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not '
+                                             f'install: pip install {name}')
+            return
 
 
-def _skip_if_lacking(report: Any, error: BaseException | None, path: Path) -> None:
-    if report.failed and (name := _lacking(error) or _said(report.longreprtext + ''.join(
-            text for _, text in report.sections), path)):
-        report.outcome = 'skipped'
-        report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not install: '
-                                         f'pip install {name}')
+def _importable(name: str) -> bool:
+    try:
+        return bool(import_module(name))
+    except ModuleNotFoundError:
+        return False
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -157,8 +129,7 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
     """Skip a file of tests that imports what only PyPI has, where that is missing."""
     outcome: Any = yield
     report = outcome.get_result()
-    call = getattr(report, 'call', None)
-    _skip_if_lacking(report, call and call.excinfo and call.excinfo.value, collector.path)
+    _skip_if_lacking(report, getattr(report, 'call', None), collector.path)
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -166,4 +137,4 @@ def pytest_runtest_makereport(item: pytest.Item,
                               call: pytest.CallInfo[None]) -> Iterator[None]:
     """Skip a test that comes upon something that only PyPI has, where that is missing."""
     outcome: Any = yield
-    _skip_if_lacking(outcome.get_result(), call.excinfo and call.excinfo.value, item.path)
+    _skip_if_lacking(outcome.get_result(), call, item.path)

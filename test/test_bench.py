@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmarks: the battery, and the comparison of Allan tools with its page."""
 
-import importlib
 import json
 import os
 from pathlib import Path
@@ -10,14 +9,19 @@ import re
 import subprocess
 import sys
 
+import accuracy
+import adapters
 from battery import bounds, simulated
 from battery.cases import CONSUMER, WALKING
 from battery.doors import Said
 from battery.outcomes import verdict
 from battery.sensors import B, K, N, Sensor
 import numpy as np
+import page
 import pytest
+import recorded
 from scipy.fft import dct
+import simulated as records
 from test_packaging import environment, fresh_environment
 
 ROOT = Path(__file__).parents[1]
@@ -103,31 +107,19 @@ def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_p
     assert other.stderr.splitlines()[-1] == f'the battery failed in {tmp_path}'
 
 
-@pytest.fixture(scope='module')
-def peers():
-    """Give the modules of bench/peers, which are programs' and no package's."""
-    names = ('recorded', 'simulated', 'accuracy', 'adapters', 'page')
-    sys.path.insert(0, str(ROOT / 'bench' / 'peers'))
-    try:
-        return type('Peers', (), {name: importlib.import_module(name) for name in names})
-    finally:
-        sys.path.remove(str(ROOT / 'bench' / 'peers'))
-
-
 @pytest.fixture
-def small(peers, monkeypatch):
+def small(monkeypatch):
     """Make the sensor with white noise and a random walk one of ten minutes."""
-    case = peers.simulated.Case('white noise and a random walk', {
-        peers.recorded.N: 1e-4, peers.recorded.K: 3e-5}, rate_hz=50.0, hours=1 / 6)
-    monkeypatch.setitem(peers.simulated.CASES, 'walk', case)
-    monkeypatch.syspath_prepend(str(ROOT / 'bench' / 'peers'))
+    case = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
+                        rate_hz=50.0, hours=1 / 6)
+    monkeypatch.setitem(records.CASES, 'walk', case)
     return case
 
 
 @pytest.mark.usefixtures('small')
-def test_two_tools_and_one_small_case_make_a_page(peers):
+def test_two_tools_and_one_small_case_make_a_page():
     tools = ('ours', 'wavelets')
-    found = peers.accuracy.run(['walk'], tools, records=2)
+    found = accuracy.run(['walk'], tools, records=2)
     for tool in tools:
         scores = found['walk']['tools'][tool]['coefficients']
         # Twelve axes: the root mean square of an efficient estimate lies within these.
@@ -138,8 +130,8 @@ def test_two_tools_and_one_small_case_make_a_page(peers):
     assert 'coverage' not in found['walk']['tools']['wavelets']['coefficients']['noise_density']
     figures = {'accuracy': found, 'tools': {
         tool: {'name': module.NAME, 'origin': module.ORIGIN}
-        for tool in tools for module in [peers.adapters.adapter(tool)]}}
-    text = peers.page.page(figures)
+        for tool in tools for module in [adapters.adapter(tool)]}}
+    text = page.page(figures)
     [errors] = re.findall(r'^\| `walk`.*\| (.*?) \|$', text.partition('## Accuracy')[2]
                           .partition('\n## ')[0], re.MULTILINE)
     score = found['walk']['tools']['wavelets']['coefficients']
@@ -148,28 +140,27 @@ def test_two_tools_and_one_small_case_make_a_page(peers):
     assert text.index('Where another tool is better') < text.index('## Accuracy')
 
 
-def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss(
-        peers, small):
-    estimate = peers.recorded.Estimate
+def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss(small):
+    estimate = recorded.Estimate
     answer = {axis: {'noise_density': estimate(1.1e-4 if 'gyro' in axis else 1.1e-3),
                      'bias_instability': estimate(1.0)}
-              for axis in peers.recorded.AXES}
-    scores = peers.accuracy.scores(small, [answer, None])
+              for axis in recorded.AXES}
+    scores = accuracy.scores(small, [answer, None])
     assert scores['noise_density']['reported'] == 0.5
     assert scores['noise_density']['rmse'] == pytest.approx(0.1)
     assert scores['bias_instability'] == {'false': 0.5}
     assert scores['rate_random_walk'] == {'reported': 0.0}
     for truth, score in ((1.0, 0.2), (1.2, 0.2 / 1.2 + 40 / 12)):
-        assert peers.accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (
+        assert accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (
             pytest.approx(score))
 
 
-def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed(peers):
+def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed():
     figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
-    assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)
+    assert (ROOT / 'docs' / 'peers.md').read_text() == page.page(figures)
     row = next(iter(figures['speed'].values()))
     figures['speed'] = dict.fromkeys(('100000', '1000000', '3000000'), row)
-    assert '| tool | 100,000 | 1,000,000 | 3,000,000 |' in peers.page.page(figures)
+    assert '| tool | 100,000 | 1,000,000 | 3,000,000 |' in page.page(figures)
 
 
 @pytest.mark.slow
@@ -181,8 +172,9 @@ def test_a_fresh_environment_repeats_one_row_of_the_page(tmp_path):
     done = subprocess.run([str(python), str(peers / 'run.py'), '--row', 'b', 'wavelets'],
                           check=True, capture_output=True, text=True, env=fresh_environment())
     row = json.loads(done.stdout.partition('\n')[2])['coefficients']
-    page = json.loads((peers / 'figures.json').read_text())['accuracy']['b']['tools']['wavelets']
-    assert row.keys() == page['coefficients'].keys()
-    for key, scores in page['coefficients'].items():
+    figures = json.loads((peers / 'figures.json').read_text())['accuracy']['b']['tools']
+    expected = figures['wavelets']['coefficients']
+    assert row.keys() == expected.keys()
+    for key, scores in expected.items():
         # Another kind of processor rounds what comes after.
         assert row[key] == pytest.approx(scores, rel=1e-12)

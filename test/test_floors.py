@@ -4,12 +4,9 @@
 
 import ast
 from graphlib import TopologicalSorter
-import re
-import subprocess
 import sys
 
-import pytest
-from sources import imported, libraries, MODULES, PACKAGE, tree_of
+from sources import imported, libraries, MODULES, ON_PYPI_ALONE, PACKAGE, tree_of
 
 FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
@@ -45,27 +42,13 @@ def test_a_module_imports_nothing_from_a_floor_above_and_there_is_no_circle():
                        for module, names in needs.items()}).prepare()
 
 
-def test_only_the_node_imports_ros_and_numerics_need_numpy_and_scipy_alone():
+def test_only_the_node_imports_ros_numerics_need_numpy_and_scipy_and_the_node_what_rosdep_has():
     allowed = {'imu_allan', 'numpy', 'scipy', *sys.stdlib_module_names}
     for module, path in MODULES.items():
-        assert module.startswith('imu_allan.node') or not libraries(path) & ROS, module
-        assert '.noise.' not in module or not libraries(path) - allowed, module
-
-
-WITHOUT_SCIPY = """
-import sys
-from imu_allan.cli.main import main
-status = main(sys.argv[1:])
-print([name for name in sys.modules if name == 'scipy'], file=sys.stderr)
-sys.exit(status)
-"""
-
-
-def test_a_verb_that_estimates_nothing_does_not_wait_for_scipy(short_recording):
-    for words in (['explain'], ['info', short_recording]):
-        done = subprocess.run([sys.executable, '-c', WITHOUT_SCIPY, *words],
-                              capture_output=True, text=True, check=True)
-        assert done.stderr == '[]\n'
+        used, part = libraries(path), module.split('.')[1]
+        assert part == 'node' or not used & ROS, module
+        assert part != 'noise' or not used - allowed, module
+        assert part in ('recordings', 'cli', 'writers') or not used & ON_PYPI_ALONE, module
 
 
 def private(tree):
@@ -96,15 +79,3 @@ def test_tests_mirror_the_package_and_no_module_is_named_after_nothing():
     tests = PACKAGE.parent / 'test'
     folders = {path.name for path in PACKAGE.iterdir() if any(path.glob('*.py'))}
     assert {path.name for path in tests.iterdir() if any(path.glob('test_*.py'))} >= folders
-
-
-@pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/how_it_works.md'])
-def test_modules_that_a_page_names_are_there(page):
-    root = PACKAGE.parent
-    files = [path.relative_to(root).as_posix() for folder in (PACKAGE, root / 'test',
-                                                              root / 'bench', root / 'docs')
-             for path in folder.rglob('*.py')]
-    named = set(re.findall(r'[\w/]+\.py\b', (root / page).read_text()))
-    assert len(named) > 10
-    assert not {name for name in named
-                if not any(f'/{file}'.endswith(f'/{name.lstrip("/")}') for file in files)}

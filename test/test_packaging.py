@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a ROS distribution, colcon, pip and a lawyer look at."""
 
-import ast
 from importlib import import_module
 from importlib.util import find_spec
 import os
@@ -15,7 +14,7 @@ from xml.etree import ElementTree
 
 import imu_allan
 import pytest
-from sources import libraries
+from sources import libraries, ON_PYPI_ALONE
 from whole_lines import Varying
 
 ROOT = Path(__file__).parents[1]
@@ -40,8 +39,9 @@ def test_package_xml_is_format_3_of_an_ament_python_package_in_the_order_of_the_
     assert re.fullmatch(r'[\w.-]+@[\w-]+(\.[\w-]+)+', PACKAGE_XML.find('maintainer').get('email'))
 
 
-def test_version_maintainer_and_licence_are_the_same_everywhere():
+def test_version_maintainer_and_licence_are_the_same_everywhere(output_of):
     version = PACKAGE_XML.findtext('version')
+    assert output_of('--version') == f'imu_allan {imu_allan.__version__}\n'
     assert imu_allan.__version__ == version
     assert f"version='{version}'" in SETUP or 'version=__version__' in SETUP
     assert f"release = '{version}'" in (ROOT / 'docs' / 'conf.py').read_text()
@@ -52,41 +52,22 @@ def test_version_maintainer_and_licence_are_the_same_everywhere():
     assert 'Apache License' in (ROOT / licence.get('file')).read_text()
 
 
-def test_every_ros_package_the_node_imports_is_a_dependency():
-    ros = {'rclpy', 'launch', 'launch_ros', 'sensor_msgs', 'std_msgs', 'std_srvs',
-           'geometry_msgs', 'diagnostic_msgs', 'rosgraph_msgs'}
-    used = {name for folder in ('imu_allan', 'launch')
-            for path in (ROOT / folder).rglob('*.py') for name in libraries(path)} & ros
-    assert used <= dependencies('depend', 'exec_depend')
-    assert dependencies('depend', 'exec_depend') & ros <= used
-
-
-def test_every_library_that_is_imported_is_declared():
+def test_what_is_imported_is_declared_and_no_ros_package_for_nothing():
     declared = {re.split(r'[<>=\[]', name)[0].lower()
                 for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)(?:; .*)?',?", SETUP)}
-    # The last four are part of every installation of rclpy.
-    others = {'imu_allan', *sys.stdlib_module_names, *dependencies('exec_depend', 'test_depend'),
-              'ament_index_python', 'builtin_interfaces', 'rcl_interfaces', 'rpyutils'}
-    for path in (ROOT / 'imu_allan').rglob('*.py'):
-        for name in libraries(path) - others:
-            assert {'yaml': 'pyyaml'}.get(name, name).lower() in declared, (path, name)
+    needed = dependencies('exec_depend')
+    used = {name for folder in ('imu_allan', 'launch')
+            for path in (ROOT / folder).rglob('*.py') for name in libraries(path)}
+    # The last two are part of every installation of rclpy.
+    others = used - {'imu_allan', *sys.stdlib_module_names, *needed, 'ament_index_python',
+                     'rpyutils'}
+    assert {name.lower().replace('yaml', 'pyyaml') for name in others} <= declared
+    assert {name for name in needed if not name.startswith('python3-')} <= used
 
 
-def test_every_name_that_a_benchmark_imports_is_there():
-    """Their figures stand in the documentation, and no test runs them all."""
-    files = {path.stem: ast.parse(path.read_text()) for path in (ROOT / 'bench').glob('*.py')}
-    own = {stem: {name.id for node in tree.body for name in ast.walk(node)
-                  if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
-           | {node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
-           for stem, tree in files.items()}
-    missing = [
-        f'{stem}: {node.module}.{alias.name}' for stem, tree in files.items()
-        for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
-        if (node.module in own and alias.name not in own[node.module])
-        or (str(node.module).startswith('imu_allan') and 'node' not in str(node.module)
-            and not hasattr(import_module(str(node.module)), alias.name)
-            and find_spec(f'{node.module}.{alias.name}') is None)]
-    assert missing == []
+@pytest.mark.parametrize('name', sorted(path.stem for path in ROOT.glob('bench/*.py')))
+def test_a_benchmark_whose_figures_a_page_shows_finds_every_name_that_it_imports(name):
+    import_module(name)
 
 
 def test_every_source_file_begins_with_copyright_and_licence():
@@ -123,50 +104,37 @@ def environment(path, *packages):
     return path / 'bin'
 
 
-@pytest.fixture(scope='module')
-def rosdep_only(tmp_path_factory):
-    """Give an environment in which no process can import what rosdep does not install."""
-    folder = tmp_path_factory.mktemp('rosdep_only')
-    (folder / 'sitecustomize.py').write_text("""
+REFUSES = f"""
 import sys
 
 class Refuse:
     def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {'isal', 'lz4', 'mcap', 'plotly', 'rich', 'rosbags',
-                                      'zstandard'}:
-            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
+        if name.partition('.')[0] in {set(ON_PYPI_ALONE)}:
+            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
 
 sys.meta_path.insert(0, Refuse())
-""")
-    return fresh_environment() | {'PYTHONPATH': str(folder)}
-
-
-def ended(environment, *arguments):
-    """Run the tests in an environment; return exit code and what pytest printed."""
-    done = subprocess.run(
-        # As colcon has failures printed: in short.
-        [sys.executable, '-m', 'pytest', '-q', '--tb=short', '-p', 'no:cacheprovider', *arguments],
-        cwd=ROOT, env=environment, check=False, capture_output=True, text=True)
-    return done.returncode, (done.stdout + done.stderr).splitlines()
+"""
 
 
 @pytest.mark.thorough
-def test_a_workspace_that_rosdep_filled_collects_every_test(rosdep_only):
-    status, said = ended(rosdep_only, '--collect-only')
-    assert status == 0, said[-20:]
-    assert [line for line in said if line.startswith('ERROR')] == []
-
-
-def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(rosdep_only):
-    node = 'test/node/test_interface.py'
-    status, said = ended(rosdep_only, 'test/test_cdr.py', 'test/cli/test_info.py',
-                         'test/cli/test_simulate.py', 'test/noise/test_curve.py',
-                         *([node] if find_spec('rclpy') else []))
-    assert status == 0, said[-20:]
+def test_a_workspace_that_rosdep_filled_collects_every_test_and_says_what_it_skips(tmp_path):
+    (tmp_path / 'sitecustomize.py').write_text(REFUSES)
+    node = ['test/node/test_interface.py'] if find_spec('rclpy') else []
+    some = ['test/test_cdr.py', 'test/cli/test_info.py', 'test/cli/test_simulate.py',
+            'test/noise/test_curve.py', *node]
+    for chosen in (['--collect-only'], some):
+        done = subprocess.run(
+            # As colcon has failures printed: in short.
+            [sys.executable, '-m', 'pytest', '-q', '--tb=short', '-p', 'no:cacheprovider',
+             *chosen], cwd=ROOT, env=fresh_environment() | {'PYTHONPATH': str(tmp_path)},
+            check=False, capture_output=True, text=True)
+        said = (done.stdout + done.stderr).splitlines()
+        assert done.returncode == 0, said[-20:]
+        assert [line for line in said if line.startswith('ERROR')] == []
     skipped = [line for line in said if line.startswith('SKIPPED')]
     assert skipped
-    assert all(re.search(r'needs (rosbags|mcap|rich), which rosdep does not install: pip install '
-                         r'\1$', line) for line in skipped), skipped
+    assert all(re.search(rf'needs ({"|".join(ON_PYPI_ALONE)}), which rosdep does not install: '
+                         r'pip install \1$', line) for line in skipped), skipped
 
 
 @pytest.fixture(scope='module')

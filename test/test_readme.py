@@ -1,13 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Every command that README and the pages by task print is executed here.
+"""Every command and Python block that README and the pages by task print is executed."""
 
-The commands run in one folder, in the order in which they are printed, as a reader would run
-them with files of their own. What only a ROS installation or the network can do is listed with
-where it is tested instead; a command that is in neither place fails.
-"""
-
+from importlib import import_module
 import os
 from pathlib import Path
 import re
@@ -22,12 +17,13 @@ from imu_allan.cli.main import main
 from imu_allan.writers.datasheet import live
 import numpy as np
 import pytest
+from test_packaging import SOURCES
 
 ROOT = Path(__file__).parents[1]
 PATH = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
 
 WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
-NEEDS_ROS = {
+TESTED_ELSEWHERE = {
     'mkdir -p ~/ws/src && cp -r . ~/ws/src/imu_allan && cd ~/ws': WORKSPACE,
     'source /opt/ros/jazzy/setup.bash': 'a ROS installation',
     'rosdep install --from-paths src --ignore-src -y': 'package.xml',
@@ -36,19 +32,12 @@ NEEDS_ROS = {
     'ros2 launch imu_allan imu_allan.launch.py imu_topic:=/imu/data_raw': 'launch',
     'ros2 topic echo /imu_allan/coefficients': 'test/node',
     'ros2 service call /imu_allan/save std_srvs/srv/Trigger': 'test/node',
-}
-"""The commands that need ROS, with where they are tested as far as they can be without."""
-
-NEEDS_NETWORK = {
     'pip install .': 'test_packaging.py',
     "pip install '.[ros]'": 'the environment of this test',
     'pip install --user --break-system-packages rosbags mcap lz4 zstandard':
         'the environment of this test',
-    'make setup': 'the environment of this test',
 }
-
-MAKE = {'make demo', 'make demo RECORDING=path/to/bag', 'make test', 'make test-fast', 'make lint'}
-
+"""What needs ROS or the network, and where it is tested as far as it can be without."""
 
 PAGES = ('README.md', 'docs/recipes.md', *(
     f'docs/{path.name}' for path in sorted(ROOT.glob('docs/task_*.md'))))
@@ -71,10 +60,8 @@ def commands(page):
 def workplace(tmp_path_factory):
     """Make a folder with the files that the pages take for granted."""
     # What `simulate` writes with: without it every test that wants this folder skips.
-    import mcap
-    import rosbags
-    assert mcap
-    assert rosbags
+    for needed in ('mcap', 'rosbags'):
+        import_module(needed)
     folder = tmp_path_factory.mktemp('reader')
     shutil.copytree(ROOT / 'config', folder / 'config')
     shutil.copy(ROOT / 'config' / 'consumer_mems.yaml', folder / 'consumer.yaml')
@@ -161,7 +148,7 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
     shutil.copytree(ROOT, tmp_path / 'clone', ignore=shutil.ignore_patterns(
         '.*', 'build', 'install', 'log', 'mutants', '*.egg-info', '_build', '__pycache__'))
     printed = [command for command in commands('README.md')
-               if NEEDS_ROS.get(command) == WORKSPACE]
+               if TESTED_ELSEWHERE.get(command) == WORKSPACE]
     node = 'install/imu_allan/lib/imu_allan/imu_allan_node'
     with subprocess.Popen(
             ['bash', '-c', '\n'.join(['set -e', *printed, f'exec {node}'])],
@@ -182,18 +169,14 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
 
 
 @pytest.mark.parametrize('page', [*PAGES, 'CONTRIBUTING.md'])
-def test_every_other_command_is_one_whose_test_is_known(page):
-    for command in commands(page):
-        assert (command.startswith(('imu_allan ', 'ros2 run ', 'imu_allan_node ', 'imu_simulator'))
-                or command in {*NEEDS_ROS, *NEEDS_NETWORK, *MAKE}), command
-
-
-def test_every_make_command_is_a_target():
-    printed = {target for page in (*PAGES, 'CONTRIBUTING.md') for line in (
-        *commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text()))
-        for target in re.findall(r'make ([a-z-]+)', line)}
-    targets = set(re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE))
-    assert {'demo', 'test', 'lint', 'setup'} <= printed <= targets
+def test_every_other_command_is_a_target_of_make_or_one_whose_test_is_known(page):
+    targets = re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+    for command in (*commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text())):
+        if command.startswith('make '):
+            assert command.split()[1] in targets, command
+        else:
+            assert (command in TESTED_ELSEWHERE or command.startswith(
+                ('imu_allan ', 'ros2 run ', 'imu_allan_node ', 'imu_simulator'))), command
 
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md',
@@ -205,6 +188,10 @@ def test_links_pictures_and_files_that_are_named_are_there(page):
             assert (ROOT / page).parent.joinpath(target.partition('#')[0]).exists(), target
     for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`', text):
         assert (ROOT / name).exists(), name
+    # The last two are of other packages.
+    files = [f'/{path}' for path in (*SOURCES, 'setup.py', 'imu.py', 'ConfigReader.py')]
+    for name in re.findall(r'[\w/.]+\.py\b', text):
+        assert any(file.endswith(f'/{name.lstrip("./")}') for file in files), name
 
 
 def made_by(program):

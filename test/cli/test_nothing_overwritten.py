@@ -5,7 +5,6 @@
 import os
 import shutil
 
-from imu_allan.cli.main import main
 import pytest
 
 
@@ -23,6 +22,8 @@ def folder(tmp_path, recording, result_file, monkeypatch):
     (tmp_path / 'soft.json').symlink_to('a.mcap')
     os.link(tmp_path / 'r.json', tmp_path / 'hard.json')
     (tmp_path / 'index.html').write_text('<!DOCTYPE html><title>my page</title>')
+    (tmp_path / 'planted').mkdir()
+    (tmp_path / 'planted' / 'result.json').symlink_to(tmp_path / 'r.json')
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -40,6 +41,8 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['analyze', 'a.mcap', '--json', 'soft.json'], f'--json soft.json: {INPUT}'),
     (['analyze', 'curve.csv', '--output', '.'],
      f'curve.csv: {OTHER.format("table of curves")}'),
+    (['analyze', 'a.csv', '--output', 'planted'],
+     'planted/result.json: is a link, which is not followed in an output folder; remove it'),
     (['check', 'a.csv', '--spec', 'spec.yaml', '--json', 'a.csv'], f'--json a.csv: {INPUT}'),
     (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'hard.json'],
      f'--json hard.json: {INPUT}'),
@@ -56,28 +59,17 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['info', ''], f"recording '': {EMPTY}"),
 ])
 def test_what_is_not_to_be_replaced_is_reported_and_stays(arguments, line, folder, fails_with):
-    before = {path: path.read_bytes() for path in folder.iterdir()}
+    before = {path: path.read_bytes() for path in folder.rglob('*') if path.is_file()}
     # Before the work, of which something would be printed.
     assert fails_with(line, *arguments) == ''
-    assert {path: path.read_bytes() for path in folder.iterdir()} == before
-
-
-def test_a_link_planted_in_the_output_folder_is_reported_before_the_work(folder, fails_with):
-    (folder / 'out').mkdir()
-    (folder / 'out' / 'result.json').symlink_to(folder / 'r.json')
-    before = (folder / 'r.json').read_bytes()
-    assert fails_with('out/result.json: is a link, which is not followed in an output folder; '
-                      'remove it', 'analyze', 'a.csv', '--output', 'out') == ''
-    assert (folder / 'r.json').read_bytes() == before
+    assert {path: path.read_bytes() for path in folder.rglob('*') if path.is_file()} == before
 
 
 @pytest.mark.usefixtures('folder')
-def test_every_output_is_written_again_over_its_own():
-    for _ in range(2):
-        assert main(['analyze', 'a.mcap', '--json', 'new.json', '--output', 'out', '--for',
-                     'kalibr']) == 0
-        assert main(['check', 'new.json', '--spec', 'spec.yaml', '--json', 'c.json', '--junit',
-                     'c.xml', '--certificate', 'c.html']) == 0
-        assert main(['tune', 'new.json', '--json', 't.json']) == 0
-        assert main(['export', 'new.json', '--for', 'kalibr', '--output', 'out']) == 0
-        assert main(['report', 'new.json', '--output', 'out', '--format', 'png,latex']) == 0
+def test_every_output_is_written_again_over_its_own(output_of):
+    for command in (
+            'analyze a.mcap --json new.json --output out --for kalibr',
+            'check new.json --spec spec.yaml --json c.json --junit c.xml --certificate c.html',
+            'tune new.json --json t.json', 'export new.json --for kalibr --output out',
+            'report new.json --output out --format png,latex') * 2:
+        output_of(*command.split())

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
 
+from bags import joined
 import imu_allan
-from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, read_blocks
 import numpy as np
 import pytest
@@ -26,24 +26,22 @@ def test_analysis_of_a_simulated_recording_finds_the_model(storage, tmp_path, ou
         assert low * 0.99 < density < high * 1.01
 
 
-def read(path):
-    with open_recording(path) as recording:
-        return np.concatenate([block.samples for block in read_blocks(recording, '/imu/data_raw')])
-
-
-def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path):
+def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path, output_of):
+    read = []
     for name, seed in (('a', '7'), ('b', '7'), ('c', '8')):
-        assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '20s',
-                     '--seed', seed, '--output', str(tmp_path / name)]) == 0
-    np.testing.assert_array_equal(read(tmp_path / 'a'), read(tmp_path / 'b'))
-    assert np.all(read(tmp_path / 'a') != read(tmp_path / 'c'))
+        output_of('simulate', 'tactical_mems', '--duration', '20s', '--seed', seed, '--output',
+                  tmp_path / name)
+        with open_recording(tmp_path / name) as recording:
+            read.append(joined(read_blocks(recording, '/imu/data_raw')).samples)
+    np.testing.assert_array_equal(read[0], read[1])
+    assert np.all(read[0] != read[2])
 
 
 def test_without_output_the_recording_is_named_after_the_model_and_replaces_nothing(
-        tmp_path, monkeypatch, fails_with):
+        tmp_path, monkeypatch, output_of, fails_with):
     monkeypatch.chdir(tmp_path)
-    for model in (str(CONFIG / 'tactical_mems.yaml'), 'consumer_mems'):
-        assert main(['simulate', model, '--duration', '1s']) == 0
+    for model in (CONFIG / 'tactical_mems.yaml', 'consumer_mems'):
+        output_of('simulate', model, '--duration', '1s')
         assert (tmp_path / Path(model).stem / 'metadata.yaml').is_file()
     (tmp_path / 'mine').mkdir()
     fails_with('mine: exists already; name another folder with --output',
@@ -51,26 +49,15 @@ def test_without_output_the_recording_is_named_after_the_model_and_replaces_noth
     assert list((tmp_path / 'mine').iterdir()) == []
 
 
-UNITS = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
-
-
-@pytest.mark.parametrize(('text', 'reason'), [
-    ('gyro: {noise_density: 5}', f"gyro.noise_density: '5' has no unit; {UNITS}"),
-    ('gyro: {noise: 5 deg/s}',
-     "gyro: unknown key 'noise'; known are quantization_noise, noise_density, bias_instability, "
-     'rate_random_walk, rate_ramp, gauss_markov, mean, zero_bias, band_limit, lines, '
-     'temperature_drift, turn_on_bias, x, y, z'),
-    ('gyro: {', 'line 1 is not YAML (<words>)'),
-])
-def test_a_wrong_model_is_one_line_that_names_what_is_wrong(text, reason, tmp_path, fails_with):
-    model = tmp_path / 'model.yaml'
-    model.write_text(text)
-    fails_with(f'{model}: {reason}', 'simulate', model, '--output', tmp_path / 'out')
-    assert not (tmp_path / 'out').exists()
-
-
-def test_more_samples_than_any_disk_holds_are_not_begun(tmp_path, fails_with):
-    fails_with('--duration 3.1536e+09 at --rate 1e+06: more than 100,000,000,000 samples; '
-               'simulate for less or at a lower rate', 'simulate', 'consumer_mems', '--rate',
-               '1000kHz', '--duration', '36500d', '--output', tmp_path / 'out')
+@pytest.mark.parametrize(('model', 'options', 'line'), [
+    ('{path}', '', "{path}: gyro.noise_density: '5' has no unit; write a number with its unit, "
+     "such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"),
+    ('consumer_mems', '--rate 1000kHz --duration 36500d', '--duration 3.1536e+09 at --rate 1e+06: '
+     'more than 100,000,000,000 samples; simulate for less or at a lower rate')])
+def test_what_cannot_be_simulated_is_one_line_and_is_not_begun(
+        model, options, line, tmp_path, fails_with):
+    path = tmp_path / 'model.yaml'
+    path.write_text('gyro: {noise_density: 5}')
+    fails_with(line.format(path=path), 'simulate', model.format(path=path), *options.split(),
+               '--output', tmp_path / 'out')
     assert not (tmp_path / 'out').exists()

@@ -3,10 +3,9 @@
 """Many recordings at once: processes that work on them, folders for results, a fleet's page."""
 
 import csv
+from dataclasses import replace
 import json
 import os
-from pathlib import Path
-import shutil
 import signal
 import socket
 import subprocess
@@ -14,14 +13,13 @@ import sys
 
 from bags import no_axes
 from imu_allan.cli import dask_cluster
-from imu_allan.cli.main import main
 from imu_allan.cli.tasks import folder_names
 from imu_allan.cli.workers import executor
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 from processes import living, marked, wait_until
 import pytest
@@ -148,44 +146,38 @@ def write_csv(path, density, seed, samples=6000, axes='y'):
                         f'y: {{noise_density: {density} deg/s/sqrt(Hz)}}}}')
     columns = np.concatenate([block.samples[:, :3] for block in simulated_blocks(
         model, 100.0, samples, seed=seed)])
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(exist_ok=True)
     rows = '\n'.join(f'{i / 100},' + ','.join(repr(row['xyz'.index(axis)]) for axis in axes)
                      for i, row in enumerate(columns.tolist()))
     path.write_text(f'time_s,{",".join(f"gyro_{axis}" for axis in axes)}\n{rows}\n')
     return str(path)
 
 
-def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, capsys):
+def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, ran):
     paths = [write_csv(tmp_path / f'{name}.csv', 0.005, 1, samples, 'xyz')
              for name, samples in (('good', 7000), ('short', 600))]
     constant = tmp_path / 'constant.csv'
     constant.write_text('time_s,gyro_y\n' + ''.join(f'{i / 100},1\n' for i in range(7000)))
-    assert main(['analyze', *paths, str(constant)]) == 1
-    lines = capsys.readouterr().out.splitlines()[:3]
-    assert lines == [Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),
-                     Varying('short: 6 s, gyro N <number> deg/sqrt(h) (not usable), <words>'),
-                     Varying('constant: 70 s, gyro not usable, <words>')]
+    status, out, _ = ran('analyze', *paths, constant)
+    assert status == 1
+    assert out.splitlines()[:3] == [
+        Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),
+        Varying('short: 6 s, gyro N <number> deg/sqrt(h) (not usable), <words>'),
+        Varying('constant: 70 s, gyro not usable, <words>')]
 
 
-@pytest.fixture(scope='module')
-def command(tmp_path_factory):
-    """Six units, of which sn10 is noisy, and a file that is no recording."""
-    folder = tmp_path_factory.mktemp('units')
-    paths = [write_csv(folder / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
+def test_a_fleet_gets_a_page_a_table_and_a_document(tmp_path, fails_with):
+    # Six units, of which sn10 is noisy, and a file that is no recording.
+    paths = [write_csv(tmp_path / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
                        number, axes='xyz') for number in (2, 4, 5, 6, 7, 10)]
-    paths.append(str(folder / 'sn11' / 'night.csv'))
-    (folder / 'sn11').mkdir()
-    Path(paths[-1]).write_text('no,recording\n1,2\n')
-    return ['analyze', *paths, '--output', str(folder / 'fleet'), '--name-from', 'folder']
-
-
-def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
-    output = Path(command[-3])
-    assert main(command) == 1
-    shown = capsys.readouterr()
-    assert shown.err == f'imu_allan: {command[7]}: {no_axes("no,recording")}\n'
+    bad = tmp_path / 'sn11' / 'night.csv'
+    bad.parent.mkdir()
+    bad.write_text('no,recording\n1,2\n')
+    output = tmp_path / 'fleet'
+    shown = fails_with(f'{bad}: {no_axes("no,recording")}', 'analyze', *paths, bad, '--output',
+                       output, '--name-from', 'folder').splitlines()
     assert Varying('sn10: gyro_y angle random walk 0.54<number> deg/sqrt(h): <number> times the '
-                   'median of the others, <number> spreads away') in shown.out.splitlines()
+                   'median of the others, <number> spreads away') in shown
     document = json.loads((output / 'fleet.json').read_text())
     assert document['schema'] == 'imu_allan.fleet/1'
     assert [(unit['name'], bool(unit['odd'])) for unit in document['units']] == [
@@ -205,49 +197,33 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(command, capsys):
     assert '<script' not in page
 
 
-def test_resume_works_on_what_is_missing_or_newer(command, capsys):
-    output = Path(command[-3])
-    if not output.exists():
-        assert main(command) == 1
-    shutil.rmtree(output / 'sn4')
-    first, newer = (output / name / 'result.json' for name in ('sn2', 'sn5'))
-    before = first.stat().st_mtime_ns, newer.stat().st_mtime_ns
-    os.utime(command[3], (newer.stat().st_mtime + 60,) * 2)
-    capsys.readouterr()
-    assert main([*command, '--resume']) == 1
-    said = capsys.readouterr().out.splitlines()
-    assert [line for line in said if line.endswith('done before')] == [
-        f'{name}: done before' for name in ('sn2', 'sn6', 'sn7', 'sn10')]
-    assert first.stat().st_mtime_ns == before[0]
-    assert newer.stat().st_mtime_ns > before[1]
-    assert (output / 'sn4' / 'result.json').exists()
-    assert len(json.loads((output / 'fleet.json').read_text())['units']) == 6
-
-
-def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(tmp_path, output_of):
+def test_resume_does_again_what_was_changed_done_otherwise_or_not_to_the_end(tmp_path, output_of):
     paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
-    output = tmp_path / 'out'
-    command = ['analyze', *paths, '--output', str(output), '--resume']
+    first, second = (tmp_path / 'out' / f'unit{number}' for number in (1, 2))
+    options = ['--output', tmp_path / 'out', '--resume']
 
-    def done_before(*options):
-        return [line.partition(':')[0] for line in output_of(*command, *options).splitlines()
+    def done_before():
+        return [line.partition(':')[0]
+                for line in output_of('analyze', *paths, *options).splitlines()
                 if line.endswith('done before')]
 
     assert done_before() == []
-    assert done_before() == ['unit1', 'unit2']
-    part = ('--motion', 'keep', '--duration', '10s')
-    assert done_before(*part) == []
-    assert load_result(output / 'unit1' / 'result.json').source.options == {
-        'motion': 'keep', 'duration_s': '10.0'}
-    assert done_before(*part) == ['unit1', 'unit2']
-    part = (*part, '--operator', 'Ada')
-    assert done_before(*part) == []
-    (output / 'unit2' / 'allan_deviation.png').unlink()
-    assert done_before(*part) == ['unit1']
-    changed = load_result(output / 'unit1' / 'result.json').to_dict()
-    (output / 'unit1' / 'result.json').write_text(
-        json.dumps(changed | {'imu_allan_version': '0.0.1'}))
-    assert done_before(*part) == ['unit2']
+    written = (first / 'result.json').stat().st_mtime_ns
+    os.utime(paths[1], (written / 1e9 + 60,) * 2)
+    assert done_before() == ['unit1']
+    assert (first / 'result.json').stat().st_mtime_ns == written
+    assert (second / 'result.json').stat().st_mtime_ns > written
+    assert len(json.loads((tmp_path / 'out' / 'fleet.json').read_text())['units']) == 2
+    for more in (['--motion', 'keep', '--duration', '10s'], ['--operator', 'Ada']):
+        options += more
+        assert done_before() == []
+        assert done_before() == ['unit1', 'unit2']
+    result = load_result(first / 'result.json')
+    assert result.source.options == {'motion': 'keep', 'duration_s': '10.0'}
+    (second / 'allan_deviation.png').unlink()
+    assert done_before() == ['unit1']
+    save_result(replace(result, imu_allan_version='0.0.1'), first / 'result.json')
+    assert done_before() == ['unit2']
 
 
 def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):
