@@ -26,12 +26,7 @@ import sys
 import tempfile
 import time
 
-from bench_reading import (
-    plain_mcap_pass,
-    plain_records_pass,
-    plain_sqlite_pass,
-    white_noise,
-)
+from bench_reading import plain_mcap_pass, plain_records_pass, plain_sqlite_pass, white_noise
 from imu_allan.recordings.write import write_recording
 
 ROOT = Path(__file__).resolve().parents[1]

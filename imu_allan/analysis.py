@@ -192,11 +192,7 @@ def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Rec
                ) -> Result:
     """Analyze a recording and, if it has a warm-up, analyze it again without the warm-up."""
     cold = _alone(path, replace(choice, start_s=0.0), progress, recording)
-    from imu_allan.characterization.findings import (
-        start_of,
-        start_remark,
-        steady_of,
-    )
+    from imu_allan.characterization.findings import start_of, start_remark, steady_of
     length = cold.timeline.duration_s
     steady = [steady_of(axis) for axis in cold.axes.values()]
     # A warm-up longer than half of the recording cannot be left out; shorter ones can.
@@ -310,23 +306,18 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
         yield number, block
 
 
-def means_over_one_second(path: AnyPath, choice: Choice, axes: Collection[str],
-                          progress: Progress = None) -> list[Means]:
-    """
-    Return the means over one second, at rest, of a whole recording, in constant memory.
-
-    The list has one item, or one for each half of an IMU that has two.
-    """
+def means_over_one_second(recording: Recording, choice: Choice, axes: Collection[str],
+                          progress: Progress) -> list[Means]:
+    """Return the means over one second at rest, for each half of an IMU that has two."""
     found = []
-    with choice.opened(path) as recording:
-        for stream, options, blocks, _ in _streams(recording, choice, progress):
-            stage = TimelineStage(options)
-            means = Means([name for name in axes if name.startswith(stream.half or '')])
-            for block in blocks:
-                with suppress(NoAxes):
-                    means.take(stage.push(block), stage.interval_ns)
-            means.take(stage.flush(), stage.interval_ns)
-            found.append(means)
+    for stream, options, blocks, _ in _streams(recording, choice, progress):
+        stage = TimelineStage(options)
+        means = Means([name for name in axes if name.startswith(stream.half or '')])
+        for block in blocks:
+            with suppress(NoAxes):
+                means.take(stage.push(block), stage.interval_ns)
+        means.take(stage.flush(), stage.interval_ns)
+        found.append(means)
     return found
 
 

@@ -16,13 +16,7 @@ from typing import Annotated, Any, Literal
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.json_of_dataclasses import (
-    ABOVE_ZERO,
-    json_text,
-    NOT_NEGATIVE,
-    plain,
-    typed,
-)
+from imu_allan.json_of_dataclasses import ABOVE_ZERO, json_text, NOT_NEGATIVE, plain, typed
 
 SCHEMA = 'imu_allan.result/1'
 

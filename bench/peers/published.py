@@ -21,18 +21,7 @@ import imu_allan
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.write import write_recording
 import numpy as np
-from recorded import (
-    Array,
-    AXES,
-    B,
-    CORRECTED_S,
-    Estimate,
-    FILTER_K,
-    FILTER_N,
-    K,
-    N,
-    Recorded,
-)
+from recorded import Array, AXES, B, CORRECTED_S, Estimate, FILTER_K, FILTER_N, K, N, Recorded
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 from simulated import START_NS

@@ -18,11 +18,7 @@ from imu_allan.cli.fleet import (
     without_coefficient,
 )
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import (
-    add_recording_options,
-    add_timeline_options,
-    choice_of,
-)
+from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.cli.tasks import folder_names, Task
 from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten

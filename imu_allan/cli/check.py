@@ -9,15 +9,14 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.recording_options import (
-    add_recording_options,
-    add_timeline_options,
-    choice_of,
-)
+from imu_allan.cli.fleet import raise_last
+from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
+from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import CERTIFICATE, JUNIT, VERDICTS
 
 if TYPE_CHECKING:
+    from imu_allan.analysis import Choice
     from imu_allan.result import Result
     from imu_allan.sensor.noise_model import NoiseModel
     from imu_allan.writers.datasheet import Verdict
@@ -72,8 +71,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
-    specification = arguments.specification_of(args.spec)
-    sources = [str(path) for path in recordings_in(args.source, choice_of(args).reading)]
+    specification, choice = arguments.specification_of(args.spec), choice_of(args)
+    sources = [str(path) for path in recordings_in(args.source, choice.reading)]
     unit = arguments.inspection_of(args)
     if len(sources) > 1 and any((
             args.json, args.junit, args.certificate, unit is not None and unit.serial)):
@@ -83,21 +82,21 @@ def run(args: argparse.Namespace) -> int:
     complaints: list[ImuAllanError] = []
     for source in sources:
         try:
-            outcomes.append(_check(source, args, specification))
+            outcomes.append(_check(source, args, choice, specification))
         except ImuAllanError as error:
             complaints.append(error)
-    failed = 'fail' in outcomes
-    for complaint in complaints if failed else complaints[:-1]:
-        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-    if complaints and not failed:
-        raise complaints[-1]
-    unclear = not args.allow_undecided and 'cannot tell' in outcomes
     # In addition to 0, 1 and 2 of every verb, so that scripts can distinguish a bad sensor from a
     # bad command; a longer recording may turn 4 into 0 or 3.
-    return 3 if failed else 4 if unclear else 0
+    if 'fail' in outcomes:
+        for complaint in complaints:
+            print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+        return 3
+    raise_last(complaints)
+    return 4 if 'cannot tell' in outcomes and not args.allow_undecided else 0
 
 
-def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:
+def _check(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
+           ) -> str:
     """Print the verdicts on one result or recording, and return the overall verdict."""
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
@@ -106,9 +105,9 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
     from rich.measure import Measurement
 
     if args.live:
-        result, verdicts = _live(source, args, specification)
+        result, verdicts = _live(source, args, choice, specification)
     else:
-        result = _result(source, args)
+        result = loaded_or_analyzed(source, choice, progress=not args.no_progress)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
     if (unit := arguments.inspection_of(args)) is not None:
         # Entries that are not given stay as they were.
@@ -134,7 +133,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
     return outcome
 
 
-def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
+def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import fitted_of, growing
@@ -144,7 +143,7 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
 
     if is_result(source):
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')
-    with closing(growing(source, choice_of(args), next_look)) as looks:
+    with closing(growing(source, choice, next_look)) as looks:
         for taken in looks:
             result, fits = fitted_of(taken)
             found = check_state({one.stream.half or '': one.characterization for one in taken},
@@ -154,18 +153,3 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
                 break
         print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
         return result, list(found.verdicts)
-
-
-def _result(source: str, args: argparse.Namespace) -> 'Result':
-    from imu_allan.writers.result_file import is_result, load_result
-
-    if is_result(source):
-        return load_result(source)
-    from imu_allan.analysis import analyzed
-    from imu_allan.cli.progress import progress_bar
-
-    choice = choice_of(args)
-    with choice.opened(source) as recording:
-        size = recording.size_bytes
-    with progress_bar(source, size, wanted=not args.no_progress) as progress:
-        return analyzed(source, choice, progress)

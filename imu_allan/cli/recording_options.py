@@ -33,9 +33,6 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--accel', metavar='FIELD[:UNIT]',
                        help='field of the acceleration and its unit: imu.acc:g; or the unit '
                             'alone: :g')
-    # Former names, kept for one release.
-    group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
-    group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--stamp', metavar='FIELD',
                        help="field of the time: 'imu.stamp', or a number as 'time_us us'")
     group.add_argument('--gyro-topic', metavar='NAME',
@@ -55,10 +52,9 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
 
 def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     """Add the options about the clock, and about the part of a recording to use."""
-    parser.add_argument('--clock', choices=('header', 'receive', 'none'),
+    parser.add_argument('--clock', choices=('header', 'receive', 'none'), default='auto',
                         help='stamps to trust (default: header, unless unusable); none counts '
                              'samples and needs --rate')
-    parser.add_argument('--force-rate', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
                         help='leave out the beginning (10 or 10s, 5min, 2h), or the warm-up '
                              '(auto)')
@@ -73,25 +69,16 @@ def choice_of(args: argparse.Namespace) -> 'Choice':
     from imu_allan.analysis import Choice
     from imu_allan.timeline import TimelineOptions
 
-    counted = args.force_rate or args.clock == 'none'
+    counted = args.clock == 'none'
     if counted and args.rate is None:
-        args.parser.error(f'{"--force-rate" if args.force_rate else "--clock none"} needs --rate')
+        args.parser.error('--clock none needs --rate')
     return Choice(args.topic, TimelineOptions(
-        clock='auto' if args.clock in (None, 'none') else args.clock, rate_hz=args.rate,
-        force_rate=counted, motion=args.motion),
-        recording_options(args), args.start, args.duration)
+        clock='auto' if counted else args.clock, rate_hz=args.rate, force_rate=counted,
+        motion=args.motion), recording_options(args), args.start, args.duration)
 
 
 def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
-    """
-    Return the reading options that the arguments give.
-
-    Raises
-    ------
-    ImuAllanError
-        If a unit or a column is invalid.
-
-    """
+    """Return the reading options that the arguments give."""
     from imu_allan.recordings import RecordingOptions
 
     pairs = []
@@ -104,10 +91,9 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=gyro, accel=accel,
-        stamp=args.stamp, gyro_unit=gyro_unit or args.gyro_unit,
-        accel_unit=accel_unit or args.accel_unit, gyro_topic=args.gyro_topic,
-        accel_topic=args.accel_topic, columns=tuple(pairs), accel_rate_hz=args.accel_rate,
-        temperature=args.temperature)
+        stamp=args.stamp, gyro_unit=gyro_unit, accel_unit=accel_unit,
+        gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
+        accel_rate_hz=args.accel_rate, temperature=args.temperature)
 
 
 def _field(text: str | None) -> tuple[str | None, str | None]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import re
 from typing import TYPE_CHECKING
 
+from imu_allan.cli.progress import progress_bar
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
@@ -75,6 +76,18 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
         except ImuAllanError as error:
             return result, error
     return result, None
+
+
+def loaded_or_analyzed(path: str, choice: 'Choice', *, progress: bool) -> 'Result':
+    """Return the result in a file, or that of a recording."""
+    from imu_allan.analysis import analyzed
+    from imu_allan.writers.result_file import is_result, load_result
+
+    if is_result(path):
+        return load_result(path)
+    with choice.opened(path) as recording, progress_bar(
+            path, recording.size_bytes, wanted=progress) as bar:
+        return analyzed(path, choice, bar, recording)
 
 
 def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:

@@ -10,7 +10,9 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration
+from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import PICTURES, require_replaceable, TUNING
 
@@ -145,19 +147,15 @@ def _format(path: str) -> str:
 
 def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
     """Return the other result and, of a recording, the means to run filters over."""
-    from imu_allan.writers.result_file import is_result, load_result
-
-    if is_result(args.verify):
-        return load_result(args.verify), []
-    from imu_allan.analysis import analyzed, Choice, means_over_one_second
-    from imu_allan.cli.progress import progress_bar
+    from imu_allan.analysis import Choice, means_over_one_second
     from imu_allan.timeline import TimelineOptions
+    from imu_allan.writers.result_file import is_result
 
     choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
-    with choice.opened(args.verify) as recording:
-        size = recording.size_bytes
-    with progress_bar(args.verify, 2 * size, wanted=not args.no_progress) as progress:
-        result = analyzed(args.verify, choice, progress)
-        axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
-        return result, means_over_one_second(args.verify, choice, axes,
-                                             lambda done: progress(size + done))
+    result = loaded_or_analyzed(args.verify, choice, progress=not args.no_progress)
+    if is_result(args.verify):
+        return result, []
+    axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
+    with choice.opened(args.verify) as recording, progress_bar(
+            args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
+        return result, means_over_one_second(recording, choice, axes, progress)

@@ -5,15 +5,7 @@
 from datetime import date
 
 import imu_allan
-from recorded import (
-    Answer,
-    CORRECTED_S,
-    Estimate,
-    FILTER_K,
-    FILTER_N,
-    Recorded,
-    RefusedError,
-)
+from recorded import Answer, CORRECTED_S, Estimate, FILTER_K, FILTER_N, Recorded, RefusedError
 
 NAME = 'imu_allan'
 ORIGIN = f'this package, {imu_allan.__version__}, of {date.today().isoformat()}'
