@@ -39,26 +39,21 @@ def test_table_goes_to_stdout_and_nothing_to_stderr_unless_a_configuration_is_to
     assert 'angle random walk' in err
 
 
-def test_json_holds_exactly_what_python_returns(recording, analyzed, capsys):
-    written = analyzed(recording, '--units', 'si')
-    assert written == imu_allan.analyze(recording).to_dict()
-    shown = capsys.readouterr().out
-    assert [text in shown for text in ('rad/s/sqrt(Hz)', 'deg/h', NOTHING_SAVED)] == [
-        True, False, False]
-
-
-def test_output_folder_holds_result_curve_plot_report_and_configurations(
+def test_output_holds_what_python_returns_with_curve_plot_report_and_configurations(
         recording, tmp_path, output_of):
     output = tmp_path / 'with' / 'parents'
-    shown = output_of('analyze', recording, '--for', 'kalibr', '--for', 'px4', '--output', output)
-    assert 'angle random walk' in shown
-    assert NOTHING_SAVED not in shown
+    shown = output_of('analyze', recording, '--units', 'si', '--for', 'kalibr', '--for', 'px4',
+                      '--output', output, '--json', tmp_path / 'r.json')
+    assert [text in shown for text in ('rad/s/sqrt(Hz)', 'deg/h', NOTHING_SAVED)] == [
+        True, False, False]
     # The last line says where to look.
     where, names = shown.splitlines()[-1].rsplit(': ', 1)
     assert where == f'Written to {output}'
     assert set(names.split(', ')) == {path.name for path in output.iterdir()} == {
         'allan_deviation.png', 'curve.csv', 'report.html', 'result.json', 'imu.yaml',
         'px4_imu.params'}
+    for path in (output / 'result.json', tmp_path / 'r.json'):
+        assert json.loads(path.read_text()) == imu_allan.analyze(recording).to_dict()
 
 
 def test_several_recordings_get_folders_of_their_own_and_lines_in_order(
