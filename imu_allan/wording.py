@@ -14,9 +14,7 @@ from imu_allan.errors import printable
 from imu_allan.result import Inspection, Result, Timeline
 
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
-"""Titles of the two sensors of an IMU."""
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
-"""The quantity that each sensor measures."""
 
 NO_TOPIC = 'csv'
 """Used as the topic of a table, which has none."""
@@ -27,14 +25,7 @@ _PLAIN = (-4, 6)
 
 def number(value: float, digits: int = 4) -> str:
     """
-    Return a number that has no interval, to `digits` significant digits.
-
-    Parameters
-    ----------
-    value : float
-        In any unit.
-    digits : int, optional
-        Significant digits; trailing zeros are omitted.
+    Return a number that has no interval, to significant digits without trailing zeros.
 
     Examples
     --------
@@ -50,14 +41,7 @@ def number(value: float, digits: int = 4) -> str:
 
 def bounded(bound: float, symbol: str = '') -> str:
     """
-    Return the text for a quantity of which only an upper bound is known.
-
-    Parameters
-    ----------
-    bound : float
-        In any unit; reported with three significant digits, trailing zeros included.
-    symbol : str, optional
-        Of the coefficient: the ramp R has a sign, so the bound is one of its magnitude.
+    Return the text of an upper bound; the ramp R has a sign, so its bound is of the magnitude.
 
     Examples
     --------
@@ -70,14 +54,7 @@ def bounded(bound: float, symbol: str = '') -> str:
 
 def rounded(value: float, digits: int = 3) -> str:
     """
-    Return a number to `digits` significant digits, trailing zeros included.
-
-    Parameters
-    ----------
-    value : float
-        In any unit.
-    digits : int, optional
-        From two to six.
+    Return a number to two to six significant digits, trailing zeros included.
 
     Examples
     --------
@@ -98,20 +75,8 @@ def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
 
     The nearer bound decides, by the rule of the Particle Data Group: one digit of the distance is
     written, or two if it begins with less than 3.55. Trailing zeros are kept, as they are
-    significant. A bound that is many times nearer to zero keeps two digits of its own.
-
-    Parameters
-    ----------
-    value, low, high : float
-        In one unit.
-
-    Returns
-    -------
-    value, low, high : str
-
-    References
-    ----------
-    Particle Data Group, "Review of Particle Physics", Introduction, section 5.3 (rounding).
+    significant. A bound that is many times nearer to zero keeps two digits of its own. The rule
+    is in "Review of Particle Physics", Introduction, section 5.3.
 
     Examples
     --------

@@ -116,12 +116,14 @@ def run(args: argparse.Namespace) -> int:
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             f'{of_one}; choose one with --topic or use --output DIR')
-    if args.output is not None and args.dask is None:
+    if args.output is not None:
         from imu_allan.writers.atomic import require_replaceable_in
+        from imu_allan.writers.filters import stale_files_note
         from imu_allan.writers.folder import kinds_of_files
 
-        for task in tasks:
-            require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
+        if args.dask is None:
+            for task in tasks:
+                require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
     before = done_before(tasks) if args.resume else {}
     for task in tasks:
         if task.unit in before:
@@ -151,10 +153,9 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None:
-                from imu_allan.writers.filters import stale_files_note
-
                 if len(tasks) == 1:
-                    print(_written(task))
+                    names = ', '.join(kinds_of_files(task.exports))
+                    print(f'Written to {printable(str(task.folder))}: {names}')
                 # A cluster may have written to another disk.
                 if args.dask is None and (old := stale_files_note(task.folder, task.exports)):
                     print(f'imu_allan: {old}', file=sys.stderr)
@@ -212,33 +213,20 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
 
-    # If it cannot be written, the result is printed all the same.
-    unsaved: ImuAllanError | None = None
-    if args.json is not None:
-        try:
+    try:
+        if args.json is not None:
             save_result(result, args.json)
-        except ImuAllanError as error:
-            unsaved = error
-    configurations = [] if task.folder is not None else [
-        export(result, consumer) for consumer in args.consumers]
-    table = sys.stderr if configurations else sys.stdout
-    if brief:
-        print(line(task.unit, result))
-    else:
-        if not first:
-            print(file=table)
-        print_result(result, to=table, units=args.units, verbose=args.verbose)
-    table.flush()
-    print('\n'.join(configurations), end='')
-    sys.stdout.flush()
-    if unsaved is not None:
-        raise unsaved
-
-
-def _written(task: Task) -> str:
-    """Return the line that names the files of a single recording."""
-    from imu_allan.writers.filters import CONSUMERS
-
-    own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')
-    names = (*own, *(CONSUMERS[consumer].file for consumer in task.exports))
-    return f'Written to {printable(str(task.folder))}: {", ".join(names)}'
+    finally:
+        # If it cannot be written, the result is printed all the same.
+        configurations = [] if task.folder is not None else [
+            export(result, consumer) for consumer in args.consumers]
+        table = sys.stderr if configurations else sys.stdout
+        if brief:
+            print(line(task.unit, result))
+        else:
+            if not first:
+                print(file=table)
+            print_result(result, to=table, units=args.units, verbose=args.verbose)
+        table.flush()
+        print('\n'.join(configurations), end='')
+        sys.stdout.flush()
