@@ -107,17 +107,12 @@ def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_p
     assert other.stderr.splitlines()[-1] == f'the battery failed in {tmp_path}'
 
 
-@pytest.fixture
-def small(monkeypatch):
-    """Make the sensor with white noise and a random walk one of ten minutes."""
-    case = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
-                        rate_hz=50.0, hours=1 / 6)
-    monkeypatch.setitem(records.CASES, 'walk', case)
-    return case
+SMALL = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
+                     rate_hz=50.0, hours=1 / 6)
 
 
-@pytest.mark.usefixtures('small')
-def test_two_tools_and_one_small_case_make_a_page():
+def test_two_tools_and_one_small_case_make_a_page(monkeypatch):
+    monkeypatch.setitem(records.CASES, 'walk', SMALL)
     tools = ('ours', 'wavelets')
     found = accuracy.run(['walk'], tools, records=2)
     for tool in tools:
@@ -140,12 +135,12 @@ def test_two_tools_and_one_small_case_make_a_page():
     assert text.index('Where another tool is better') < text.index('## Accuracy')
 
 
-def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss(small):
+def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_and_miss():
     estimate = recorded.Estimate
     answer = {axis: {'noise_density': estimate(1.1e-4 if 'gyro' in axis else 1.1e-3),
                      'bias_instability': estimate(1.0)}
               for axis in recorded.AXES}
-    scores = accuracy.scores(small, [answer, None])
+    scores = accuracy.scores(SMALL, [answer, None])
     assert scores['noise_density']['reported'] == 0.5
     assert scores['noise_density']['rmse'] == pytest.approx(0.1)
     assert scores['bias_instability'] == {'false': 0.5}

@@ -137,16 +137,19 @@ def test_a_workspace_that_rosdep_filled_collects_every_test_and_says_what_it_ski
                          r'pip install \1$', line) for line in skipped), skipped
 
 
+def cloned(folder):
+    """Copy the checkout without what was made in it."""
+    return shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(
+        '.*', 'build', 'install', 'log', 'mutants', '*.egg-info', '_build', '__pycache__'))
+
+
 @pytest.fixture(scope='module')
 def distributions(tmp_path_factory):
     """Build sdist and wheel as they would be uploaded, and check what a package page shows."""
     folder = tmp_path_factory.mktemp('distributions')
     programs = environment(folder / 'venv', 'build', 'twine')
-    clone = folder / 'clone'
-    shutil.copytree(ROOT, clone, ignore=shutil.ignore_patterns(
-        '.*', 'build', 'install', 'log', 'mutants', '*.egg-info', '_build', '__pycache__'))
     subprocess.run([str(programs / 'python'), '-m', 'build', '--outdir', str(folder / 'dist'),
-                    str(clone)], check=True, env=fresh_environment())
+                    cloned(folder / 'clone')], check=True, env=fresh_environment())
     [sdist], [wheel] = (list((folder / 'dist').glob(kind)) for kind in ('*.tar.gz', '*.whl'))
     subprocess.run([str(programs / 'python'), '-m', 'twine', 'check', '--strict', str(sdist),
                     str(wheel)], check=True, env=fresh_environment())

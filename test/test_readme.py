@@ -11,16 +11,18 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 from imu_allan.cli.main import main
 from imu_allan.writers.datasheet import live
 import numpy as np
 import pytest
-from test_packaging import SOURCES
+from test_packaging import cloned, SOURCES
 
 ROOT = Path(__file__).parents[1]
-PATH = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
+# Where `ros2 run` looks: pip installs beside the interpreter, colcon below its prefix.
+PATH = os.pathsep.join([
+    str(Path(sys.executable).parent), *(f'{prefix}/lib/imu_allan' for prefix in os.environ.get(
+        'AMENT_PREFIX_PATH', '').split(os.pathsep)), os.environ['PATH']])
 
 WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
 TESTED_ELSEWHERE = {
@@ -118,44 +120,13 @@ def test_python_of_the_pages_runs(block, workplace, monkeypatch):
     exec(compile(block, 'page', 'exec'), {'samples': samples})
 
 
-@pytest.mark.parametrize('command', [
-    line for line in commands('README.md')
-    if line.startswith(('ros2 run ', 'imu_allan_node', 'imu_simulator'))])
-def test_node_starts_as_printed_and_ends_with_ctrl_c(command, tmp_path):
-    pytest.importorskip('rclpy')
-    program, *arguments = shlex.split(command.removeprefix('ros2 run imu_allan '))
-    # Where `ros2 run` looks: pip installs beside the interpreter, colcon below its prefix.
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    [found, *_] = [str(path) for path in (Path(sys.executable).parent / program, *(
-        Path(prefix, 'lib', 'imu_allan', program) for prefix in prefixes)) if path.is_file()]
+def said_until_ctrl_c(script, folder, home):
+    """Run a script that ends as a node, which is interrupted when it is up; give what it says."""
     with subprocess.Popen(
-            [found, *arguments], cwd=tmp_path,
-            stderr=subprocess.PIPE, text=True, env=os.environ | {
-                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'HOME': str(tmp_path),
-                'ROS_LOG_DIR': str(tmp_path)}) as process:
-        began = time.monotonic()
-        said = process.stderr.readline()
-        assert time.monotonic() - began < 60
-        process.send_signal(signal.SIGINT)
-        process.stderr.read()
-    assert '[INFO]' in said
-    assert process.returncode == 0
-
-
-def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
-    pytest.importorskip('rclpy')
-    pytest.importorskip('colcon_ros')
-    shutil.copytree(ROOT, tmp_path / 'clone', ignore=shutil.ignore_patterns(
-        '.*', 'build', 'install', 'log', 'mutants', '*.egg-info', '_build', '__pycache__'))
-    printed = [command for command in commands('README.md')
-               if TESTED_ELSEWHERE.get(command) == WORKSPACE]
-    node = 'install/imu_allan/lib/imu_allan/imu_allan_node'
-    with subprocess.Popen(
-            ['bash', '-c', '\n'.join(['set -e', *printed, f'exec {node}'])],
-            cwd=tmp_path / 'clone', stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            env=os.environ | {
-                'HOME': str(tmp_path), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF',
-                'ROS_LOG_DIR': str(tmp_path), 'PATH': PATH}) as process:
+            ['bash', '-c', script], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, env=os.environ | {
+                'HOME': str(home), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF',
+                'ROS_LOG_DIR': str(home), 'PATH': PATH}) as process:
         said = ''
         for line in process.stdout:
             said += line
@@ -163,7 +134,28 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
                 process.send_signal(signal.SIGINT)
                 break
         said += process.stdout.read()
+    assert '[INFO]' in said
     assert process.returncode == 0, said
+    return said
+
+
+@pytest.mark.parametrize('command', [
+    line for line in commands('README.md')
+    if line.startswith(('ros2 run ', 'imu_allan_node', 'imu_simulator'))])
+def test_node_starts_as_printed_and_ends_with_ctrl_c(command, tmp_path):
+    pytest.importorskip('rclpy')
+    program = command.removeprefix('ros2 run imu_allan ')
+    said_until_ctrl_c(f'exec {program}', tmp_path, tmp_path)
+
+
+def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
+    pytest.importorskip('rclpy')
+    pytest.importorskip('colcon_ros')
+    printed = [command for command in commands('README.md')
+               if TESTED_ELSEWHERE.get(command) == WORKSPACE]
+    node = 'install/imu_allan/lib/imu_allan/imu_allan_node'
+    said = said_until_ctrl_c('\n'.join(['set -e', *printed, f'exec {node}']),
+                             cloned(tmp_path / 'clone'), tmp_path)
     assert 'Finished <<< imu_allan' in said
     assert (tmp_path / 'ws' / node).is_file()
 

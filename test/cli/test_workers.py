@@ -49,12 +49,10 @@ def test_a_worker_that_is_killed_costs_its_own_recording_only_and_a_defect_shows
 
 
 @pytest.fixture(scope='module')
-def packed(tmp_path_factory, model):
+def packed(tmp_path_factory, recording):
     """Return a recording compressed as a whole: unpacked into a folder while it is read."""
-    long = write_recording(tmp_path_factory.mktemp('packed') / 'long',
-                           simulated_blocks(model, 1000.0, 60_000))
-    [file] = long.glob('*.mcap')
-    packed = file.with_name(file.name + '.zstd')
+    [file] = recording.glob('*.mcap')
+    packed = tmp_path_factory.mktemp('packed') / f'{file.name}.zstd'
     packed.write_bytes(zstandard.compress(file.read_bytes()))
     return packed
 
