@@ -127,12 +127,8 @@ def line(unit: str, result: 'Result') -> str:
 def raise_last(complaints: Sequence[ImuAllanError]) -> None:
     """Print why recordings failed, one line each; raise the last error to end the command."""
     sys.stdout.flush()
-    # A file can name 65,000 topics without a message.
-    most = 100
-    for complaint in complaints[:-1][:most]:
+    for complaint in complaints[:-1]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-    if (more := len(complaints) - 1 - most) > 0:
-        print(f'imu_allan: {more:,} more like these, the last of all is:', file=sys.stderr)
     if complaints:
         raise complaints[-1]
 
