@@ -6,11 +6,13 @@ EXIT_INTERRUPTED = 130
 """128 + SIGINT, as shells report the signal."""
 
 try:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from contextlib import contextmanager
     import os
     import signal
     import sys
+    import time
+    from types import FrameType
 except KeyboardInterrupt:
     # It cannot be handled any earlier.
     raise SystemExit(EXIT_INTERRUPTED) from None
@@ -49,22 +51,7 @@ def interrupt_despite_errors() -> Iterator[None]:
         yield
         return
     _came.clear()
-
-    def interrupt(*_: object) -> None:
-        _came.append(True)
-        raise KeyboardInterrupt
-
-    def dropped(what: 'sys.UnraisableHookArgs') -> None:
-        if what.exc_type is not KeyboardInterrupt:
-            sys.__unraisablehook__(what)
-            return
-        from threading import Timer
-
-        # A callback of the interpreter, in which an exception has no effect, soon ends.
-        Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()
-
-    sys.unraisablehook = dropped
-    signal.signal(signal.SIGINT, interrupt)
+    raise_at_signal(signal.SIGINT, KeyboardInterrupt, lambda: _came.append(True))
     try:
         yield
     except Exception:
@@ -74,6 +61,47 @@ def interrupt_despite_errors() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.unraisablehook = sys.__unraisablehook__
+
+
+def raise_at_signal(number: int, error: type[BaseException], before: Callable[[], None]) -> None:
+    """
+    Let a signal raise an exception, after a call of `before`.
+
+    If the signal arrives during a callback of the interpreter, for example in an import, the
+    exception would be printed and dropped. The signal is then sent again, a moment later, until
+    it takes effect.
+    """
+    dropped: list[bool] = []
+
+    def handle(_: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code is once_more.__code__:
+                # An exception raised in the hook would be dropped, too.
+                return
+            frame = frame.f_back
+        dropped.clear()
+        before()
+        raise error
+
+    def once_more(what: 'sys.UnraisableHookArgs') -> None:
+        if what.exc_type is not error:
+            sys.__unraisablehook__(what)
+            return
+        from threading import Thread
+
+        dropped.append(True)
+        signal.signal(number, handle)
+        Thread(target=ask, daemon=True).start()
+
+    def ask() -> None:
+        # A callback of the interpreter ends within this time.
+        time.sleep(0.01)
+        while dropped:
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+
+    sys.unraisablehook = once_more
+    signal.signal(number, handle)
 
 
 def raise_if_interrupted() -> None:

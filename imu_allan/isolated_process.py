@@ -17,11 +17,10 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
-import time
 import traceback
-from types import FrameType
 from typing import Any
+
+from imu_allan.interruption import raise_at_signal
 
 _PROGRAM = """
 import ctypes, os, pickle, signal, sys
@@ -36,8 +35,6 @@ from {module} import {function}
 {function}()
 """
 """With PR_SET_PDEATHSIG (1) the Linux kernel ends the process with its parent."""
-CLEANUP_S = 20
-"""Time to remove unpacked files; after that the kernel ends the process."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
@@ -101,36 +98,10 @@ def _real(folder: str) -> str | None:
 
 
 def exit_on_sigterm() -> None:
-    """
-    Let SIGTERM end this process by SystemExit, so that unpacked files are removed.
-
-    If the signal arrives during a callback of the interpreter, for example in an import, that
-    exception would be printed and dropped. The signal is then sent again, a moment later, until
-    it takes effect.
-    """
-    def end(_: int, frame: FrameType | None) -> None:
-        while frame is not None:
-            if frame.f_code is once_more.__code__:
-                # An exception raised in the hook would be dropped, too.
-                return
-            frame = frame.f_back
+    """Let SIGTERM end this process by SystemExit, so that unpacked files are removed."""
+    def before() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        signal.alarm(CLEANUP_S)
-        sys.exit()
+        # After this time the kernel ends the process.
+        signal.alarm(20)
 
-    def once_more(what: sys.UnraisableHookArgs) -> None:
-        if what.exc_type is not SystemExit:
-            sys.__unraisablehook__(what)
-            return
-        signal.signal(signal.SIGTERM, end)
-        threading.Thread(target=ask, daemon=True).start()
-
-    def ask() -> None:
-        # A callback of the interpreter ends within this time.
-        time.sleep(0.01)
-        while signal.getsignal(signal.SIGTERM) is end:
-            os.kill(os.getpid(), signal.SIGTERM)
-            time.sleep(0.01)
-
-    sys.unraisablehook = once_more
-    signal.signal(signal.SIGTERM, end)
+    raise_at_signal(signal.SIGTERM, SystemExit, before)
