@@ -100,7 +100,7 @@ def run(models: Models, samples: Array, rate_hz: float) -> Line:
                    round(rate_hz) / rate_hz)
     line: Line = {}
     for lane, name in enumerate(models):
-        innovations, coasts = met.of(slice(lane, lane + 1))
+        innovations, coasts = met.of(lane)
         line |= {(name, f'nis {round(row.interval_s)}'): row.nis for row in innovations}
         line |= {(name, f'coast {round(row.horizon_s)}'):
                  (row.observed_rms / row.predicted_sigma)**2 for row in coasts}

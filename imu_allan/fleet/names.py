@@ -10,12 +10,7 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 
 
 def name_pattern(text: str) -> 'str | re.Pattern[str]':
-    """
-    Parse the option that says what units are named after.
-
-    It is ``folder``, ``file``, or a regular expression whose first group (or whole match, if it
-    has none) is the name.
-    """
+    """Parse the option that says what units are named after: folder, file or an expression."""
     if text in ('folder', 'file'):
         return text
     try:
@@ -26,12 +21,7 @@ def name_pattern(text: str) -> 'str | re.Pattern[str]':
 
 
 def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
-    """
-    Name a unit after its recording.
-
-    The name is that of the file, of its folder, or what a regular expression from `name_pattern`
-    finds in the path.
-    """
+    """Name a unit after its file, its folder, or what an expression finds in the path."""
     if isinstance(source, re.Pattern):
         found = source.search(path)
         name = None if found is None else found[1] if source.groups else found[0]

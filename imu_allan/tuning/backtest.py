@@ -53,9 +53,9 @@ class Met:
     # and number of outages
     coasts: dict[float, tuple[Array, Array, int]]
 
-    def of(self, filters: slice) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:
+    def of(self, lane: int, lanes: int = 1) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:
         """Combine some of the filters, for intervals and horizons with enough data."""
-        lanes = len(range(*filters.indices(1 << 30)))
+        filters = slice(lane, lane + lanes)
         # At least ten steps of a filter in one half.
         scores = tuple(Innovations(step_s, float(z[filters].sum()) / (lanes * steps),
                                    lanes * steps)
@@ -70,11 +70,7 @@ class Met:
 
 
 def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
-    """
-    Fit each half of a record, means in cells of `cell` samples, and filter the other.
-
-    The entry of an axis is None if the record is too short or the axis has no noise.
-    """
+    """Fit each half of a record of means and filter the other; None if short or noiseless."""
     axes = series.sums.shape[0]
     rows = max(segments(series, cell), key=lambda rows: rows.shape[1],
                default=np.zeros((axes, 0)))
@@ -98,8 +94,8 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     met = filtered([(model, ()) for model, _ in lanes], [np.stack([row for _, row in lanes])],
                    cell_s)
     for i, axis in enumerate(good):
-        innovations, coasts = met.of(slice(2 * i, 2 * i + 2))
-        after, before = (met.of(slice(lane, lane + 1))[0] for lane in (2 * i, 2 * i + 1))
+        innovations, coasts = met.of(2 * i, 2)
+        after, before = (met.of(lane)[0] for lane in (2 * i, 2 * i + 1))
         innovations = tuple(replace(both, of_halves=(first.nis, second.nis)) for
                             both, first, second in zip(innovations, before, after, strict=True))
         if innovations:
@@ -121,11 +117,7 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
 
 def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable[Array],
              cell_s: float) -> Met:
-    """
-    Run filters over consecutive means, shape (filters, n), restarting them in every part.
-
-    `fed` are the drift model and tones of each filter, `cell_s` is the duration of a mean.
-    """
+    """Run filters of drift models with tones over means, shape (filters, n), part by part."""
     sizes = dict.fromkeys(max(1, round(interval / cell_s)) for interval in INTERVALS_S)
     spaces = {size: [space_of(*one, size * cell_s) for one in fed] for size in sizes}
     nothing = np.zeros(len(fed))
@@ -174,12 +166,7 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
 
 
 def segments(series: Cells, cell: int) -> list[Array]:
-    """
-    Split a series of means where the record is interrupted.
-
-    Cells less than half full are left out, and a few missing ones filled. A line across a long gap
-    is not data.
-    """
+    """Split a series of means where the record is interrupted, and fill a few missing ones."""
     whole = series.take(series.counts >= cell / 2)
     if not len(whole):
         return []

@@ -67,17 +67,7 @@ class FieldTest:
 
 def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
                coast_s: float = 60.0, bias: Bias = 'random_walk') -> dict[str, FieldTest]:
-    """
-    Run filters with the numbers of some axes over means of another recording of the same sensor.
-
-    Axes without a drift model, or not in the other recording, are left out.
-
-    Raises
-    ------
-    ImuAllanError
-        If nothing there is at rest for long enough.
-
-    """
+    """Run filters with the numbers of some axes over means of another recording of the sensor."""
     names = [list(AXES)[column] for column in means.columns]
     rows = [i for i, name in enumerate(names)
             if name in axes and axes[name].drift_model is not None]
@@ -116,7 +106,7 @@ def _as_model(tuning: FilterTuning) -> DriftModel:
 
 
 def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
-    innovations, coasts = met.of(slice(lane, lane + 1))
+    innovations, coasts = met.of(lane)
     outages = [met.coasts[coast.horizon_s][2] for coast in coasts]
     return Outcome(innovations, coasts, coast_bands(axis, coasts, outages))
 

@@ -70,35 +70,7 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] =
 
 
 def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
-    """
-    Return the variance of means over horizons after many corrections, by docs/statistics.md (9).
-
-    Parameters
-    ----------
-    axis : AxisResult
-        An axis with a drift model.
-    aiding_s : float
-        Time between two corrections.
-    horizons : ndarray, shape (n,)
-        Horizons in seconds.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        ``w P w' + r``, with the covariance P of the states (`steady_covariance`). The weights w
-        and the remainder r of a mean over the horizon are observation and measurement of its state
-        space.
-
-    After many corrections, only the white noise of the outage itself remains:
-
-    >>> import imu_allan
-    >>> axis = imu_allan.characterize(imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0),
-    ...                               100.0)
-    >>> found = unaided_variance(axis, 1.0, np.array([10.0]))
-    >>> bool(1 < found[0] / (axis.drift_model.noise_density ** 2 / 10) < 1.2)
-    True
-
-    """
+    """Return the variance of means after many corrections, by docs/statistics.md (9)."""
     model = drift_model_of(axis)
     covariance = steady_covariance(space_of(model, axis.all_tones, aiding_s))
     found = []

@@ -49,12 +49,7 @@ class Means:
         return self.cell * self._interval_ns * 1e-9
 
     def take(self, blocks: Iterable[EvenBlock], interval_ns: float | None) -> None:
-        """
-        Take in the next samples.
-
-        `blocks`: as a timeline returns them. `interval_ns`: the current sample interval of the
-        timeline.
-        """
+        """Take in the next samples of a timeline, and its current sample interval."""
         self._interval_ns = interval_ns or self._interval_ns
         for block in blocks:
             if len(block):

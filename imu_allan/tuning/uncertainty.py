@@ -129,23 +129,15 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
 
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
-    """
-    Return the spread of the logarithm of a predicted standard deviation, shape (n,).
-
-    A recording that is steady in itself says little about another day, so the usual spread is the
-    least.
-    """
+    """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
+    # A recording that is steady in itself says little about another day.
     return np.asarray(np.hypot(spread_of_shortness(axis, horizons),
                                max(unsteadiness(axis), _USUAL[axis.quantity])))
 
 
 def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
                 ) -> tuple[Interval, ...]:
-    """
-    Return where 95 % of the deviations observed without correction should lie.
-
-    The width comes from the sensor's own unsteadiness and the number of outages.
-    """
+    """Return where 95 % of the deviations observed without correction should lie."""
     horizons = np.array([coast.horizon_s for coast in coasts])
     # The spread of a root mean square of n is sqrt(1 / 2n).
     spread = np.hypot(spread_of_forecast(axis, horizons), np.sqrt(0.5 / np.asarray(outages)))

@@ -46,15 +46,7 @@ class Verification:
 
 
 def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verification:
-    """
-    Verify a tuning of an axis with the same axis of another recording.
-
-    Raises
-    ------
-    ImuAllanError
-        If an axis has no drift model.
-
-    """
+    """Verify a tuning of an axis with the same axis of another recording."""
     times = tuning.aiding_interval_s, tuning.coast_s
     time = tuning.correlation_time_s
     own = tune(other, *times, 'random_walk' if time is None else 'gauss_markov',

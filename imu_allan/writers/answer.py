@@ -148,11 +148,7 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
 def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
                  aiding_s: float = AIDING_S, coast_s: float = COAST_S, *,
                  measured: bool = True) -> list[str]:
-    """
-    Say what to give a filter, in SI, and how far off the sensor is unaided.
-
-    With `measured`, the measured K is stated beside the tuned one.
-    """
+    """Say what to give a filter, in SI, beside it what was `measured`, and the unaided drift."""
     lines = []
     if any(figures.for_filter for figures in found):
         lines.append(f'Tuned for a filter corrected every {aiding_s:g} s, up to '
@@ -235,12 +231,7 @@ def longer_recording_note(result: Result) -> str:
 
 def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
                  ) -> tuple[str, str, str]:
-    """
-    Return a mean and its 95 % interval, derived from the fitted terms, as text.
-
-    An axis without observable terms has no interval and gets four digits. `mean` is in the unit of
-    a sample.
-    """
+    """Return a mean in the unit of a sample and its 95 % interval by the fitted terms, as text."""
     half = NORMAL95 * error_of_mean(axis, duration_s)
     return wording.measured(*(convert(value, axis.unit, unit)
                               for value in (mean, mean - half, mean + half)))

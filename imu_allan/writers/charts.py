@@ -95,11 +95,7 @@ def padded(low: float, high: float) -> tuple[float, float, bool]:
 
 
 def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
-    """
-    Draw the Allan deviation with the fitted model, its expected band, and its terms.
-
-    Returns None if no axis has a curve above zero.
-    """
+    """Draw the Allan deviation with model, expected band and terms; None without a curve."""
     known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
     if not known:
         return None
@@ -204,11 +200,7 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
 
 
 def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
-    """
-    Draw the Allan deviation of one axis of every result.
-
-    Returns None if no result has the axis.
-    """
+    """Draw the Allan deviation of one axis of every result; None if no result has it."""
     known = {str(place): (name, result.axes[axis], result.timeline)
              for place, (name, result) in enumerate(results.items())
              if axis in result.axes and any(result.axes[axis].curve.adev)}
@@ -239,11 +231,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
 
 
 def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
-    """
-    Draw the mean of every axis over time, and below it the lowest and highest samples.
-
-    Returns None if the result does not contain the signal.
-    """
+    """Draw the mean of every axis over time above its extremes; None without a signal."""
     known = {name: axis for name, axis in axes.items()
              if not axis.constant and len(curves.over_time(axis.signal)[0])}
     if not known:
@@ -331,11 +319,7 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
 
 
 def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
-    """
-    Draw the noise density of every segment of the record with its interval.
-
-    Returns None if there are no segments.
-    """
+    """Draw the noise density of every segment with its interval; None without segments."""
     known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
         segment.noise_density for segment in axis.stationarity.segments)}
     if not known:
@@ -376,11 +360,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
 
 
 def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
-    """
-    Draw the measured and the fitted power spectral density, and the excluded lines.
-
-    Returns None if there is neither a spectrum nor a model.
-    """
+    """Draw spectrum, model and excluded lines; None if there is neither of the first two."""
     known = {name: axis for name, axis in axes.items()
              if axis.spectrum is not None or curves.coefficients_of(axis)}
     rate = timeline.sample_rate_hz
@@ -432,11 +412,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
 
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                 tunings: Mapping[str, FilterTuning]) -> Chart | None:
-    """
-    Draw the unaided drift over time, as predicted for a tuned filter and as observed.
-
-    Returns None if neither is available.
-    """
+    """Draw the unaided drift over time, predicted and observed; None if neither is known."""
     known = {name: axis for name, axis in axes.items()
              if name in tunings or (axis.backtest is not None and axis.backtest.coast)}
     if not known:

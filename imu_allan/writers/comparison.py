@@ -64,11 +64,7 @@ class Difference:
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """
-    Return a short, unique name for each file.
-
-    Files with equal names are distinguished by their folders.
-    """
+    """Return a short, unique name for each file; folders distinguish files of one name."""
     for parts in range(1, 1 + max(len(path.parts) for path in paths)):
         names = ['/'.join(path.with_suffix('').parts[-parts:]) for path in paths]
         if len(set(names)) == len(names):
@@ -80,13 +76,7 @@ def names_of(paths: Sequence[Path]) -> list[str]:
 
 
 def compare(results: Mapping[str, Result]) -> list[Difference]:
-    """
-    Compare every result with the first.
-
-    The differences are ordered by axis, term and result; terms observable in neither are omitted.
-    Raises ImuAllanError if there are fewer than two results, or no axis with an observable term is
-    in all of them.
-    """
+    """Compare every result with the first, by axis, term and result."""
     if len(results) < 2:
         raise ImuAllanError('a comparison needs at least two results')
     reference, *others = results
@@ -108,11 +98,7 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
 
 
 def verdicts(differences: Sequence[Difference]) -> list[str]:
-    """
-    Describe in sentences what differs by more than the intervals, per sensor.
-
-    Returns one sentence for each result, sensor and term that differs, and a summary.
-    """
+    """Say by result, sensor and term what differs by more than the intervals, and sum up."""
     known = [one for one in differences if all(c.value is not None or c.upper95 is not None
                                                for c in one.coefficients)]
     said = []

@@ -156,11 +156,7 @@ _ALIASES = {
 
 
 def consumer_called(text: str) -> str:
-    """
-    Return the canonical name of a consumer, ignoring case and accepting aliases.
-
-    Raises KeyError if it is unknown, with similar names and how to list all.
-    """
+    """Return the canonical name of a consumer, ignoring case; KeyError names similar ones."""
     name = '_'.join(text.casefold().replace('-', ' ').replace('_', ' ').split())
     found = name if name in CONSUMERS else _ALIASES.get(name)
     if found is not None:

@@ -67,11 +67,7 @@ class ModelCurve(NamedTuple):
 
 
 def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
-    """
-    Return the Allan deviation of the model on a fine grid of averaging times.
-
-    Without a sample rate, the averaging times of the curve are used instead.
-    """
+    """Return the Allan deviation of the model on a fine grid, or at the points without a rate."""
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
     model = reported_model(axis) if coarse.any() else FittedModel({})
@@ -114,17 +110,13 @@ def shortest_fitted_s(axis: AxisResult) -> float:
     return 1 / (axis.band_edge_hz or inf)
 
 
-def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
-                  coefficients: Mapping[str, float] | None = None) -> Array:
+def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float) -> Array:
     """
     Return the two-sided power spectral density of the samples under the fitted model.
 
-    It is in squared sample units per Hz. If `coefficients` (SI) are given, only these terms are
-    included. NaN above the fitted band, where the model does not apply, and for an axis without a
-    model. The ramp is deterministic and has no spectrum.
+    It is in squared sample units per Hz; NaN above the fitted band, which the model does not
+    describe, and for an axis without a model. The ramp is deterministic and has no spectrum.
     """
-    if coefficients is not None:
-        return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
     if not any(axis.curve.model_adev):
         return np.full(len(frequency_hz), np.nan)
     density = reported_model(axis).density(frequency_hz, 1 / sample_rate_hz)
@@ -182,11 +174,7 @@ def value_with_unit(coefficient: Coefficient, value: float) -> str:
 
 
 def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
-    """
-    Return a coefficient as text: value and interval ends, only its bound, or nothing.
-
-    It is in the unit of datasheets, or with `si` in that of the result.
-    """
+    """Return value and interval ends, only the bound, or nothing, in datasheet or SI units."""
     scale = 1.0 if si else engineering(1.0, coefficient.unit)[0]
     if coefficient.value is not None and coefficient.ci95 is not None:
         return measured(*(scale * one for one in (coefficient.value, *coefficient.ci95)))
@@ -196,13 +184,7 @@ def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
 
 
 def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
-    """
-    Return the lowest and highest Allan deviation to show.
-
-    Points with few degrees of freedom may lie anywhere, so they are ignored if there are better
-    ones; the model counts. With `rings`, the points where coefficients are read are included,
-    unless that would squeeze the curve to the top.
-    """
+    """Return the lowest and highest Allan deviation to show; with `rings`, with reading points."""
     low, high = inf, 0.0
     reading = []
     for axis in axes:
@@ -267,23 +249,13 @@ def over_time(signal: Signal | None) -> tuple[Array, Array]:
 
 
 def mean_over_time(axis: AxisResult) -> tuple[Array, Array]:
-    """
-    Return the mean of each segment of an axis, minus the overall mean.
-
-    The time is the middle of each segment in seconds. The mean is in the unit of a sample, and NaN
-    without samples. Both are empty if the result does not contain the signal.
-    """
+    """Return the middle of each segment in seconds, and its mean less the overall mean."""
     time, (_, mean, _) = over_time(axis.signal)
     return time, np.asarray(mean - np.nanmean(mean)) if len(mean) else mean
 
 
 def marker_indices(mean: Array, place: int) -> NDArray[np.intp]:
-    """
-    Choose the points of a mean at which to draw the marker of its axis.
-
-    Returns at most eight indices. `place` is the index of the axis in the picture; it shifts
-    the markers so that those of different axes alternate.
-    """
+    """Choose up to eight points of a mean for the marker of the axis at `place` in a picture."""
     known = np.flatnonzero(np.isfinite(mean))
     if not len(known):
         return known
@@ -299,12 +271,7 @@ def time_unit(length_s: float) -> tuple[float, str]:
 
 
 def other_noise(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[str]]]:
-    """
-    Return the noise of an axis that is not one of the standard terms.
-
-    Each item holds the Allan deviation at `tau` in the unit of a sample, the index at which to
-    label it, and the label.
-    """
+    """Return other noise than the standard terms: deviation at `tau`, index of label, label."""
     found = []
     if (process := axis.gauss_markov) is not None:
         line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))

@@ -161,11 +161,7 @@ def _frame(panel: Axes, sensor: str, power: int, limits: tuple[float, float], x_
 
 def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
                  factor: float = 1.0) -> None:
-    """
-    Place the ticks at powers of ten of the value times `factor`.
-
-    Over a short range of `limits`, also at 2 and 5 times these.
-    """
+    """Place ticks at powers of ten of value times `factor`, over short `limits` at 2 and 5 too."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     # A longer range contains two powers of ten wherever it begins.

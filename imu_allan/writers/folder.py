@@ -109,12 +109,7 @@ def _save_plot(figure: 'Figure', folder: Path, name: str, formats: Sequence[str]
 
 def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str],
                     formats: Sequence[str] = FORMATS) -> list[Path]:
-    """
-    Write ``comparison.html`` and ``comparison.FORMAT`` of several results.
-
-    More than seven, the number of colours, are shown as a population: grey curves with median and
-    band, and outliers in colour.
-    """
+    """Write ``comparison.html`` and ``comparison.FORMAT``, of many results as of a population."""
     from imu_allan.writers.comparison import comparison_figure
     from imu_allan.writers.report import comparison_html
 

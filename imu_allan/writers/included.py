@@ -9,11 +9,7 @@ from imu_allan.wording import about, duration, listed, named
 
 
 def trend_notes(axes: Mapping[str, AxisResult]) -> list[str]:
-    """
-    Describe the trends of the mean in the numbers from the drift model, and the remedy.
-
-    Returns one sentence per trend; empty if there is none.
-    """
+    """Say which trends are in the numbers from the drift model, and the remedy."""
     trends = {name: axis.trend for name, axis in axes.items()
               if axis.drift_model is not None and axis.trend is not None}
     warm = [name for name, trend in trends.items() if trend.warm_up is not None]

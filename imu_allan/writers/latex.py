@@ -29,11 +29,7 @@ def escaped(text: str) -> str:
 
 
 def noise_table(result: Result) -> str:
-    r"""
-    Return a table of the coefficients (package booktabs) and a paragraph on the method.
-
-    Include it with ``\input``; `BIBLIOGRAPHY` contains the cited references.
-    """
+    """Return a table of the coefficients for LaTeX, and a paragraph on the method."""
     lines = ['% Needs \\usepackage{booktabs}; the references are in imu_noise.bib.',
              '\\begin{table}', '  \\centering', '  \\caption{Noise coefficients with their '
              '95\\,\\% intervals.}', '  \\label{tab:imu-noise}', '  \\begin{tabular}{llrrr}',

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
@@ -79,11 +80,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
 
 def draw_terms(panel: 'Axes', axis: AxisResult,
                truth: Mapping[str, float] | None = None) -> None:
-    """
-    Draw the line of each observable term, its slope, and a ring at its reading point.
-
-    The limits of the panel must be set. `truth` (SI) replaces the estimated coefficients.
-    """
+    """Draw the line of each term, its slope, and a ring where it is read; `truth` is in SI."""
     curve = axis.curve
     if not curve.tau_s:
         return
@@ -181,7 +178,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
                linewidth=1.3, zorder=3)
     soft = COLOURS['soft']
     for key, value in curves.coefficients_of(axis).items():
-        own = curves.model_density(axis, frequency, rate, {key: value})
+        own = FittedModel({key: value}).density(frequency, 1 / rate)
         inside = own > model[fitted].min(initial=inf) * 0.3
         panel.plot(frequency[inside], own[inside], color=soft, linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
@@ -199,12 +196,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
 
 
 def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -> None:
-    """
-    Draw the means over time, the gaps, and the excluded motion.
-
-    A known temperature is drawn with a scale on the right. If no axis has a signal, the strip has
-    no curves.
-    """
+    """Draw the means over time, gaps and excluded motion, and a known temperature."""
     colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale

@@ -62,11 +62,7 @@ def plot(result: Result) -> 'Figure':
 
 
 def overview_figure(result: Result) -> 'Figure':
-    """
-    Draw the Allan deviation of all axes, with expected bands and fitted models, on one sheet.
-
-    Gyroscope and accelerometer are side by side, with coefficients above and signal below.
-    """
+    """Draw the Allan deviation of all axes, coefficients above and signal below, on one sheet."""
     with plot_style():
         sensors = curves.sensors_of(result)
         halves = max(1, len(sensors))
@@ -91,13 +87,7 @@ def overview_figure(result: Result) -> 'Figure':
 
 
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
-    """
-    Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
-
-    The Allan deviation is drawn with the fitted model, the band for 95 % of its points, and the
-    terms with slopes and reading points. Raises ImuAllanError if the result has no axis of
-    `sensor`.
-    """
+    """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
     axes = curves.axes_of(result, sensor)
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
@@ -126,12 +116,7 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
 
 
 def paper_figure(result: Result, width_cm: float) -> 'Figure':
-    """
-    Draw the Allan deviations for a column of a paper, without a caption.
-
-    From a width of 12 cm, the sensors are side by side. No text is smaller than 7 points in print.
-    Raises ImuAllanError if no axis has an Allan deviation above zero.
-    """
+    """Draw the Allan deviations for a column of a paper; no text is below 7 points in print."""
     drawn = {sensor: {name: axis for name, axis in curves.axes_of(result, sensor).items()
                       if any(axis.curve.adev)} for sensor in curves.sensors_of(result)}
     drawn = {sensor: axes for sensor, axes in drawn.items() if axes}

@@ -82,11 +82,7 @@ def report_html(result: Result) -> str:
 
 
 def comparison_html(results: Mapping[str, Result]) -> str:
-    """
-    Return a report that compares several results with the first of them.
-
-    Raises ImuAllanError if the results have nothing in common.
-    """
+    """Return a report that compares several results with the first of them."""
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
     charts = [*filter(None, (comparison_chart(named_results, axis) for axis in AXES))]

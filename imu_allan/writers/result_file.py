@@ -88,11 +88,7 @@ def _result_in(folder: Path) -> Path:
 
 
 def curves_csv(result: schema.Result) -> str:
-    """
-    Return the Allan deviation curves as CSV text, one row per axis and averaging time.
-
-    After a header line, the rows are in SI units and seconds; numbers read back exactly.
-    """
+    """Return the curves as CSV text: a row per axis and averaging time, exact and in SI units."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(['axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',

@@ -131,12 +131,7 @@ class Panel:
 
     def frame(self, x_title: str, y_title: str, second: tuple[float, str] | None = None, *,
               x_labels: bool = True, most_y: int = 8) -> None:
-        """
-        Draw grid, ticks and titles.
-
-        `second` holds the factor from the left scale to the right scale, and the title on the
-        right.
-        """
+        """Draw grid, ticks and titles; `second`: factor to a scale on the right, and title."""
         left, top, right, bottom = self.box
         written = inf
         for value, text in self.y.ticks(most_y):
@@ -219,11 +214,7 @@ class Panel:
 
     def label(self, x: float, y: float, lines: Sequence[str], avoid: Array, kind: str,
               taken: list[Box], *, ring: bool = True) -> str:
-        """
-        Return a label near a point, where it hides least, with a ring and a line to the point.
-
-        `avoid`, shape (n, 2), holds pixels to keep free. The box of the label is added to `taken`.
-        """
+        """Return a label where it hides least, tied to the point; add its box to `taken`."""
         px, py = float(self.x(x)), float(self.y(y))
         if not self._inside(px, py):
             return ''
@@ -285,12 +276,7 @@ class Drawing:
     parts: list[str] = field(default_factory=list)
 
     def panel(self, box: Box, x: tuple[float, float, bool], y: tuple[float, float, bool]) -> Panel:
-        """
-        Return a panel with scales that fill a box.
-
-        The box is left, top, right, bottom. `x` and `y` hold the lowest and highest value, and
-        whether the scale is logarithmic.
-        """
+        """Return a panel that fills a box; `x` and `y`: lowest, highest, whether logarithmic."""
         left, top, right, bottom = box
         return Panel(box, Scale(*x, left, right), Scale(*y, bottom, top))
 

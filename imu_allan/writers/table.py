@@ -39,12 +39,7 @@ if TYPE_CHECKING:
 def print_result(result: Result, console: 'Console | None' = None, *,
                  to: TextIO | None = None, units: Units = 'datasheet', verbose: bool = False
                  ) -> None:
-    """
-    Print the verdict, the coefficients with their intervals, and the findings.
-
-    The numbers for a filter are always in SI units. With `verbose` the output may exceed one
-    screen: it has all findings in full, and terms that no axis shows.
-    """
+    """Print verdict, coefficients and findings; with `verbose` perhaps more than one screen."""
     if console is None:
         console = console_of(to)
     console.print(result_table(result, console.width, units, verbose=verbose))
@@ -62,12 +57,7 @@ def result_text(result: Result) -> str:
 
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                  verbose: bool = False) -> 'RenderableType':
-    """
-    Return the result for a terminal: verdict, numbers for a filter, table, findings.
-
-    With `verbose` it may exceed one screen: it has all findings in full, and terms that no axis
-    shows.
-    """
+    """Return the result for a terminal: verdict, numbers for a filter, table, findings."""
     from rich.console import Group
     from rich.text import Text
 

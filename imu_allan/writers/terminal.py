@@ -21,11 +21,7 @@ _UNBROKEN = 10_000
 
 
 def console_of(to: TextIO | None = None) -> 'Console':
-    """
-    Return the console for a terminal, a pipe or a file.
-
-    The default is standard output.
-    """
+    """Return the console for a terminal, a pipe or a file; by default of standard output."""
     from rich.console import Console
 
     class Quiet(Console):
@@ -66,11 +62,7 @@ def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterat
 
 
 def columns_of() -> int | None:
-    """
-    Return the width for lines that are printed without a console.
-
-    Returns None for a pipe, where lines are not wrapped.
-    """
+    """Return the width for lines printed without a console; None for a pipe."""
     stated = _stated()
     if stated is not None:
         return stated

@@ -56,12 +56,7 @@ class Choice(NamedTuple):
 
 def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
             ) -> list[Choice]:
-    """
-    Return the sets of numbers for a filter, with the expected performance of each.
-
-    They are tuned, conservative, as measured, ten times K, and the full drift model. Raises
-    ImuAllanError if the axis has no drift model or the times are not valid.
-    """
+    """Return the sets of numbers for a filter, with the expected performance of each."""
     found = [(TUNED, tune(axis, aiding_s, coast_s, bias), False),
              ('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True), False)]
     density, random_walk = (
@@ -78,11 +73,7 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
                  ) -> Group:
-    """
-    Return one table per sensor, with the axes that have a drift model.
-
-    Raises ImuAllanError if no axis has one.
-    """
+    """Return one table per sensor, with the axes that have a drift model."""
     parts: list[RenderableType] = [Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
         f'{duration(coast_s)}:')]
@@ -138,11 +129,7 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
 
 
 def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]:
-    """
-    Return the notes below the tables: omitted axes, forecast, trends, and steadiness.
-
-    `calibration_s` is the time over which the bias is averaged before the drift.
-    """
+    """Return the notes below the tables: omitted axes, forecast, trends, and steadiness."""
     said = [*_left_out(result), *_forecast(result, calibration_s), *(
         f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
         for sentence in trend_notes(result.axes)), *_steadiness(result, coast_s)]
@@ -259,11 +246,7 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
 
 def verification_table(found: Mapping[str, Verification], other: str,
                        bias: Bias = 'random_walk', *, run: bool = False) -> Group:
-    """
-    Return a table of how well numbers from one recording fit another.
-
-    If filters were `run` over it, the columns with the expectations of its model are omitted.
-    """
+    """Return a table of how well numbers from one recording fit another, or `run` over it."""
     def ratio(value: float, ci95: tuple[float, float]) -> str:
         return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
 

@@ -20,13 +20,7 @@ if TYPE_CHECKING:
 
 
 def verification_figure(found: Mapping[str, FieldTest], other: str) -> 'Figure':
-    """
-    Draw the observed and the predicted error of the mean after unaided times.
-
-    There is one panel per sensor. Points are observed; dotted lines and bars are predicted by the
-    full drift model. 95 % of the points should lie in the bands. Raises ImuAllanError if no part
-    at rest is long enough for an unaided time.
-    """
+    """Draw observed and predicted errors of the mean after unaided times, by sensor."""
     shown = {name: one for name, one in found.items() if one.full.coasts}
     sensors = [sensor for sensor in SENSORS if of_sensor(shown, sensor)]
     if not sensors:

@@ -164,12 +164,7 @@ def together(same: Sequence[Finding]) -> Finding:
 
 
 def for_display(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """
-    Return findings in the form in which all front ends show them.
-
-    Findings of one kind on several axes are merged, with a list for each value that differs. Those
-    that require action come first. Each has its message.
-    """
+    """Return findings as all front ends show them: merged over axes, those to act upon first."""
     codes = list(CODES)
     ranked = sorted(_grouped(findings), key=lambda found: (
         found.severity != 'act',

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.axis_groups import FinishedRecord
-from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import Result
@@ -42,57 +41,24 @@ class CheckState:
 
 
 def check_state(stream: Characterization | Mapping[str, Characterization],
-                specification: NoiseModel, *, margin: float = 0.1, error: float = 0.05,
-                shortest_s: float = 0.0, result: Result | None = None,
-                fits: Mapping[str, AxisFit | None] | None = None) -> CheckState:
-    """
-    Compare a unit with its datasheet while it is recorded.
-
-    Call it as the record grows, for instance each time it is 15 % longer, until the verdict is
-    certain. Noise coefficients are decided by the sequential test, everything else as in `check`.
-
-    Parameters
-    ----------
-    stream : Characterization, or a mapping of str to it
-        The data so far; not modified. A mapping has the keys ``gyro`` and ``accel``, for an IMU
-        whose sensors have different rates.
-    specification : NoiseModel
-        The limits.
-    margin : float, optional
-        Relative distance to a limit within which the test need not decide on a side.
-    error : float, optional
-        Largest probability that a good unit fails, and that a bad unit passes.
-    shortest_s : float, optional
-        Shortest record in seconds with which anything passes.
-    result : Result, optional
-        The result of `stream`; required if that is a mapping.
-    fits : mapping of axis name to AxisFit or None, optional
-        The fits that `result` is based on, to avoid repeating them.
-
-    Returns
-    -------
-    CheckState
-
-    Raises
-    ------
-    ImuAllanError
-        If the specification has no limits.
-
-    """
+                specification: NoiseModel, *, margin: float = 0.1, shortest_s: float = 0.0,
+                result: Result | None = None, fits: Mapping[str, AxisFit | None] | None = None
+                ) -> CheckState:
+    """Compare a unit with its datasheet while it is recorded, each time `next_look` says so."""
+    # A mapping has the halves of an IMU whose sensors have different rates, and comes with result
+    # and fits. Within `margin` of a limit, the test need not decide on a side.
     halves = {'': stream} if isinstance(stream, Characterization) else stream
-    if result is None:
+    if result is None or fits is None:
         [alone] = halves.values()
-        result, fits = alone.fitted(tested={})
+        own, fits = alone.fitted(tested={})
+        result = result or own
     verdicts = check(result, specification, shortest_s=shortest_s)
-    records = {half: each.record() for half, each in halves.items()}
     recorded = float('inf')
-    for record in records.values():
+    for record in [each.record() for each in halves.values()]:
         if record is None or record.samples < SMALLEST_RECORD:
             return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
                               result.timeline.duration_s)
         recorded = min(recorded, record.samples / record.rate_hz)
-    if fits is None:
-        fits = _fits(records)
     tested = ('quantization_noise', *LASTING_TERMS)   # keys of the sequential test
     limited = sum(verdict.key in tested for verdict in verdicts)
     # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.
@@ -104,7 +70,7 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
         # The output resolution hides the quantity, however long the record is.
         hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
         settled.append(
-            _settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
+            _settled(verdict, raw.get(verdict.axis), margin, max(limited, 1), recorded)
             if verdict.key in tested and not hidden
             else (verdict, hidden or verdict.verdict != 'cannot tell'))
     found = [verdict for verdict, _ in settled]
@@ -119,21 +85,8 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
     return CheckState(all(done for _, done in settled), tuple(found), recorded)
 
 
-def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | None]:
-    """Fit every axis; if the sensors have different rates, each from its own record."""
-    fits: dict[str, AxisFit | None] = {}
-    for half, record in records.items():
-        if record is None:
-            continue
-        for group in record.groups:
-            fitted = fit_axes(group.estimator, 1 / record.rate_hz, group.temperature)
-            fits |= {name: fit for name, fit in zip(group.names, fitted, strict=True)
-                     if name.startswith(half)}
-    return fits
-
-
-def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float,
-             limited: int, recorded_s: float) -> tuple[Verdict, bool]:
+def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, limited: int,
+             recorded_s: float) -> tuple[Verdict, bool]:
     """Apply the sequential test to one coefficient; return the verdict and whether it is final."""
     if fitted is None:
         # A missing, constant or dead axis has already failed.
@@ -148,7 +101,7 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
     # A good unit may fail at any of its limits by chance, so these share the error. A bad unit
     # passes only if its bad term passes.
     decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
-                      pass_error=error, fail_error=error / limited)
+                      pass_error=0.05, fail_error=0.05 / limited)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
 
 

@@ -48,12 +48,7 @@ class Measured:
 
 
 def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
-    """
-    Return why an axis does not measure properly, or None.
-
-    The sentence contains the fault: missing (`axis` is None), constant, saturated, deadband, copy
-    or dead.
-    """
+    """Return a sentence on why an axis does not measure properly, or None."""
     if axis is None:
         return 'the axis is missing: the result does not hold it'
     if axis.constant:
@@ -128,11 +123,7 @@ def zero_bias(result: Result, axis: str, expected: float) -> Measured:
 
 
 def gravity_error(result: Result) -> Measured:
-    """
-    Return the difference between the mean acceleration's magnitude and standard gravity.
-
-    For several recordings it is the largest.
-    """
+    """Return how far the mean acceleration is from gravity in magnitude, at the worst start."""
     names = [axis for axis in AXES if axis.startswith('accel')]
     for name in names:
         if (undecided := _undecided_mean(result.axes[name])) is not None:
@@ -148,11 +139,7 @@ def gravity_error(result: Result) -> Measured:
 
 
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
-    """
-    Return the measured value of one limited quantity.
-
-    For quantities of the whole accelerometer, the result must hold its three axes.
-    """
+    """Return the measured value of one limited quantity."""
     if key in TERMS:
         hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
         return (coefficient(result.axes[axis], key) if hidden is None
@@ -239,12 +226,7 @@ def _magnitude(interval: Interval) -> Interval:
 
 
 def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
-    """
-    Return why the resolution of the output is too coarse to test a limit, or None.
-
-    `limit` is in SI units. Returns None if the output is fine enough, or if the noise exceeds the
-    limit regardless of what is hidden.
-    """
+    """Return why the steps of the output are too coarse to test a limit (SI), or None."""
     ratio = _steps_of_noise(axis)
     # Within two steps of zero, the mean of a truncated axis is inside the cell of double width.
     near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)

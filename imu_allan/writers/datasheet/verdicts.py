@@ -64,13 +64,7 @@ class Verdict:
 
 def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
           ) -> list[Verdict]:
-    """
-    Compare a result with all limits of a specification.
-
-    Gauss-Markov terms of the specification are not limits; its means are the reference of
-    `zero_bias`. Nothing passes with a record shorter than `shortest_s`. Raises ImuAllanError if
-    there are no limits.
-    """
+    """Compare a result with a specification; nothing passes that is shorter than `shortest_s`."""
     verdicts = [_verdict(result, specification, axis, key, limit)
                 for axis, key, limit in _limits(specification)]
     if not verdicts:
@@ -91,24 +85,14 @@ def overall(verdicts: Sequence[Verdict]) -> Outcome:
 
 
 def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
-    """
-    Return the verdict on the whole sensor, and the reasons against a pass, with figures.
-
-    There is one sentence for each quantity with that outcome, such as ``gyro_z N: the 95 %
-    interval is above 0.03 deg/s/sqrt(Hz) (measured 0.041)``; none if everything passes.
-    """
+    """Return the verdict on the whole sensor, and the reasons against a pass, with figures."""
     outcome = overall(verdicts)
     return outcome, [_with_figures(verdict) for verdict in verdicts
                      if verdict.verdict == outcome != 'pass']
 
 
 def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
-    """
-    Return why quantities do not pass, failures first; equal reasons are merged.
-
-    The second list gives, for each verdict, the number of its sentence, counted from 1; None if it
-    passes.
-    """
+    """Return why quantities do not pass, failures first, and the number of each one's reason."""
     keys = [None if verdict.verdict == 'pass' else (
         verdict.verdict, _with_figures(verdict).removeprefix(
             f'{_what(verdict.axis, verdict.symbol)}: ')) for verdict in verdicts]

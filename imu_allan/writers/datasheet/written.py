@@ -38,12 +38,7 @@ _LONGEST = 110
 
 
 def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
-    """
-    Return the verdicts as a table for a terminal.
-
-    All numbers are in the unit that the specification uses, for easy comparison. A verdict other
-    than a pass is followed by the number of its reason in `reasons`.
-    """
+    """Return the verdicts as a table for a terminal, with the numbers of their `reasons`."""
     from rich.text import Text
 
     table = bare_table('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
@@ -75,11 +70,7 @@ def figures(verdict: Verdict) -> tuple[str, str, str]:
 
 
 def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
-    """
-    Return the verdicts as JSON text with the schema ``imu_allan.check/1``.
-
-    It includes source, inspection and name of the specification.
-    """
+    """Return the verdicts as JSON text with the schema ``imu_allan.check/1``."""
     quoted = result.to_dict()
     document: dict[str, Any] = {
         'schema': 'imu_allan.check/1', 'imu_allan_version': result.imu_allan_version,
@@ -90,11 +81,7 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
 
 
 def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
-    """
-    Return the verdicts as JUnit XML: one test case each, skipped if undecided.
-
-    Serial number, operator and station are properties of the suite.
-    """
+    """Return the verdicts as JUnit XML: one test case each, skipped if undecided."""
     counts = {outcome: str(sum(verdict.verdict == outcome for verdict in verdicts))
               for outcome in ('pass', 'fail', 'cannot tell')}
     source = printable(result.source.path or result.source.topic or 'samples')
@@ -134,11 +121,7 @@ def _text(value: Any) -> str:
 
 def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel
                      ) -> str:
-    """
-    Return the certificate of a unit.
-
-    It is an HTML document without script that prints on one sheet of A4.
-    """
+    """Return the certificate of a unit: HTML without script, for one sheet of A4."""
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
     title = specification.name or 'specification'
     if result.inspection is not None and result.inspection.serial is not None:

@@ -225,11 +225,7 @@ class Numbers:
         return found
 
     def rate(self, sensor: Sensor | None = None) -> float:
-        """
-        Return the rate of the consumer, or of the messages of a sensor.
-
-        Raises ImuAllanError if it is unknown.
-        """
+        """Return the rate of the consumer, or of the messages of a sensor."""
         of_messages = None if sensor is None or not self.consumer.per_message else next(
             (axis.sample_rate_hz for axis in self.axes(sensor).values()
              if axis.sample_rate_hz is not None), None)

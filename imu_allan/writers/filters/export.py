@@ -19,13 +19,7 @@ from imu_allan.writers.filters.template import filled
 
 def export(result: Result, consumer: str, rate_hz: float | None = None,
            options: ExportOptions = ExportOptions()) -> str:  # noqa: B008
-    """
-    Return the text of the configuration of a filter; `CONSUMERS` names its file.
-
-    `rate_hz` matters to consumers whose numbers depend on it. The default is the sample rate of
-    the result, or the usual prediction rate for an autopilot. Raises ImuAllanError if the consumer
-    is unknown, or if the result lacks the rate or all numbers.
-    """
+    """Return the text of the configuration of a filter; `CONSUMERS` names its file."""
     if not isinstance(result, Result):
         raise TypeError('expected a result, such as imu_allan.load_result gives, not '
                         f'{type(result).__name__}')
@@ -41,24 +35,14 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
 
 
 def existing_file_note(path: str | os.PathLike[str]) -> str:
-    """
-    Return a note on an existing file in place of a configuration that cannot be made.
-
-    The file is kept, since its origin is unknown, but beside a new result it seems to belong to
-    it. Empty if there is no such file.
-    """
+    """Say that a file stands in place of a configuration that cannot be made, if one does."""
     if not Path(path).is_file():
         return ''
     return f'; {printable(path)} stands there from before and was not replaced'
 
 
 def stale_files_note(folder: str | os.PathLike[str], exports: Sequence[str] = ()) -> str:
-    """
-    Return a note on configurations in a folder that belong to an earlier result.
-
-    They are kept, but beside a new result they seem to belong to it. `exports` are those that do.
-    Files that this package did not write do not count. Empty if there are none.
-    """
+    """Name the configurations in a folder that are not `exports`, but of an earlier result."""
     folder = Path(folder)
     old = {name: consumer.file for name, consumer in CONSUMERS.items()
            if name not in exports and _is_configuration(folder / consumer.file)}

@@ -13,12 +13,7 @@ from imu_allan.version import __version__
 
 def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None
                         ) -> schema.Result:
-    """
-    Return the coefficients of a datasheet as a result without curves, intervals or drift model.
-
-    `path` is the source named in configurations. Raises ImuAllanError if the datasheet has no
-    noise density.
-    """
+    """Return the coefficients of a datasheet as a result without curves or intervals."""
     axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
             if 'noise_density' in datasheet.axes.get(name, {})}
     if not axes:

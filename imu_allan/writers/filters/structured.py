@@ -25,7 +25,6 @@ from imu_allan.writers.filters.template import (
     worst,
 )
 
-_Named = dict[tuple[Sensor, Key], str]
 _PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
 """Parts of a state space, as the files name them."""
 
@@ -42,8 +41,9 @@ def basalt(numbers: Numbers) -> str:
     """
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = provenance(numbers)
-    names: _Named = {('accel', 'N'): 'accel_noise_std', ('gyro', 'N'): 'gyro_noise_std',
-                     ('accel', 'K'): 'accel_bias_std', ('gyro', 'K'): 'gyro_bias_std'}
+    names: dict[tuple[Sensor, Key], str] = {
+        ('accel', 'N'): 'accel_noise_std', ('gyro', 'N'): 'gyro_noise_std',
+        ('accel', 'K'): 'accel_bias_std', ('gyro', 'K'): 'gyro_bias_std'}
     for (sensor, key), name in names.items():
         found, said = each(numbers, sensor, key)
         remarks += [f'{name}: {remark}' for remark in said]
@@ -200,11 +200,7 @@ def matlab(numbers: Numbers) -> str:
 
 
 def plain(numbers: Numbers) -> str:
-    """
-    Write N, B and K of each axis as measured, and N and K for a filter, as YAML in SI units.
-
-    An unobservable coefficient has its 95 % upper bound, ``below95``, in place of a value.
-    """
+    """Write N, B and K of each axis as measured, and N and K for a filter, as YAML in SI units."""
     lines = [*heading(numbers),
              '# SI units: noise_density rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), bias_instability rad/s '
              'and m/s^2, rate_random_walk',

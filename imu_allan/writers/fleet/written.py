@@ -97,11 +97,7 @@ def cells(trait: Trait) -> tuple[str, ...]:
 
 
 def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
-    """
-    Return the HTML page of a fleet.
-
-    It loads nothing; the pictures are embedded.
-    """
+    """Return the HTML page of a fleet, which loads nothing: pictures are embedded."""
     from markupsafe import Markup
 
     population = fleet.population
@@ -175,12 +171,7 @@ def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def fleet_json(fleet: Fleet) -> str:
-    """
-    Return the fleet as JSON text with the schema ``imu_allan.fleet/1``.
-
-    It has the units in natural order with verdict and reasons, the traits of the population in SI
-    units, and the failed recordings.
-    """
+    """Return the fleet as JSON text with the schema ``imu_allan.fleet/1``, in SI units."""
     population = fleet.population
     odd = set(population.outlier_units)
     document: dict[str, Any] = {
