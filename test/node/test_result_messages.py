@@ -31,7 +31,6 @@ from imu_allan.result import Coefficient, GoodnessOfFit, Result, Timeline, Tone,
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions, TimelineSummary
-from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
@@ -104,7 +103,8 @@ def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(
     assert np.isnan(messages['accel/allan_deviation'].data).all()
     # A curve of more octaves keeps its longest averaging times.
     longer = with_axes(only(result, 'gyro_x'), curve=lambda axis: replace(
-        axis.curve, tau_s=tuple(2.0**np.arange(28)), adev=tuple(np.arange(28.0))))
+        axis.curve, tau_s=tuple(2.0**np.arange(28)), adev=tuple(np.arange(28.0)),
+        edf=(2.0,) * 28))
     rows = np.array(result_messages(longer, 'imu_allan', STAMP)['gyro/allan_deviation'].data)
     np.testing.assert_array_equal(rows[:50], [*2.0**np.arange(3, 28), *np.arange(3.0, 28)])
 
@@ -338,7 +338,7 @@ def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
     # A look takes the fits that the result was made of.
     [result], fits = Run(Lane(noisy)).snapshot().fitted()
-    monkeypatch.setattr(live, 'fit_axes', lambda *_: pytest.fail('fitted again'))
+    monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
         Finding('specification', 'error', Varying(above('1.3e-3')))]
 
