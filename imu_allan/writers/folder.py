@@ -9,16 +9,10 @@ from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
+from imu_allan.writers import plot
 from imu_allan.writers.atomic import CONFIGURATION, CURVES, PAGE, PICTURES, RESULT, write_in
 from imu_allan.writers.curves import sensors_of
 from imu_allan.writers.filters import CONSUMERS, existing_file_note, export
-from imu_allan.writers.plot import (
-    FORMATS,
-    overview_figure,
-    paper_figure,
-    render,
-    sensor_figure,
-)
 from imu_allan.writers.result_file import curves_csv
 
 if TYPE_CHECKING:
@@ -67,30 +61,30 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     if report:
         paths += save_report(result, folder, ())
     if picture:
-        paths.append(write_in(folder, LAST_WRITTEN, render(overview_figure(result))))
+        paths.append(write_in(folder, LAST_WRITTEN, plot.render(plot.overview_figure(result))))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths
 
 
 def save_report(result: Result, folder: str | os.PathLike[str],
-                formats: Sequence[str] = FORMATS) -> list[Path]:
+                formats: Sequence[str] = plot.FORMATS) -> list[Path]:
     """Write ``report.html``, ``allan_deviation.FORMAT`` and, per sensor, ``gyro.FORMAT``."""
     from imu_allan.writers.report import report_html
 
     folder = Path(folder)
     paths = [write_in(folder, 'report.html', report_html(result).encode())]
     if formats:
-        paths += _save_plot(overview_figure(result), folder, 'allan_deviation', formats)
+        paths += _save_plot(plot.overview_figure(result), folder, 'allan_deviation', formats)
         for sensor in sensors_of(result):
-            paths += _save_plot(sensor_figure(result, sensor), folder, sensor, formats)
+            paths += _save_plot(plot.sensor_figure(result, sensor), folder, sensor, formats)
     return paths
 
 
 def save_paper(result: Result, folder: str | os.PathLike[str], width_cm: float,
-               formats: Sequence[str] = FORMATS) -> list[Path]:
+               formats: Sequence[str] = plot.FORMATS) -> list[Path]:
     """Write ``allan_deviation_WIDTHcm.FORMAT``, sized for a column of a paper."""
-    figure = paper_figure(result, width_cm)
+    figure = plot.paper_figure(result, width_cm)
     return _save_plot(figure, Path(folder), f'allan_deviation_{width_cm:g}cm', formats, dpi=300)
 
 
@@ -104,11 +98,11 @@ def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
 
 def _save_plot(figure: 'Figure', folder: Path, name: str, formats: Sequence[str],
                dpi: float = 150) -> list[Path]:
-    return [write_in(folder, f'{name}.{kind}', render(figure, kind, dpi)) for kind in formats]
+    return [write_in(folder, f'{name}.{kind}', plot.render(figure, kind, dpi)) for kind in formats]
 
 
 def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str],
-                    formats: Sequence[str] = FORMATS) -> list[Path]:
+                    formats: Sequence[str] = plot.FORMATS) -> list[Path]:
     """Write ``comparison.html`` and ``comparison.FORMAT``, of many results as of a population."""
     from imu_allan.writers.comparison import comparison_figure
     from imu_allan.writers.report import comparison_html

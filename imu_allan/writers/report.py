@@ -21,23 +21,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result, Segment
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.writers.answer import (
-    AIDING_S,
-    CALIBRATION_S,
-    COAST_S,
-    key_figures,
-    longer_recording_note,
-    UNCERTAIN,
-    written_mean,
-)
-from imu_allan.writers.charts import (
-    allan_chart,
-    comparison_chart,
-    density_chart,
-    drift_chart,
-    segment_chart,
-    signal_chart,
-)
+from imu_allan.writers import answer, charts
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
@@ -48,13 +32,14 @@ from imu_allan.writers.words import for_display, message_of, title_of
 
 def report_html(result: Result) -> str:
     """Return the report of one result."""
-    found, timeline = key_figures(result), result.timeline
+    found, timeline = answer.key_figures(result), result.timeline
     own = [(figures.sensor, axes_of(result, figures.sensor), figures) for figures in found]
     # Group the charts by kind, each for both sensors.
-    charts = [*(signal_chart(result, sensor, axes) for sensor, axes, _ in own),
-              *(density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
-              *(drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own),
-              *(segment_chart(sensor, axes) for sensor, axes, _ in own)]
+    drawn = [*(charts.signal_chart(result, sensor, axes) for sensor, axes, _ in own),
+             *(charts.density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
+             *(charts.drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own),
+             *(charts.segment_chart(sensor, axes) for sensor, axes, _ in own)]
+    allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes, _ in own]
     remarks = [{'title': title_of(one), 'severity': one.severity,
                 'text': _typeset(message_of(one))} for one in for_display(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
@@ -64,20 +49,20 @@ def report_html(result: Result) -> str:
         facts=_facts(result), version=printable(result.imu_allan_version),
         words={sensor: VERDICT_TEXT[one.verdict] for sensor, one in verdicts_of(result).items()},
         key_figures=found, remarks=remarks, remark_count=findings_line(result),
-        allan=[*filter(None, (allan_chart(sensor, axes, timeline) for sensor, axes, _ in own))],
-        charts=[*filter(None, charts)], rest=wording.duration(timeline.rest_s),
+        allan=[*filter(None, allan)], charts=[*filter(None, drawn)],
+        rest=wording.duration(timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes for sensor, axes, _ in own},
-        outlook=longer_recording_note(result), cell=_cell, density=_density_of, drift=_drift_of,
-        mean=written_mean, rest_s=timeline.rest_s,
+        outlook=answer.longer_recording_note(result), cell=_cell, density=_density_of,
+        drift=_drift_of, mean=answer.written_mean, rest_s=timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for figures in found
                  for name, tuning in figures.tunings.items()],
         parts={sensor: known for sensor, axes, _ in own if (known := {
             name: axis for name, axis in axes.items()
             if axis.stationarity is not None and axis.stationarity.segments})},
-        aiding=f'{AIDING_S:g} s', coast=wording.duration(COAST_S),
-        calibration=wording.duration(CALIBRATION_S),
-        uncertain=UNCERTAIN, timeline=timeline, configs=_configs(result),
+        aiding=f'{answer.AIDING_S:g} s', coast=wording.duration(answer.COAST_S),
+        calibration=wording.duration(answer.CALIBRATION_S),
+        uncertain=answer.UNCERTAIN, timeline=timeline, configs=_configs(result),
         noisy={name: axis for name, axis in result.axes.items() if not axis.constant})
 
 
@@ -85,12 +70,12 @@ def comparison_html(results: Mapping[str, Result]) -> str:
     """Return a report that compares several results with the first of them."""
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
-    charts = [*filter(None, (comparison_chart(named_results, axis) for axis in AXES))]
+    drawn = [*filter(None, (charts.comparison_chart(named_results, axis) for axis in AXES))]
     summaries = [
         {'name': name, 'place': place, 'source': ' '.join(wording.names_of(result)),
          'facts': _facts(result)}
         for place, (name, result) in enumerate(named_results.items())]
-    return _page('comparison.html', shown=shown, verdicts=verdicts(differences), charts=charts,
+    return _page('comparison.html', shown=shown, verdicts=verdicts(differences), charts=drawn,
                  title='Allan deviation compared', summaries=summaries,
                  differences=differences, version=__version__)
 

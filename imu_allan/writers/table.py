@@ -19,13 +19,7 @@ from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
-from imu_allan.writers.answer import (
-    filter_lines,
-    key_figures,
-    KeyFigures,
-    longer_recording_note,
-    written_mean,
-)
+from imu_allan.writers import answer
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.terminal import console_of, wrapped
 from imu_allan.writers.verdict import COLUMNS, good_to_know, Units, verdict_lines
@@ -61,13 +55,13 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    found = key_figures(result)
+    found = answer.key_figures(result)
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     verdicts = list(wrapped(verdict_lines(result, units), width, 'bold'))
     # The measured K also stands in the table, if a line is wanting.
-    tuned = [list(wrapped(filter_lines(result, found, width, measured=measured), width))
+    tuned = [list(wrapped(answer.filter_lines(result, found, width, measured=measured), width))
              for measured in (True, False)]
     heading = _heading(result, width)
     rows = [list(_rows(axes_of(result, figures.sensor), units, result.timeline.rest_s,
@@ -159,7 +153,7 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verb
         unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
         yield _Row('mean', '', unit, {
             name: _Cell('' if axis.mean is None else
-                        written_mean(axis, axis.mean, recorded, unit)[0])
+                        answer.written_mean(axis, axis.mean, recorded, unit)[0])
             for name, axis in axes.items()}, 1.0, dim=True)
 
 
@@ -172,7 +166,7 @@ def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
     return _Cell(value, ' .. '.join(ends) if in_full or half > 0.1 else f'+-{100 * half:.2g} %')
 
 
-def _tables(found: Sequence[KeyFigures], rows: Sequence[Sequence[_Row]], width: int, *,
+def _tables(found: Sequence[answer.KeyFigures], rows: Sequence[Sequence[_Row]], width: int, *,
             tuned: bool, named: bool) -> 'list[list[Text]]':
     """Arrange the axes side by side in the widest layout that fits, or else stacked."""
     for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
@@ -201,7 +195,7 @@ class _Layout:
         return f'{row.symbol} {row.name}' + ('\n  ' if self.tall else '  ') + row.unit
 
 
-def _columns(figures: KeyFigures, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
+def _columns(figures: answer.KeyFigures, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
     from rich.text import Text
 
     columns = [[Text(figures.title, 'bold'), *(Text(layout.head(row), 'dim' if row.dim else '')
@@ -253,7 +247,7 @@ def _notes(result: Result) -> list[str]:
     words = []
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
-    if longer := longer_recording_note(result):
+    if longer := answer.longer_recording_note(result):
         words.append(longer)
     return [' '.join(words)]
 

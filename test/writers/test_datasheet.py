@@ -11,19 +11,10 @@ import xml.etree.ElementTree as ElementTree
 from browser import Outline
 from changed import UNSEEN, with_axes, with_coefficient, without
 from characterized import messages
-from imu_allan import characterize
+from imu_allan import characterize, result as schema
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import (
-    GoodnessOfFit,
-    Inspection,
-    RecordingPart,
-    Segment,
-    Span,
-    Stationarity,
-    TurnOnBias,
-)
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import (
     certificate_html,
@@ -56,7 +47,7 @@ def test_an_interval_may_touch_the_limit_and_a_limit_of_zero_has_no_ratio(result
     (-0.021, 0.02, 'fail'), (-0.007, 0.009, 'pass')])
 def test_a_zero_bias_is_that_of_the_worst_start(result, bias, limit, outcome):
     means = {name: axis.mean for name, axis in result.axes.items()}
-    starts = tuple(RecordingPart(name, None, 3600.0, {**means, 'gyro_x': mean})
+    starts = tuple(schema.RecordingPart(name, None, 3600.0, {**means, 'gyro_x': mean})
                    for name, mean in (('mon', 0.002), ('tue', bias)))
     found = only(replace(result, recordings=starts), f'gyro: {{x: {{zero_bias: {limit} rad/s}}}}')
     assert found.verdict == outcome
@@ -68,8 +59,8 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     assert [one.verdict for one in verdicts] == ['cannot tell', 'fail', 'cannot tell']
 
 
-SILENT = Stationarity(False, 0.0, tuple(
-    Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
+SILENT = schema.Stationarity(False, 0.0, tuple(
+    schema.Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
     for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9))))
 NOISE = 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}'
 GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.011 rad/s}}'
@@ -86,7 +77,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
                                 ci95=(0.9e-12, 1.1e-12)), NOISE, 'fail',
      'gyro_x N: the axis is dead: its noise density is 1.1e-12 rad/s/sqrt(Hz) at most, less than '
      'a thousandth of the limit'),
-    (lambda r: with_axes(r, 'gyro_x', stood_still=Span(300.0, 58.9)), NOISE, 'fail',
+    (lambda r: with_axes(r, 'gyro_x', stood_still=schema.Span(300.0, 58.9)), NOISE, 'fail',
      'gyro_x N: the axis is dead for 58.9 s from 5 min on: it gives one value all that time'),
     (lambda r: with_axes(r, 'gyro_x', stationarity=SILENT), NOISE, 'fail',
      'gyro_x N: the axis is dead from 45 min on: no noise is left there'),
@@ -96,11 +87,11 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
     # What is not known is no verdict.
     (lambda r: r, ZERO_BIAS, 'pass', 'gyro_x zero bias: the 95 % interval is below 0.011 rad/s'),
     # Of several power-ons it is known no better than they differ.
-    (lambda r: replace(r, turn_on_bias={'gyro_x': TurnOnBias(0.002, (0.001, 0.01))}), ZERO_BIAS,
-     'cannot tell', 'gyro_x zero bias: the 95 % interval reaches across 0.011 rad/s; record for '
-     'longer'),
-    (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=GoodnessOfFit(1e-9, 0.8, False)), NOISE,
-     'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
+    (lambda r: replace(r, turn_on_bias={'gyro_x': schema.TurnOnBias(0.002, (0.001, 0.01))}),
+     ZERO_BIAS, 'cannot tell',
+     'gyro_x zero bias: the 95 % interval reaches across 0.011 rad/s; record for longer'),
+    (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=schema.GoodnessOfFit(1e-9, 0.8, False)),
+     NOISE, 'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
     (lambda r: with_coefficient(r, 'accel_y', 'noise_density', **UNSEEN, upper95=1e-3), GRAVITY,
      'cannot tell', 'accel gravity error: accel_y: the noise density does not show, and with it '
      'what the mean is worth; record for longer')])
@@ -214,7 +205,7 @@ def certificate(result):
 
 
 def test_a_certificate_says_what_was_judged_with_a_numbered_reason_for_each_failure(result):
-    text = certificate(replace(result, inspection=Inspection('A-0017')))
+    text = certificate(replace(result, inspection=schema.Inspection('A-0017')))
     page = Outline(text)
     for word in ('fail', '<b>Part</b> 7, A-0017', '/imu/data_raw', '2,160,000 at 200 Hz, 3 h',
                  '2.5 °/√h', 'turn-on bias', 'Reasons'):
