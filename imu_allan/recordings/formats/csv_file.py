@@ -49,9 +49,11 @@ _FIRST_LINES = 64
 FIFO."""
 _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a comma-separated file."""
-_DATE = re.compile(r'(?<![\w:])(?<!\d )(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d:\d\d:\d\d)'
-                   r'(?:\.(\d{1,9})\d*)?(?:Z|([+-]\d\d):?(\d\d))?')
-"""A time of ISO 8601, as pandas writes an index of times, with or without the day."""
+_DATE = re.compile(
+    r'(?<![\w:])(?<!\d )(?:(\d{4}[-./]\d\d[-./]\d\d)[T ]|\d{1,2}[-./]\w{1,4}[-./]\d{2,4} )?'
+    r'(\d?\d:\d\d:\d\d)(?:\.(\d{1,9})\d*)?(?: ?([AaPp])[Mm]\b)?(?:Z|([+-]\d\d):?(\d\d))?')
+"""A time of ISO 8601 or of a spreadsheet, with or without the day; a day whose order of day and
+month differs between countries is left out."""
 _LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')
 """A number behind its name, as for the serial plotter of Arduino: ``aX:1.23``."""
 
@@ -193,7 +195,7 @@ class CsvRecording(FileRecording):
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         # Between blanks, date and time of day may be two cells.
         self._dated = _DATE.search(text) is not None and (
-            delimiter is not None or re.search(r'-\d\d \d\d:', text) is None)
+            delimiter is not None or not any(' ' in date[0] for date in _DATE.finditer(text)))
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
             header, options, lambda clock: _is_plausible_clock(rows, clock))
@@ -363,11 +365,14 @@ def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
 
 def _nanoseconds(time: re.Match[str]) -> str:
     """Return a date and time as nanoseconds since 1970; what is none stays as it is."""
-    day, clock, part, hours, minutes = time.groups('')
+    day, clock, part, half, hours, minutes = time.groups('')
+    date = re.sub('[./]', '-', day) or '1970-01-01'
     try:
-        seconds = int(np.datetime64(f'{day or "1970-01-01"}T{clock}', 's').astype(np.int64))
+        seconds = int(np.datetime64(f'{date}T{clock:0>8}', 's').astype(np.int64))
     except ValueError:
         return time[0]
+    if half:
+        seconds += 43_200 * ((half in 'Pp') - clock.startswith('12'))
     ahead = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
     return str((seconds - ahead) * 10**9 + int(f'{part:0<9}'))
 

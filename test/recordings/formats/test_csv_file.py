@@ -346,6 +346,8 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
 
 
 SUMMER = [1403636579_750000000, 1403636580_000000000]
+EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
+"""The same times of the day, without the day."""
 
 
 @pytest.mark.parametrize(('header', 'times', 'stamps'), [
@@ -356,6 +358,11 @@ SUMMER = [1403636579_750000000, 1403636580_000000000]
     ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
     # As pandas names an index.
     (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
+    ('time,gx', ('2014/06/24 19:02:59.75,', '2014.06.24 19:03:00,'), SUMMER),
+    # As spreadsheets of several countries and MATLAB write them.
+    ('time;gx', ('24.06.2014 19:02:59,75;', '06/24/2014 7:03:00 PM;0,'), EVENING),
+    ('time,gx', ('24-Jun-2014 19:02:59.75,', '24-Jun-2014 19:03:00,'), EVENING),
+    ('time,gx', ('12:00:00.25 am,', '12:00:00.5 PM,'), [250_000_000, 43_200_500_000_000]),
     # A logger without a battery.
     ('time,gx', ('1970-01-01T01:59:59.99+02:00,', '1970-01-01T02:00:00.00+02:00,'),
      [-10_000_000, 0])])
@@ -366,9 +373,9 @@ def test_times_that_are_written_as_dates_are_read(path, header, times, stamps):
 
 @pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])
 def test_times_of_another_form_are_no_numbers_and_reported(path, options):
-    text = 'time,gx\n24.06.2014 19:02:59.75,1\n24.06.2014 19:02:59.76,2\n'
+    text = 'time,gx\n19h02m59.75,1\n19h02m59.76,2\n'
     assert refusal(path, text, **options) == (
-        'line 2: 24.06.2014 19:02:59.75,1 lacks a number in a column that is read. A column that '
+        'line 2: 19h02m59.75,1 lacks a number in a column that is read. A column that '
         'holds none can be left out: --columns names the others, and --rate takes the place of '
         'the time. A time is a number or like 2024-06-24 19:02:59.75')
     block, _ = read(path, options=replace(named(gyro_x='gx'), rate_hz=100.0))
