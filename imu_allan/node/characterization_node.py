@@ -50,15 +50,11 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-QUEUE_S = 2.5
-"""The queue holds this many seconds of samples at the expected rate."""
 QUEUE_MESSAGES = 10_000
 """The queue holds at least this many messages: 2 s of an IMU at 5 kHz."""
 TICK_S = 0.5
-"""Time between ticks: a fifth of `QUEUE_S`, so that late ticks lose nothing. Shorter ticks wake up
-needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
-SHORTEST_TICK_S = 0.05
-"""Shortest time between ticks, for rates at which the queue would overflow within `TICK_S`."""
+"""Time between ticks: a fifth of what the queue holds, so that late ticks lose nothing. Shorter
+ones wake up needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
 
 
 class CharacterizationNode(AnyExecutorNode):
@@ -147,7 +143,7 @@ class CharacterizationNode(AnyExecutorNode):
         well = True
         try:
             wait_s = TICK_S
-            while not stop:
+            while not stop.is_set:
                 executor.spin_once(wait_s)
                 if time.monotonic() - self._last_tick >= wait_s:
                     wait_s = self._tick()
@@ -169,7 +165,9 @@ class CharacterizationNode(AnyExecutorNode):
 
     def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
         expected = 0.0 if half == 'accel' else values['expected_rate']
-        queue, (gyro_unit, accel_unit) = queue_messages(expected), _units(values)
+        # 2.5 s of samples, which late ticks do not exceed.
+        queue = max(QUEUE_MESSAGES, ceil(2.5 * expected))
+        gyro_unit, accel_unit = _units(values)
         parameter = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
         kind = values[parameter]
         try:
@@ -197,10 +195,10 @@ class CharacterizationNode(AnyExecutorNode):
         with self._lock:
             if name == 'publish_period':
                 results.publish_every(value)
-            elif name == 'output_dir':
-                storage.write_to(value)
-            elif name in ('checkpoint_period', 'export_for'):
+            elif name in ('output_dir', 'checkpoint_period', 'export_for'):
                 setattr(storage, name, value)
+                if name == 'output_dir':
+                    storage.try_output()
             elif name in ('aiding_interval', 'coast'):
                 filter_of = results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
                 if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
@@ -227,11 +225,12 @@ class CharacterizationNode(AnyExecutorNode):
                 self._storage.checkpoint(self._run)
             if self._reports.due(now):
                 self._thermometer.look_beside()
-                self._reports.report(now, self._run, self._results.latest,
-                                     self._storage.checkpoint_age_s(now))
+                self._reports.report(now, self._run, self._results.latest)
                 self._results.draw_if_watched(self._run)
             elapsed_s, self._last_tick = now - self._last_tick, now
-        return pace_s(count, elapsed_s)
+        # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
+        quarter_s = elapsed_s * (QUEUE_MESSAGES // 4) / max(count, 1)
+        return min(TICK_S, max(0.05, quarter_s))
 
     def _catch_up(self, now: float) -> int:
         """Take in all messages so far; return their number on the busiest topic."""
@@ -261,7 +260,6 @@ class CharacterizationNode(AnyExecutorNode):
         """Save a run that another one replaces, and keep its state aside."""
         self._storage.save(run)
         self._storage.keep_aside(run, why)
-        self._storage.hurry()
         self._forget_run()
 
     def _forget_run(self) -> None:
@@ -288,9 +286,9 @@ class CharacterizationNode(AnyExecutorNode):
                 reception.drop()
             self._runs.begin_anew()
             self._forget_run()
-            self._storage.forget_resumed()
+            self._facts.resumed, self._storage.has_resumed = '', False
             self._results.fit(self._run)
-            future = self._storage.checkpoint(self._run) if self._storage.keeps_state else None
+            future = self._storage.checkpoint(self._run)
         response.success, response.message = True, 'a new run has begun'
         failure = None if future is None else await self._failure(future)
         if failure is not None:
@@ -300,11 +298,7 @@ class CharacterizationNode(AnyExecutorNode):
         return response
 
     async def _failure(self, future: 'Future[Any]') -> str | None:
-        """
-        Wait for the worker and for the caller's turn, while the executor goes on.
-
-        Return what went wrong, or None.
-        """
+        """Wait for the worker and for the caller's turn; return what went wrong, or None."""
         executor = self.executor
         if isinstance(executor, Executor):
             future.add_done_callback(lambda _: executor.wake())
@@ -339,29 +333,26 @@ class CharacterizationNode(AnyExecutorNode):
     def finish(self) -> bool:
         """Take in what is still queued, write state and result; return whether all succeeded."""
         with self._lock:
-            ended, self._ended = self._ended, True
-            return ended or self._finish()
-
-    def _finish(self) -> bool:
-        # Every step is attempted, even if an earlier one has failed.
-        done = [self._attempt(step) for step in (
-            lambda: self._catch_up(time.monotonic()),
-            self._runs.finish,
-            lambda: self._storage.save_state_at_end(self._run),
-            # Plots come last: there may be no time for them.
-            lambda: (self._runs.unproven is None
-                     or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
-            lambda: self._storage.save_files_at_end(self._run),
-            # Nothing is published any more, but the outcome of writing files is logged.
-            lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
-        if (result := self._storage.saved_of(self._run) or self._results.latest) is not None:
-            of = self._results.filter_of
-            for line in closing_lines(result, of.aiding_interval_s, of.coast_s):
-                self._log.info(line)
-        if all(done):
-            self._storage.finish_run()
-        self._storage.close()
-        return all(done) and not self._facts.save_error
+            if self._ended:
+                return True
+            self._ended = True
+            # Every step is attempted, even if an earlier one has failed.
+            done = [self._attempt(step) for step in (
+                lambda: self._catch_up(time.monotonic()),
+                self._runs.finish,
+                lambda: self._storage.save_state_at_end(self._run),
+                # Plots come last: there may be no time for them.
+                lambda: (self._runs.unproven is None
+                         or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
+                lambda: self._storage.save_files_at_end(self._run),
+                # Nothing is published any more, but the outcome of writing files is logged.
+                lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
+            if (result := self._storage.saved_of(self._run) or self._results.latest) is not None:
+                of = self._results.filter_of
+                for line in closing_lines(result, of.aiding_interval_s, of.coast_s):
+                    self._log.info(line)
+            self._storage.close(is_over=all(done))
+            return all(done) and not self._facts.save_error
 
     def _attempt(self, step: Callable[[], object]) -> bool:
         try:
@@ -396,17 +387,6 @@ def _fields(values: Mapping[str, Any], half: Half | None = None) -> list[str]:
 
 def _units(values: Mapping[str, Any]) -> list[str]:
     return [values['gyro_unit'], values['accel_unit']]
-
-
-def queue_messages(expected_rate: float) -> int:
-    """Return the depth of the queue for a rate in Hz (0 if unknown)."""
-    return max(QUEUE_MESSAGES, ceil(QUEUE_S * expected_rate))
-
-
-def pace_s(count: int, elapsed_s: float) -> float:
-    """Return the seconds until the next tick, after `count` messages in `elapsed_s`."""
-    # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
-    return min(TICK_S, max(SHORTEST_TICK_S, elapsed_s * (QUEUE_MESSAGES // 4) / max(count, 1)))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

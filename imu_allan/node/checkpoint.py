@@ -173,8 +173,8 @@ class StateFile:
             raise UnusableState('foreign', 'it is too large for a state file of imu_allan')
         return decode_state(data)
 
-    def save(self, state: State) -> int:
-        """Replace the saved state and return the size of the file in bytes."""
+    def save(self, state: State) -> None:
+        """Replace the saved state."""
         if self._in_the_way:
             raise ImuAllanError(self._in_the_way)
         data = encode_state(state)
@@ -182,7 +182,6 @@ class StateFile:
             raise ImuAllanError(f'{self.path}: a state of {len(data):,} bytes could not be '
                                 'resumed from, so it is not written; the one before it stays')
         write_atomically(self.path, data, private=True)
-        return len(data)
 
     def keep_aside(self, reason: str) -> Path:
         """Rename the saved state so that a new run cannot overwrite it, and return its path."""

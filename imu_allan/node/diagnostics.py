@@ -8,6 +8,7 @@ The log reports the same conditions when they begin and when they end.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+import time
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -112,7 +113,7 @@ class Facts:
     save_error: str = ''
     checkpoint_error: str = ''
     output_error: str = ''  # of the check of the output folder
-    checkpoint_age_s: float | None = None
+    checkpointed_at: float | None = None  # by the monotonic clock
     resumed: str = ''  # what became of the state file at the start
     moved_s: float = 0.0  # excluded as motion
     temperature_topic: str = ''
@@ -143,7 +144,8 @@ def diagnostics_message(node_name: str, stamp: Time,
                _estimation_values(facts, result)),
               ('storage', both, _storage_verdict(facts), {
                   'state_file': facts.state_file or None,
-                  'checkpoint_age_s': facts.checkpoint_age_s})]
+                  'checkpoint_age_s': None if facts.checkpointed_at is None else
+                  time.monotonic() - facts.checkpointed_at})]
     levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
     parts += [(finding.standard, both, (levels[finding.level], finding.message), {})
               for finding in facts.findings]

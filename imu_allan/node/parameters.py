@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 
 
 def declare(node: Node, settings: Sequence[Setting],
-            applied: Callable[[str, Any], None] | None = None) -> dict[str, Any]:
+            applied: Callable[[str, Any], None]) -> dict[str, Any]:
     """Declare `settings` and return their values; check later changes and call `applied`."""
     known = {setting.name: setting for setting in settings}
 
@@ -40,7 +40,7 @@ def declare(node: Node, settings: Sequence[Setting],
 
     def apply(parameters: Iterable[Parameter]) -> None:
         for parameter in parameters:
-            if parameter.name in known and applied is not None:
+            if parameter.name in known:
                 applied(parameter.name, parameter.value)
 
     values: dict[str, Any] = {}

@@ -11,7 +11,6 @@ import os
 from pathlib import Path
 import signal
 import sys
-from types import FrameType
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
@@ -19,27 +18,19 @@ from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 
 class StopRequest:
-    """Set by a signal to stop; the work under way is finished first."""
+    """Whether a signal has asked to stop; the work under way is finished first."""
 
-    def __init__(self) -> None:
-        self.signal: signal.Signals | None = None
+    is_set = False
 
-    def __bool__(self) -> bool:
-        """Return whether the process has been asked to stop."""
-        return self.signal is not None
-
-    def receive(self, number: int, _: FrameType | None) -> None:
-        """Handle a signal by recording it, and nothing else."""
-        self.signal = signal.Signals(number)
+    def set(self, *_: object) -> None:
+        """Handle a signal: without a lock, on which a second signal would wait for ever."""
+        self.is_set = True
 
 
 def give_back_memory() -> None:
-    """
-    Return free memory to the system, where the C library can (GNU).
-
-    Threads of the middleware allocate messages and ours frees them. This scatters free memory
-    over ever more pages, which would otherwise never be returned.
-    """
+    """Return free memory to the system, where the C library can (GNU)."""
+    # Threads of the middleware allocate messages and ours frees them. This scatters free memory
+    # over ever more pages, which would otherwise never be returned.
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
@@ -75,12 +66,9 @@ def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
 
 
 def _do_without_shared_memory(program: str) -> None:
-    """
-    Keep the middleware away from a full /dev/shm, which would end the process with SIGBUS.
-
-    Fast DDS can use the network alone. LTTng, which the ROS libraries link to for tracing, needs a
-    page of /dev/shm as soon as it is loaded; no setting changes that.
-    """
+    """Keep the middleware away from a full /dev/shm, which would end the process with SIGBUS."""
+    # Fast DDS can use the network alone. LTTng, which the ROS libraries link to for tracing, needs
+    # a page of /dev/shm as soon as it is loaded; no setting changes that.
     try:
         shared = os.statvfs('/dev/shm')
     except (OSError, AttributeError):
@@ -104,14 +92,14 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
     # SIGHUP comes when the terminal closes, for example because an SSH session drops.
     stopping = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
                 if hasattr(signal, name)]
-    before = {number: signal.signal(number, stop.receive) for number in stopping
+    before = {number: signal.signal(number, stop.set) for number in stopping
               if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield
     finally:
         for number, handler in before.items():
             # A second signal must not end a process that has saved before it returns its status.
-            signal.signal(number, signal.SIG_IGN if stop else handler)
+            signal.signal(number, signal.SIG_IGN if stop.is_set else handler)
 
 
 @contextlib.contextmanager

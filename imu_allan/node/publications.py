@@ -35,7 +35,6 @@ class Publications:
         self._of_result = {topic: latched(kind, topic) for topic, kind in kinds.items()}
         self._published: Mapping[str, Any] = {}
         self._volatile = dict.fromkeys(self._of_result, 0)
-        self._subscribed = dict.fromkeys(self._of_result, 0)
         self.plot = latched(CompressedImage, 'plot/compressed')
         self.diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10,
                                                  event_callbacks=_no_events())
@@ -53,15 +52,12 @@ class Publications:
     def serve_newcomers(self) -> None:
         """Publish again for new volatile subscriptions, which have missed the last result."""
         for topic, publisher in self._of_result.items():
-            count = publisher.get_subscription_count()
-            if count != self._subscribed[topic]:
-                self._subscribed[topic] = count
-                volatile = sum(
-                    info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
-                    for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name))
-                if volatile > self._volatile[topic] and topic in self._published:
-                    publisher.publish(self._published[topic])
-                self._volatile[topic] = volatile
+            volatile = sum(
+                info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+                for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name))
+            if volatile > self._volatile[topic] and topic in self._published:
+                publisher.publish(self._published[topic])
+            self._volatile[topic] = volatile
 
 
 def _no_events() -> PublisherEventCallbacks:

@@ -39,8 +39,7 @@ class Reports:
         """Return whether it is time for the next report."""
         return now - self._last >= REPORT_S
 
-    def report(self, now: float, run: Run, result: Result | None,
-               checkpoint_age_s: float | None) -> None:
+    def report(self, now: float, run: Run, result: Result | None) -> None:
         """Update the facts, write the log, and publish."""
         cpu = time.process_time()
         received = sum(reception.facts.received - reception.reported
@@ -51,7 +50,6 @@ class Reports:
                 reception.facts.cpu_s = (cpu - self._last_cpu) / received
         self._last, self._last_cpu = now, cpu
         facts = self._receptions[0].facts
-        facts.checkpoint_age_s = checkpoint_age_s
         self._receptions[0].announcements.see_progress(now, facts, result)
         watched = bool(self._publications.diagnostics.get_subscription_count())
         waited_for = any(reception.facts.received > 0 and not reception.announcements.has_begun

@@ -108,14 +108,10 @@ def _numbers(axis: AxisResult, filter_of: Filter) -> dict[str, float | None]:
 
 
 def curve_message(axes: Mapping[str, AxisResult]) -> Float64MultiArray:
-    """
-    Return the Allan deviation of a sensor: rows tau (s), x, y, z of 25 octaves, padded with NaN.
-
-    Longer curves omit their shortest averaging times.
-    """
+    """Return the Allan deviation of a sensor: rows tau (s), x, y, z, padded with NaN."""
     curves = [dict(zip(axes[letter].curve.tau_s, axes[letter].curve.adev, strict=True))
               if letter in axes else {} for letter in 'xyz']
-    octaves = 25   # columns; PlotJuggler ignores arrays of more than 100 numbers
+    octaves = 25   # the longest; PlotJuggler ignores arrays of more than 100 numbers
     taus = sorted({tau for curve in curves for tau in curve})[-octaves:]
     rows = [taus, *([curve.get(tau, math.nan) for tau in taus] for curve in curves)]
     data = [number for row in rows for number in row + [math.nan] * (octaves - len(row))]

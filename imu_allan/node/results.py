@@ -20,11 +20,6 @@ from sensor_msgs.msg import CompressedImage
 
 FIT_GROWTH = 0.2
 """The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
-FIT_SHARE = 0.01
-"""Most of a core that fits may use: a node beside a driver on a small computer leaves the rest."""
-SETTLED_S = 2.0
-"""After this long without a sample, a final fit includes all samples so far."""
-
 
 _Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float, float]
 """The result, results by lane, messages, findings against standards, seconds taken, and of CPU."""
@@ -69,7 +64,8 @@ class Results:
 
     def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
         """Start a new fit if one is due; otherwise serve the last result to new subscribers."""
-        settled = now - last_message > SETTLED_S
+        # After this long without a sample, a final fit includes all samples so far.
+        settled = now - last_message > 2.0
         if self._worker.under_way('fit'):
             return
         if run.fed != run.fitted and (now >= self._next_fit or settled):
@@ -78,11 +74,7 @@ class Results:
             self._publications.serve_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
-        """
-        Start a fit of the run, whose result is published if the run is still current then.
-
-        With `to_the_end`, nothing is reused from an earlier fit, as this fit may be the last.
-        """
+        """Start a fit, which reuses nothing of an earlier one if `to_the_end`, as the last may."""
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
         run.fitted = fed = run.fed
@@ -111,9 +103,10 @@ class Results:
             self.latest, of_lanes, messages, findings, self._facts.fit_s, cpu_s = future.result()
             self._facts.findings = findings
             run.learn(of_lanes, fed if tested is None else None)
-            # An early result is of little use: replace it when the record is three times as long.
+            # Fits use at most 1 % of a core: a small computer has a driver to run, too. An early
+            # result is of little use: replace it when the record is three times as long.
             self._next_fit = began + max(FIT_GROWTH * run.duration_s,
-                                         min(cpu_s / FIT_SHARE, 2 * run.duration_s))
+                                         min(100 * cpu_s, 2 * run.duration_s))
             self._publications.publish(messages)
             self._announcements.see_result(self.latest)
             self._announcements.see_standing(self._facts)

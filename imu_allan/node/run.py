@@ -171,11 +171,8 @@ class Run:
 
     @property
     def backtests(self) -> Backtests | None:
-        """
-        Backtests that are still valid; None once the record has grown by 15 %.
-
-        Until then they hardly change, and each of them runs a filter over half of the record.
-        """
+        """Backtests that are still valid; None once the record has grown by 15 %."""
+        # Until then they hardly change, and each of them runs a filter over half of the record.
         return self._backtests if self.fed < 1.15 * self._tested else None
 
     def snapshot(self) -> Snapshot:

@@ -58,7 +58,7 @@ class Runs:
 
     def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
-                 log: Log, offers: Callable[[int], set[str]] = lambda _: set()) -> None:
+                 log: Log, offers: Callable[[int], set[str]]) -> None:
         self.run = run
         self._setup = setup
         self._look_s = look_s

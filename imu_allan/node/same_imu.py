@@ -143,7 +143,7 @@ class Known(Record):
         return self._level_ratio(other.levels, 5.0) is not None
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
-                 fewest: int = FEWEST_MESSAGES) -> bool:
+                 fewest: int) -> bool:
         """Return whether there are enough messages to decide if they are from this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
         samples = _changes(*(block.samples for block in blocks))

@@ -2,28 +2,56 @@
 # SPDX-License-Identifier: Apache-2.0
 """Storage of a run: its state, to survive a crash or a reboot, and its result files."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
+import secrets
+import tempfile
 import time
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.interface import DEFAULT_STATE_FILE
+from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
-from imu_allan.node.run_folder import other_folders, run_folder, try_folder
 from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
-from imu_allan.writers.output_path import folder_lock
+from imu_allan.writers.output_path import folder_lock, open_folder, resolved
+
+
+def try_folder(output_dir: str) -> None:
+    """Check that the output folder can be written to: create a file in it and remove it."""
+    expanded = at_home(output_dir, 'output_dir')
+    try:
+        with ExitStack() as undone:
+            folder, name = open_folder(resolved(expanded)), f'.imu_allan.{secrets.token_hex(4)}'
+            undone.callback(os.close, folder)
+            handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
+            undone.callback(os.unlink, name, dir_fd=folder)
+            undone.callback(os.close, handle)
+            os.write(handle, b'x')
+    except OSError as error:
+        raise ImuAllanError(
+            f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
+            'parameter to a folder that may be written to') from error
+
+
+def other_folders(state_file: Path | None) -> Iterator[str]:
+    """Yield folders to try if the output folder cannot be written to, likeliest first."""
+    if state_file is not None:
+        yield str(state_file.parent)
+    yield DEFAULT_OUTPUT_DIR
+    # Raised if none of the system's folders for temporary files is writable.
+    with suppress(OSError):
+        yield str(Path(tempfile.gettempdir()) / 'imu_allan')
 
 
 class NothingToSave(ImuAllanError):
@@ -58,23 +86,19 @@ class Storage:
         self._unasked = values['state_file'] == DEFAULT_STATE_FILE
         self._state_file = self._opened(values['state_file'])
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
-        self._output_dir: str = values['output_dir']
+        self.output_dir: str = values['output_dir']
         self.checkpoint_period: float = values['checkpoint_period']
         self.export_for: list[str] = list(values['export_for'])
         self.has_resumed = False
         self._next_save: _NextSave | None = None
-        self._saved_at: float | None = None
         self._saved: tuple[Run, Result] | None = None
         self._last_checkpoint = time.monotonic()
 
-    @property
-    def keeps_state(self) -> bool:
-        """Whether there is a state file."""
-        return self._state_file is not None
-
-    def close(self) -> None:
-        """Release the state file."""
+    def close(self, is_over: bool) -> None:
+        """Release the state file; remove it if the run is over and nobody asked for the file."""
         if self._state_file is not None:
+            if is_over and self._unasked:
+                self._state_file.remove()
             self._state_file.close()
 
     # -- the state file -------------------------------------------------------------------------
@@ -145,10 +169,8 @@ class Storage:
                 self._facts.checkpoint_error = unsaved
 
         self._worker.start('aside', keep, note)
-
-    def forget_resumed(self) -> None:
-        """Forget what the run was resumed from, since the user has begun another one."""
-        self._facts.resumed, self.has_resumed = '', False
+        # The next run has to be on the disk at once.
+        self._last_checkpoint = time.monotonic() - self.checkpoint_period
 
     def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
         assert self._state_file is not None
@@ -159,58 +181,46 @@ class Storage:
             self._log.warning('removed the oldest states that were kept aside: '
                               f'{", ".join(removed)}', 'removed', 0.0)
 
-    def hurry(self) -> None:
-        """Make the next checkpoint due at once."""
-        self._last_checkpoint = time.monotonic() - self.checkpoint_period
-
     def checkpoint_due(self, now: float, run: Run) -> bool:
         """Return whether the state is to be written now."""
         period = self.checkpoint_period
         # Before the period ends, so that samples are on the disk within it.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
-        return (self.keeps_state and due and run.fed != run.checkpointed
+        return (self._state_file is not None and due and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 
-    def checkpoint(self, run: Run) -> 'Future[int]':
-        """Start writing the state of a run."""
-        assert self._state_file is not None
+    def checkpoint(self, run: Run) -> 'Future[None] | None':
+        """Start writing the state of a run, if there is a state file."""
         state_file = self._state_file
+        if state_file is None:
+            return None
         began = self._last_checkpoint = time.monotonic()
         fed = run.fed
         state = pack(run, self._setup)
 
-        def note(future: 'Future[int]') -> None:
+        def note(future: 'Future[None]') -> None:
             self._facts.checkpoint_error = self._worker.failure('checkpoint', future)
             if not self._facts.checkpoint_error:
                 run.checkpointed = fed
-                self._saved_at = began
+                self._facts.checkpointed_at = began
 
         return self._worker.start('checkpoint', lambda: state_file.save(state), note)
 
-    def checkpoint_age_s(self, now: float) -> float | None:
-        """Return the age in s of the last checkpoint written; None if there is none."""
-        return None if self._saved_at is None else now - self._saved_at
-
     # -- the output folder ----------------------------------------------------------------------
-
-    def write_to(self, folder: str) -> None:
-        """Change the output folder, and check it."""
-        self._output_dir = folder
-        self.try_output()
 
     def try_output(self) -> None:
         """Start a check of the output folder, to report faults early and not only at the end."""
-        folder = self._output_dir
+        folder = self.output_dir
 
         def note(future: 'Future[None]') -> None:
-            if folder == self._output_dir:
+            if folder == self.output_dir:
                 self._facts.output_error = self._worker.failure('output_dir', future)
 
         self._worker.start('try', lambda: try_folder(folder), note)
 
     def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
         """Start writing result, curves, plot and configurations; default is the output folder."""
-        folder = folder or self._output_dir
+        folder = folder or self.output_dir
         name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
         of, last = (run, folder, consumers), self._next_save
         if last is not None and last.of == of and last.holds(run.fed):
@@ -228,7 +238,10 @@ class Storage:
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topics} yet')
-            own = run_folder(folder, name, result, run.mark)
+            start = (result.source.start_time or 'unknown').removesuffix('Z')
+            own = at_home(folder, 'output_dir') / re.sub(
+                r'[^A-Za-z0-9_-]+', '-',
+                f'{name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
             self._saved = run, result
             try:
                 with folder_lock(own):
@@ -245,7 +258,7 @@ class Storage:
             self._facts.save_error = self._worker.failure('save', future)
             if self._facts.save_error:
                 return
-            if folder == self._output_dir:
+            if folder == self.output_dir:
                 self._facts.output_error = ''
             paths = future.result()
             self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
@@ -263,16 +276,11 @@ class Storage:
     def save_state_at_end(self, run: Run) -> bool:
         """Write the state if it is newer than the last checkpoint; return whether that worked."""
         self._worker.drop_queued(('fit', 'plot', 'try'))
-        if self._state_file is None or run.fed == run.checkpointed:
-            return True
-        return self.checkpoint(run).exception() is None
+        future = None if run.fed == run.checkpointed else self.checkpoint(run)
+        return future is None or future.exception() is None
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
-        """
-        Write the files, to another folder if the output folder fails; return if all is well.
-
-        The worker logs failures, as for any save.
-        """
+        """Write the files, to another folder if the output folder fails; return if all is well."""
         if not run.fed and not (self._unasked and self.has_resumed):
             return True
         try:
@@ -289,8 +297,3 @@ class Storage:
                     break
             return False
         return True
-
-    def finish_run(self) -> None:
-        """Remove the state file if nobody asked for it, once the files of the run are saved."""
-        if self._unasked and self._state_file is not None:
-            self._state_file.remove()
