@@ -354,7 +354,7 @@ def test_the_node_imports_nothing_from_the_current_folder(tmp_path):
     script.parent.mkdir()
     script.write_text('import sys\nfrom imu_allan.node.imu_allan_node import main\n'
                       'sys.exit(main())\n')
-    # What is wrong is told once all has been imported.
+    # What is wrong is said once all has been imported.
     done = subprocess.run([sys.executable, str(script), '--ros-args', '-p', 'motion:=ignore'],
                           cwd=current, capture_output=True, text=True, check=False)
     assert not trace.exists(), trace.read_text()
