@@ -15,9 +15,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
-_MATCHING_S = 5.0
+MATCHING_S = 5.0
 """A missing publisher is reported after this time; discovery takes up to three seconds."""
-_SILENCE_S = 30.0
+SILENCE_S = 30.0
 """Silence is reported after this time, or after three times the longest pause so far."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
@@ -96,12 +96,12 @@ class Thermometer:
     def _note_silence(self, now: float, has_come: bool) -> None:
         if self._facts.thermometers:
             self._last_publisher = now
-        self._facts.temperature_missing = now - self._last_publisher > _MATCHING_S
+        self._facts.temperature_missing = now - self._last_publisher > MATCHING_S
         pause_s = 0.0 if self._last_reading is None else now - self._last_reading
         if has_come:
             self._longest_pause_s = max(self._longest_pause_s, pause_s)
             self._last_reading, pause_s = now, 0.0
-        usual_s = max(_SILENCE_S, 3 * self._longest_pause_s)
+        usual_s = max(SILENCE_S, 3 * self._longest_pause_s)
         self._facts.temperature_silent_s = pause_s if pause_s > usual_s else 0.0
 
     def feed(self, lane: int, characterization: Characterization) -> None:

@@ -162,7 +162,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_
         ros: Ros, health: Health) -> None:
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'motion': 'keep', 'temperature_topic': 'imu/temperature',
-        'gyro_unit': 'deg/s', 'accel_unit': 'g'}, constants={'thermometer._MATCHING_S': 1.0})
+        'gyro_unit': 'deg/s', 'accel_unit': 'g'}, constants={'thermometer.MATCHING_S': 1.0})
     driver = Driver(ros).wait_for_node()
     ros.until(lambda: health.said('reception', f'nothing publishes {ros.name("imu/temperature")}: '
                                   'there is no temperature'))
