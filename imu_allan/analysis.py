@@ -280,11 +280,7 @@ def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
 
 
 def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
-    """
-    Return the result of what was taken so far of a recording, from one stream or two halves.
-
-    Also return the fit of every axis in it.
-    """
+    """Return the result of what was taken so far of a recording, and the fit of every axis."""
     results: list[Result] = []
     fits: dict[str, AxisFit | None] = {}
     for one in taken:

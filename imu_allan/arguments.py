@@ -16,17 +16,7 @@ nanoseconds."""
 
 
 def drift_model_of(axis: AxisResult) -> DriftModel:
-    """
-    Return the drift model of an axis.
-
-    Raises
-    ------
-    ImuAllanError
-        If the axis has none.
-    TypeError
-        If `axis` is not an `AxisResult`, such as a whole result.
-
-    """
+    """Return the drift model of an axis; ImuAllanError if it has none."""
     if not isinstance(axis, AxisResult):
         raise TypeError(f"expected an axis of a result, such as result.axes['gyro_x'], not "
                         f'{type(axis).__name__}')

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 import os
+from pathlib import Path
 import pickle
 import signal
 import subprocess
@@ -35,7 +36,6 @@ from {module} import {function}
 {function}()
 """
 """With PR_SET_PDEATHSIG (1) the Linux kernel ends the process with its parent."""
-_HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
 def import_path() -> list[str]:
@@ -45,28 +45,16 @@ def import_path() -> list[str]:
     The folder of this package is appended if it is missing, as in a checkout or an editable
     installation. In the last place it cannot hide other modules.
     """
-    here = _real(os.curdir)
+    here, home = _real(os.curdir), str(Path(__file__).parents[1])
     folders = [folder for folder in sys.path if folder and _real(folder) != here]
-    return folders if _HOME in folders else [*folders, _HOME]
+    return folders if home in folders else [*folders, home]
 
 
 def start_python(module: str, function: str, **options: Any) -> subprocess.Popen[bytes]:
     """
     Start an interpreter that calls a function of this package.
 
-    Parameters
-    ----------
-    module, function : str
-        Full name of the module, and name of its function without arguments.
-    options
-        Arguments of `subprocess.Popen`, except standard input. That is an unbuffered pipe, from
-        which the function can read what is written to it.
-
-    Raises
-    ------
-    OSError
-        If no process can be started.
-
+    The options are those of `subprocess.Popen`, except standard input: it is an unbuffered pipe.
     """
     process = subprocess.Popen(
         [sys.executable, '-I', '-c', _PROGRAM.format(

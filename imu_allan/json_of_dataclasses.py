@@ -56,24 +56,7 @@ def plain(value: Any) -> Any:
 
 
 def typed(kind: Any, value: Any, where: str) -> Any:
-    """
-    Convert the output of `plain` back.
-
-    Parameters
-    ----------
-    kind : type
-        A dataclass, or the annotation of one of its fields.
-    value : object
-        Value in a JSON document from any source.
-    where : str
-        Its place in the document, for error messages.
-
-    Raises
-    ------
-    ImuAllanError
-        If the value is not of that type; the message names the field.
-
-    """
+    """Convert the output of `plain` back to a type; ImuAllanError names the field `where`."""
     if kind is Any:
         return _any(value, where)
     origin = get_origin(kind)

@@ -88,15 +88,7 @@ def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
 
 
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
-    """
-    Restore a record from the output of `state_of`.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If a part is missing, unknown, or not of its type.
-
-    """
+    """Restore a record; KeyError, TypeError or ValueError if a part is not as `state_of` gives."""
     arrays = {name: array for name, array in state.items() if array.dtype.kind != 'U'}
     plain = {name: None if name in arrays else json.loads(str(state[name]))
              for name in _hints(cast(Any, kind))}

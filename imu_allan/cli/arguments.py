@@ -106,13 +106,6 @@ def require_apart(args: argparse.Namespace) -> None:
 
     The defaults `inputs` and `outputs` of each verb list which of its arguments are which. Outputs
     have a kind (`imu_allan.writers.atomic`), which is empty for a folder.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is one, or if a name is empty, for example because of an undefined variable in a
-        shell.
-
     """
     from imu_allan.writers.atomic import require_replaceable
 

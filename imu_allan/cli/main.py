@@ -126,15 +126,7 @@ def _suggestion(word: str, known: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the command and return its exit status.
-
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        The arguments; those of the process by default.
-
-    """
+    """Run the command with arguments, by default those of the process; return its exit status."""
     if sys.stderr is None:
         # Otherwise the next file to be opened could get its descriptor.
         sys.stderr = open(os.devnull, 'w')  # noqa: PTH123, SIM115

@@ -40,15 +40,7 @@ Answer = tuple[Any, tuple[BaseException, str] | None]
 
 @contextmanager
 def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
-    """
-    Yield an executor of `jobs` processes or of a Dask cluster, or None to use this process.
-
-    Raises
-    ------
-    ImuAllanError
-        If the cluster cannot be used.
-
-    """
+    """Yield an executor of `jobs` processes or of a Dask cluster, or None to use this process."""
     if dask is not None:
         with dask_client(dask) as client:
             yield client.get_executor(pure=False)
