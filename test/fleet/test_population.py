@@ -26,7 +26,7 @@ def unit(rng, **factors):
         for name in AXES})
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def fleet():
     """Forty units, of which unit7 has a noisy gyro_y and unit23 a constant accel_x."""
     rng = np.random.default_rng(8)
@@ -51,28 +51,32 @@ def six(lift=1.0):
     return made
 
 
-def traits_of(fleet):
-    return {(trait.axis, trait.key): trait for trait in population(fleet).traits}
+@pytest.fixture(scope='module')
+def found(fleet):
+    return population(fleet)
 
 
-def outliers_of(fleet, axis=''):
-    return [(one.unit, one.axis, one.key, one.fault) for one in population(fleet).outliers
+def traits_of(found):
+    return {(trait.axis, trait.key): trait for trait in found.traits}
+
+
+def outliers_of(found, axis=''):
+    return [(one.unit, one.axis, one.key, one.fault) for one in found.outliers
             if one.axis.startswith(axis)]
 
 
-def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet):
-    found = population(fleet)
+def test_the_two_bad_units_of_forty_are_found_and_no_other(found):
     assert found.units[:3] == ('unit1', 'unit2', 'unit3')
     assert found.outlier_units == ['unit7', 'unit23']
     noisy, *_ = (outlier for outlier in found.outliers if outlier.unit == 'unit7')
     assert noisy.value / noisy.median == pytest.approx(1.6, rel=0.15)
     assert noisy.spreads > 5
-    assert outliers_of(fleet) == [('unit7', 'gyro_y', 'noise_density', None),
+    assert outliers_of(found) == [('unit7', 'gyro_y', 'noise_density', None),
                                   ('unit23', 'accel_x', None, 'constant')]
 
 
-def test_the_spread_between_units_is_kept_apart_from_measuring(fleet):
-    traits = traits_of(fleet)
+def test_the_spread_between_units_is_kept_apart_from_measuring(found):
+    traits = traits_of(found)
     for axis in ('gyro_x', 'accel_z'):
         density = traits[axis, 'noise_density']
         assert density.median == pytest.approx(1e-4, rel=0.03)
@@ -95,30 +99,30 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet):
     odd = {unit: with_axes(fleet[unit], 'gyro_x', coefficients=nothing, mean=1.0,
                            high_passed_hz=corner_hz)
            for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
-    fleet |= odd
-    assert traits_of(fleet)['gyro_x', 'mean'].observable == len(fleet) - len(odd)
-    assert not odd.keys() & set(population(fleet).outlier_units)
+    found = population(fleet | odd)
+    assert traits_of(found)['gyro_x', 'mean'].observable == len(fleet) - len(odd)
+    assert not odd.keys() & set(found.outlier_units)
 
 
 def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(fleet):
     # All of them wander by what flicker makes of a mean; one is too quiet to show it.
     drift = 0.664 * 2e-5
     means = np.random.default_rng(1).normal(0, drift, len(fleet)).tolist()
-    for name, mean in zip(fleet, means, strict=True):
-        fleet[name] = with_axes(fleet[name], 'gyro_x', mean=mean)
+    fleet = {name: with_axes(result, 'gyro_x', mean=mean)
+             for (name, result), mean in zip(fleet.items(), means, strict=True)}
     fleet['unit2'] = with_coefficient(
         with_axes(fleet['unit2'], 'gyro_x', mean=2.5 * drift), 'gyro_x', 'bias_instability',
         **UNSEEN, upper95=3e-5)
-    assert outliers_of(fleet, 'gyro_x') == []
+    assert outliers_of(population(fleet), 'gyro_x') == []
     fleet['unit1'] = with_axes(fleet['unit1'], 'gyro_x', mean=20 * drift)
-    assert outliers_of(fleet, 'gyro_x') == [('unit1', 'gyro_x', 'mean', None)]
+    assert outliers_of(population(fleet), 'gyro_x') == [('unit1', 'gyro_x', 'mean', None)]
 
 
 def test_a_unit_is_judged_by_all_axes_of_a_sensor_together():
     assert population(six()).outlier_units == []
     found = population(six(1.095))
     assert found.outlier_units == ['unit2']
-    assert outliers_of(six(1.095)) == [
+    assert outliers_of(found) == [
         ('unit2', f'gyro_{letter}', 'noise_density', None) for letter in 'xyz']
     assert {round(outlier.value / outlier.median, 1) for outlier in found.outliers} == {1.1}
 
@@ -127,7 +131,8 @@ def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(flee
     several = {name: with_coefficient(fleet[name], 'gyro_x', 'noise_density', value=value,
                                       ci95=(0.99 * value, 1.01 * value))
                for name, value in (('unit1', 1e-4), ('unit2', 3e-3), ('unit3', 0.1))}
-    spread, usual = (traits_of(several)[axis, 'noise_density'] for axis in ('gyro_x', 'gyro_y'))
+    traits = traits_of(population(several))
+    spread, usual = (traits[axis, 'noise_density'] for axis in ('gyro_x', 'gyro_y'))
     assert spread.tolerance is None
     assert usual.tolerance > usual.median
     found = population({name: fleet[name] for name in ('unit1', 'unit2')})
