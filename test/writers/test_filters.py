@@ -291,9 +291,12 @@ def diagonal(value: float) -> list[list[object]]:
         'accelerometerNoiseDensity': ACCEL_N, 'accelerometerRandomWalk': near(ACCEL_K),
         'accelerometerBiasCorrelationTime': 200.0}),
     # ImuSimpleParams.hpp: stability/sqrt(tau) is the density of the random walk.
-    ('pegasus', (), {'update_rate': 400.0, **{
-        sensor: {'noise_density': n, 'random_walk': near(k), 'bias_correlation_time': 200.0}
-        for sensor, n, k in (('gyroscope', GYRO_N, GYRO_K), ('accelerometer', ACCEL_N, ACCEL_K))}}),
+    ('pegasus', (), {
+        'update_rate': 400.0,
+        'gyroscope': {'noise_density': GYRO_N, 'random_walk': near(GYRO_K),
+                      'bias_correlation_time': 200.0},
+        'accelerometer': {'noise_density': ACCEL_N, 'random_walk': near(ACCEL_K),
+                          'bias_correlation_time': 200.0}}),
     # Intervals as wide as those of the results here.
     ('plain', ('gyro_y',), {
         'noise_density': {'value': 1e-3, 'low95': near(0.998e-3), 'high95': near(1.002e-3)},
