@@ -16,6 +16,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 import re
+from typing import BinaryIO
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -44,6 +45,8 @@ from numpy.typing import NDArray
 
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which to look for decimal commas; the first numbers may all be zero."""
+_LONGEST_LINE = 1 << 20
+"""Bytes for 30,000 columns with names of 30 characters: all topics of a robot in one export."""
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
@@ -156,40 +159,45 @@ class CsvRecording(FileRecording):
 
     # ----------------------------------------------------------------------- what the columns are
 
+    def _found_header(self, file: BinaryIO) -> tuple[str, bool]:
+        """Find the line of names, and whether a byte order mark precedes it; stop after it."""
+        # Up to 100 lines stand before the header line, such as those of a device that starts; if
+        # none names an axis, it is the first that is no comment, as its names are unknown.
+        header, has_mark, behind = '', False, 0
+        for number in range(1, 102):
+            at, line = file.tell(), file.readline(_LONGEST_LINE)
+            if len(line) == _LONGEST_LINE and not line.endswith(b'\n'):
+                raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
+                                    'samples')
+            text = _decoded(line)
+            text = _without_arrows(text, cells_of(text)[0])
+            cells = cells_of(text)[1]
+            is_header = names_columns(text, self.options) and not (
+                header and any(map(is_number, cells)))
+            labels = _LABELLED.sub(r'\1', text)
+            self._labelled = (labels != text and not is_remark(text)
+                              and names_columns(labels, self.options))
+            if is_header or self._labelled or not (header or is_remark(text)):
+                header, has_mark, behind = text, line.startswith(BOM_UTF8), file.tell()
+                self._data_at, self._first_line = at, number
+            if self._labelled:
+                # The names are those of the first sample.
+                header, behind, self._first_line, is_header = labels, at, number - 1, True
+            if is_header or not line or (header and is_number(cells[0])):
+                break
+        file.seek(behind)
+        return header, has_mark
+
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
         options = self.options
-        # For 30,000 columns with names of 30 characters: all topics of a robot in one export.
-        longest = 1 << 20
         with self._stored.open('rb') as file:
-            # Up to 100 lines stand before the header line, such as those of a device that starts;
-            # if none names an axis, it is the first that is no comment, as its names are unknown.
-            header, has_mark, behind = '', False, 0
-            for number in range(1, 102):
-                at, line = file.tell(), file.readline(longest)
-                if len(line) == longest and not line.endswith(b'\n'):
-                    raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
-                                        'samples')
-                text = _without_arrows(_decoded(line), cells_of(_decoded(line))[0])
-                cells = cells_of(text)[1]
-                is_header = names_columns(text, options) and not (
-                    header and any(map(is_number, cells)))
-                labels = _LABELLED.sub(r'\1', text)
-                labelled = (labels != text and not is_remark(text)
-                            and names_columns(labels, options))
-                if is_header or labelled or not (header or is_remark(text)):
-                    header, has_mark, behind = text, line.startswith(BOM_UTF8), file.tell()
-                    self._data_at, self._first_line = at, number
-                if labelled:
-                    # The names are those of the first sample.
-                    header, behind, self._first_line, is_header = labels, at, number - 1, True
-                if is_header or not line or (header and is_number(cells[0])):
-                    break
-            file.seek(behind)
-            after = file.read(_LOOKED_AT) + file.readline(longest)
+            header, has_mark = self._found_header(file)
+            behind = file.tell()
+            after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
         delimiter, names = cells_of(header)
         text = _without_arrows(after.decode('utf-8', 'replace'), delimiter)
-        self._labelled, self._delimiter = labelled, delimiter
+        self._delimiter = delimiter
         self._decimal_comma = (delimiter != ',' and
                                re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None

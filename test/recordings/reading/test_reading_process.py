@@ -14,7 +14,6 @@ import sys
 import threading
 
 from bags import assert_same, block, FailingRecording, joined
-from hypothesis import given, strategies as st
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
@@ -137,21 +136,3 @@ def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
     stream.close()
     assert closed == [True]
     assert threads() == 0
-
-
-@given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from(['a', 'b'])), min_size=1,
-                max_size=30),
-       st.integers(1, 20))
-def test_joined_blocks_hold_the_same_messages(sizes, messages):
-    blocks, first = [], 0
-    for size, frame_id in sizes:
-        blocks.append((block(size, frame_id, first), first))
-        first += size
-    assert list(larger_blocks(iter([]), messages)) == []
-    after = list(larger_blocks(iter(blocks), messages))
-    assert_same(joined([item for item, _ in blocks]), joined([item for item, _ in after]))
-    assert [item.frame_id for item, _ in after for _ in range(len(item))] == [
-        frame_id for size, frame_id in sizes for _ in range(size)]
-    assert all(len(item) < messages + 9 for item, _ in after)
-    positions = [position for _, position in after]
-    assert positions == sorted(positions)
