@@ -43,7 +43,7 @@ def outcomes_of(checkout: Path, arguments: Sequence[str]) -> list[dict[str, Any]
     environment = {**os.environ, 'PYTHONPATH': path, 'OMP_NUM_THREADS': '1',
                    'OPENBLAS_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
     if data := os.environ.get('IMU_ALLAN_DATA'):
-        environment['IMU_ALLAN_DATA'] = os.path.abspath(data)
+        environment['IMU_ALLAN_DATA'] = str(Path(data).resolve())
     print(f'{checkout} ...', file=sys.stderr)
     # Python looks into the current folder first, which may be another checkout.
     done = subprocess.run([sys.executable, '-m', 'battery.outcomes', *arguments], cwd=checkout,
