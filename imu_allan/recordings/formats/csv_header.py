@@ -60,7 +60,7 @@ _REST_OF_IMU = re.compile(
 
 
 class NamesNoAxis(ImuAllanError):
-    """The header line names columns, but none is an axis of an IMU."""
+    """The header line names columns, but not those of an IMU, or that the user gives."""
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,16 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     meanings = {column: meaning for column, (meaning, _) in chosen.items()}
     times = [column for column, meaning in meanings.items() if meaning == 'time']
     parts = own_stamp = None
-    if not headless and len(times) == len(chosen):
+    # Axes that the user gives are all that are read; a given rate takes the place of the time.
+    axes_given = len(times) < len(chosen)
+    if not headless and not (axes_given and (times or options.rate_hz)):
         counted = _numbered_axes(names)
         found = {column: meaning for column, (name, unit) in enumerate(named)
-                 if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
-        if not chosen:
+                 if (meaning := counted.get(name) or meaning_of(name, unit)) is not None
+                 and (meaning == 'time' or not axes_given)}
+        if not times:
             parts = next(filter(is_usable, _split_seconds(names)), None)
-        if not (chosen or parts):
+        if not (times or parts):
             own_stamp, times = _times(names, found, is_usable)
         meanings = {column: meaning for column, meaning in found.items()
                     if meaning != 'time' or column in times} | meanings
@@ -290,8 +293,8 @@ def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
             columns = _columns_named(name.strip(), names)
         if not columns:
             shown = ', '.join(printable(name[:40]) for name in names[:20] if name)
-            raise ImuAllanError(f'--columns: no column {printable(text)}; there are '
-                                f'{shown or f"those from 1 to {len(names)}"}')
+            raise NamesNoAxis(f'--columns: no column {printable(text)}; there are '
+                              f'{shown or f"those from 1 to {len(names)}"}')
         if found.keys() & columns:
             raise ImuAllanError(f'--columns: column {printable(text)} is named twice')
         found.update(dict.fromkeys(columns, (meaning, unit)))
@@ -306,11 +309,16 @@ def _columns_named(name: str, names: Sequence[str]) -> list[int]:
 
 
 def _with_name(name: str, names: Sequence[str]) -> list[int]:
-    """Find the columns with this name, whether or not a unit follows it."""
+    """Find the columns with this name, in capitals or not, whether or not a unit follows it."""
     # The comment mark before the first name is not part of it.
     name = name.lstrip('# ')
-    return [column for column, each in enumerate(names)
-            if name and (each == name or each.startswith((f'{name} [', f'{name} (')))]
+    for spelled in (str, str.lower):
+        wanted = spelled(name)
+        found = [column for column, each in enumerate(map(spelled, names))
+                 if name and (each == wanted or each.startswith((f'{wanted} [', f'{wanted} (')))]
+        if found:
+            return found
+    return []
 
 
 # -------------------------------------------------------------------------------- names and units

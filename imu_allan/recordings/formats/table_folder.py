@@ -81,17 +81,23 @@ class TableFolder(Recording):
         self.keep_remarks_of(table)
 
     def _table(self, file: Path) -> CsvRecording:
-        """Open a table; if its x, y and z name no sensor, infer the sensor from the file name."""
+        """Open a table; if its columns fit no sensor or both, infer it from the file name."""
         try:
             return CsvRecording(file, file, self.options)
         except ImuAllanError:
+            # The user gives the columns of all files at once.
+            given = {meaning: [pair for pair in self.options.columns if meaning in pair[0]]
+                     for meaning in ('time', *SENSORS)}
             named = [sensor for sensor in SENSORS if sensor[:3] in file.name.lower()]
-            if len(named) != 1 or self.options.columns:
+            fits = []
+            for sensor in named or (SENSORS if self.options.columns else ()):
+                axes = given[sensor] or [(f'{sensor}_{axis}', axis) for axis in 'xyz']
+                options = replace(self.options, columns=(*given['time'], *axes))
+                with suppress(NamesNoAxis):
+                    fits.append(CsvRecording(file, file, options))
+            if len(fits) != 1:
                 raise
-            columns = ('time', 'time'), *((f'{named[0]}_{axis}', axis) for axis in 'xyz')
-            with suppress(ImuAllanError):
-                return CsvRecording(file, file, replace(self.options, columns=columns))
-            raise
+            return fits[0]
 
     def _why_no_imu(self, halves: Mapping[str, Sequence[str]]) -> str:
         """Explain why the files are not an IMU: what they lack, or why they cannot be read."""

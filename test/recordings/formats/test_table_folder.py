@@ -7,6 +7,7 @@ from pathlib import Path
 from bags import no_axes, NO_TIME
 from imu_allan import analyze
 from imu_allan.cli.main import main
+from imu_allan.noise.terms import AXES
 from imu_allan.recordings import open_recording, RecordingOptions, recordings_in
 from imu_allan.recordings.halves import choose_streams, Stream
 import numpy as np
@@ -53,6 +54,23 @@ def test_the_files_of_both_sensors_are_one_imu_and_others_can_be_chosen(tmp_path
     assert sum(map(len, blocks)) == 2000
     assert np.concatenate([block.samples for block in blocks])[:, 0].std() == pytest.approx(
         5e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(('names', 'headers', 'columns'), [
+    (('gyr', 'acc'), ('Timestamp,n,Z,Y,X', 'Timestamp,n,Z,Y,X'), ''),
+    (('gyr', 'acc'), ('when,n,z,y,x', 'when,n,z,y,x'), 'time=when'),
+    (('Gyroskop', 'Beschleunigung'),
+     ('Zeit,n,Rate z,Rate y,Rate x', 'Zeit,n,Kraft z,Kraft y,Kraft x'),
+     'time=Zeit,gyro_x=Rate x,gyro_y=Rate y,gyro_z=Rate z,'
+     'accel_x=kraft x,accel_y=kraft y,accel_z=kraft z')])
+def test_columns_that_the_user_gives_are_those_of_both_files(tmp_path, names, headers, columns):
+    write(tmp_path, names[0], 100, 1e-3, header=headers[0])
+    write(tmp_path, names[1], 100, 1e-2, 9.81, headers[1])
+    pairs = tuple((axis, name) for axis, _, name in (
+        each.partition('=') for each in columns.split(',')) if name)
+    axes = analyze(tmp_path, reading=RecordingOptions(columns=pairs)).axes
+    assert list(axes) == list(AXES)
+    assert axes['accel_z'].mean == pytest.approx(9.81, abs=0.01)
 
 
 WITHOUT_AXES = 'time,seconds_elapsed,z,y,x\n1,2,3,4,5\n'
