@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 FORMATS = ('png', 'svg', 'pdf')
 
 
-def plot(result: Result) -> 'Figure':
+def plot(result: Result | AxisResult) -> 'Figure':
     """
-    Draw the Allan deviation of all axes, as the command does, for a script or a notebook.
+    Draw the Allan deviation of all axes, as the command does, or of one, for a notebook.
 
     Parameters
     ----------
-    result : Result
-        The result to draw.
+    result : Result or AxisResult
+        The result to draw, or the axis that `imu_allan.characterize` gives.
 
     Returns
     -------
@@ -52,13 +52,27 @@ def plot(result: Result) -> 'Figure':
     Raises
     ------
     TypeError
-        If `result` is not a Result.
+        If `result` is neither.
 
     """
+    if isinstance(result, AxisResult):
+        return _axis_figure(result)
     if not isinstance(result, Result):
-        raise TypeError('expected a result, such as imu_allan.analyze gives, not '
-                        f'{type(result).__name__}')
+        raise TypeError('expected a result, such as imu_allan.analyze gives, or one of its axes, '
+                        f'not {type(result).__name__}')
     return overview_figure(result)
+
+
+def _axis_figure(axis: AxisResult) -> 'Figure':
+    """Draw the Allan deviation of an axis, its intervals, the fitted model and its terms."""
+    sensor = 'gyro' if axis.quantity == AXES['gyro_x'] else 'accel'
+    with plot_style():
+        figure = empty_figure(7.0, 5.0)
+        panel = figure.add_axes((0.13, 0.11, 0.73, 0.85))
+        frame_allan(panel, sensor, curves.limits_of([axis], rings=True))
+        draw_curve(panel, axis, COLOURS['x'])
+        draw_terms(panel, axis)
+    return figure
 
 
 def overview_figure(result: Result) -> 'Figure':

@@ -142,9 +142,12 @@ def test_a_figure_for_a_paper_has_its_column_s_width_and_text_that_survives(resu
         assert not [other for other, its in boxes[:place] if box.overlaps(its)], one
 
 
-def test_plot_gives_a_figure_and_takes_a_result_alone(result):
+def test_plot_gives_a_figure_of_a_result_or_one_axis_of_it(result):
     assert imu_allan.plot(result).savefig
+    [panel] = imu_allan.plot(result.axes['accel_x']).axes
+    drawn = {height for line in panel.lines for height in line.get_ydata()}
+    assert {*result.axes['accel_x'].curve.adev} <= drawn
     with pytest.raises(TypeError) as error:
-        imu_allan.plot(result.axes['gyro_x'])
-    assert error.value.args == (
-        'expected a result, such as imu_allan.analyze gives, not AxisResult',)
+        imu_allan.plot(result.axes)
+    assert error.value.args == ('expected a result, such as imu_allan.analyze gives, or one of '
+                                'its axes, not dict',)
