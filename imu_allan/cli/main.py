@@ -18,7 +18,7 @@ from typing import Any
 
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import require_apart, Shown
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
 from imu_allan.version import __version__
 
@@ -115,8 +115,11 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         verb: _Parser = args.parser
         options = [name for action in verb._actions for name in action.option_strings
                    if action.help is not argparse.SUPPRESS]
-        verb.error(f'unrecognized arguments: {printable(" ".join(unknown))}'
-                   f'{_suggestion(unknown[0].partition("=")[0], options)}')
+        hint = _suggestion(unknown[0].partition('=')[0], options)
+        [place, *_] = [action for action in verb._actions if not action.option_strings]
+        if place.nargs in (None, '?') and not unknown[0].startswith('-'):
+            hint = f'; {verb.prog} takes one {place.metavar} at a time'
+        verb.error(f'unrecognized arguments: {shorten(printable(" ".join(unknown)), 100)}{hint}')
     return args
 
 

@@ -175,7 +175,8 @@ def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
         given = coefficients.get(key, 0.0)
         value = real(given)
         if value is None or not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
-            raise ValueError(f'{key} must be zero or more, not {shown(given)}')
+            raise ValueError(f'{key} must be a number in SI units, zero or more, not '
+                             f'{shown(given)}')
     markov = coefficients.get('gauss_markov') or {}
     if markov and set(markov) != {'sigma', 'correlation_time_s'}:
         raise ValueError('gauss_markov needs sigma and correlation_time_s, not '

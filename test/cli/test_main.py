@@ -59,6 +59,8 @@ NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz
     ('analyse bag', 'argument VERB: ' + CHOICE.format("'analyse'") + '; did you mean analyze?'),
     ('analyze bag --al-topics',
      'unrecognized arguments: --al-topics; did you mean --all-topics?'),
+    ('check one two three --spec spec.yaml', 'unrecognized arguments: two three; '
+     'imu_allan check takes one RESULT_OR_RECORDING at a time'),
     ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
     ('analyze bag --rate fast', NO_RATE.format('fast')),
     ('analyze bag --rate 1e9',

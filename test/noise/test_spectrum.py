@@ -204,8 +204,12 @@ def test_same_seed_gives_the_same_record_and_another_seed_another(how):
      'noise_density, bias_instability, rate_random_walk, rate_ramp'),
     ({'gauss_markov': {'sigma': 1.0}}, 10, 100.0,
      'gauss_markov needs sigma and correlation_time_s, not sigma'),
-    ({'noise_density': -1e-3}, 10, 100.0, 'noise_density must be zero or more, not -0.001'),
-    ({'rate_random_walk': np.nan}, 10, 100.0, 'rate_random_walk must be zero or more, not nan'),
+    ({'noise_density': -1e-3}, 10, 100.0,
+     'noise_density must be a number in SI units, zero or more, not -0.001'),
+    ({'noise_density': '1 deg/sqrt(h)'}, 10, 100.0, "noise_density must be a number in SI units, "
+     "zero or more, not '1 deg/sqrt(h)'"),
+    ({'rate_random_walk': np.nan}, 10, 100.0,
+     'rate_random_walk must be a number in SI units, zero or more, not nan'),
     ({}, 0, 100.0, 'samples must be at least 1, not 0'),
     ({}, 10, 0.0, 'sample_rate_hz must be positive, not 0')])
 def test_impossible_requests_are_refused(model, samples, rate, line):
