@@ -53,8 +53,8 @@ class Order:
     ----------
     keep : ndarray of bool, shape (n,)
         Messages whose stamp is later than every stamp kept before.
-    duplicate, out_of_order : ndarray of bool, shape (n,)
-        Reason for rejecting the other messages.
+    duplicate : ndarray of bool, shape (n,)
+        Those of the other messages whose stamp repeats the newest.
     jumps : ndarray of bool, shape (n,)
         Kept messages before which the clock jumped back.
 
@@ -62,7 +62,6 @@ class Order:
 
     keep: Bools
     duplicate: Bools
-    out_of_order: Bools
     jumps: Bools
 
 
@@ -104,7 +103,7 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
                 continue
         jumps[at] = True
         start, newest = at, None
-    return Order(keep, duplicate & ~keep, ~keep & ~duplicate, jumps)
+    return Order(keep, duplicate, jumps)
 
 
 def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:

@@ -143,9 +143,7 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
             state = not state
         if not runs or runs[-1][1] != state:
             runs.append((start, state))
-    if runs[0][1] == other_rate:
-        runs[0] = (0, other_rate)
-    edges = [runs[0][0], *(_change_point(places, first, other) for first, other in runs[1:])]
+    edges = [0, *(_change_point(places, first, other) for first, other in runs[1:])]
     # Changes are located one by one, so those around a short run may be out of order.
     ordered = np.maximum.accumulate(edges).tolist()
     return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]

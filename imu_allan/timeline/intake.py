@@ -235,30 +235,28 @@ class Intake(Record):
             or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1)
         numbers = ((numbers - np.cumsum(twice))[rows] if numbers is not None and decision.numbered
                    else None)
+        bursts = decision.separates_equal_stamps
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         if repeats.evenly:
             polls = ~(repeats.frozen | twice)
             polled, beside = (stamps[polls] for stamps in self.stamps(window))
-            if _none_lost(polled, beside, decision.separates_equal_stamps):
+            if _none_lost(polled, beside, bursts):
                 # Removed repeats leave gaps on both clocks, but no sample is lost.
-                return _pace_of(own, None, None, bursts=decision.separates_equal_stamps, each=True)
-        pace, count = _pace_of(own, other, numbers, bursts=decision.separates_equal_stamps)
-        if (pace is not None and decision.clock == 'header' and self._options.clock == 'auto'
-                and len(own) >= _FEWEST_FOR_RATE and _leaps(own, other, pace)
-                and not flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)):
+                return _pace_of(own, None, None, bursts, each=True)
+        pace, count = _pace_of(own, other, numbers, bursts)
+        if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
+                or len(own) < _FEWEST_FOR_RATE
+                or flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)):
+            return pace, count
+        if _leaps(own, other, pace):
             decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
             decision.remarks['receive_clock'] = {'flaw': 'in leaps'}
             return _pace_of(other, own, numbers, bursts=True)
-        if pace is not None and pace.counting and follow_a_beat(own):
-            # The other clock is read by the same timer, so it shows no more.
-            return pace, count
-        # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
-        if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
-                or len(own) < _FEWEST_FOR_RATE or _is_nearly_full(pace, own)
-                or pace.hidden > 0.3):
-            return pace, count
-        if flaw_of(window.receive_ns, _repeats(window.samples), bursts=True):
+        # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
+        # samples; beyond, the other clock shows no losses either.
+        if (_is_nearly_full(pace, own) or pace.hidden > 0.3
+                or (pace.counting and follow_a_beat(own))):
             return pace, count
         second, seen = _pace_of(other, own, numbers, bursts=True)
         if second is not None and pace.counting and second.counting:

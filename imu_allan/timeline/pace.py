@@ -334,15 +334,13 @@ def _overfull(time: Floats, interval: float) -> bool:
 
 def _refine(time: Floats, interval: float) -> Pace:
     """Adjust the interval until the phase is constant, and measure the spread about it."""
-    spread = 1.0
     for _ in range(4):
         phase = time / interval - np.arange(len(time))
         turn, length = group_phases(phase)
         if len(turn) > 1:
             lasts = median_interval(time, PHASE_GROUP) * PHASE_GROUP
             interval *= 1 + float(np.median(np.diff(turn))) * interval / lasts
-        spread = _spread(length)
-    return Pace(interval, spread)
+    return Pace(interval, _spread(length))
 
 
 def spread_about(stamps: Stamps, interval_ns: float) -> float:
@@ -371,7 +369,6 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
         interval = float(np.median(np.concatenate([
             (time[far:] - time[:-far]) / (place[far:] - place[:-far])
             for far in range(apart, 2 * apart, 3)])))
-    counted = place
     for _ in range(3):
         counted = place + lasting_jumps(time / interval - place)
         middle = counted - counted.mean()
@@ -425,12 +422,12 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
         if rise[at] < 0.5:
             break
         left, right = level[max(at - _GROUPS, 0):at], level[at:at + _GROUPS]
-        size = int(np.rint(np.median(right) - np.median(left)))
+        size = max(int(np.rint(np.median(right) - np.median(left))), 1)
         first = max((at - lead - 1) * _GROUP, 1)
         steps = np.diff(phase[first - 1:max((at - lead + 1) * _GROUP, first + 1)])
         row = first + int(np.argmax(steps))
-        missing[row:] += max(size, 1)
-        level[at:] -= max(size, 1)
+        missing[row:] += size
+        level[at:] -= size
     return missing
 
 

@@ -113,7 +113,8 @@ class Placing(Record):
         if order is not None:
             usable = ~messages.void[:c]
             counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
-            counts.out_of_order += int(np.count_nonzero(order.out_of_order[:c] & usable))
+            early = ~(order.keep | order.duplicate)[:c]
+            counts.out_of_order += int(np.count_nonzero(early & usable))
             if messages.numbers is not None:
                 self._decision.repeated += int(np.count_nonzero(order.duplicate[:c]))
                 messages = replace(
@@ -388,7 +389,7 @@ class Placing(Record):
         cursor = self.cursor
         cursor.fresh_run, jumped = False, cursor.jumped
         cursor.jumped = False
-        if cursor.first_ns is None or cursor.last_ns is None:
+        if cursor.last_ns is None:
             cursor.first_ns = stamp
             return
         passed = stamp - cursor.last_ns
