@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from math import log
 import subprocess
 import sys
-import time
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
@@ -18,16 +17,12 @@ import pytest
 from repeated import slow
 from ros_harness import (
     assert_kept_up,
-    Driver,
     Health,
     LARGEST_MB,
     PATIENCE_S,
     resident_mb,
     Ros,
 )
-from std_srvs.srv import Trigger
-
-FLOOD_S = 180.0
 
 
 @contextmanager
@@ -60,38 +55,6 @@ def test_nothing_is_lost_in_real_time_beside_a_busy_core(
         assert simulator.wait() == 0
     assert_kept_up(node, health, rate_hz)
     assert node.stop() == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(('publishers', 'rate_hz'), [(1, 12_000.0), (2, 8000.0)])
-def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate_hz: float
-                                                 ) -> None:
-    node = ros.start('imu_allan_node', best_effort=True, shared_memory=True)
-    health = Health(ros)
-    began, most = time.monotonic(), 0.0
-    floods = [ros.start('imu_simulator', {'rate': rate_hz, 'duration': FLOOD_S, 'seed': number,
-                                          'wait_for_subscriptions': 1},
-                        remaps={'__node': f'flood{number}'}, shared_memory=True)
-              for number in range(publishers)]
-    while any(flood.running for flood in floods):
-        ros.executor.spin_once(timeout_sec=0.5)
-        most = max(most, resident_mb(node.popen.pid))
-    took_s = time.monotonic() - began
-    print(f'{publishers * rate_hz * FLOOD_S:.0f} messages in {took_s:.0f} s, '
-          f'{health.number("reception", "received"):.0f} received: {most:.0f} MB', flush=True)
-    assert most < LARGEST_MB
-    assert ros.call(Trigger, 'imu_allan/reset').success
-    driver = Driver(ros).wait_for_node()
-
-    def saved() -> bool:
-        # Samples count as mixed for some seconds after the flood.
-        driver.publish(200)
-        return bool(ros.call(Trigger, 'imu_allan/save').success)
-
-    ros.until(saved)
-    assert node.stop() == 0
-    if took_s > 1.2 * FLOOD_S:
-        pytest.skip('the computer had no time for the flood')
 
 
 @pytest.mark.parametrize(('hours', 'speed', 'best_effort'), [

@@ -161,6 +161,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         (['gyro_topic:=/a', accel], 'parameters gyro_topic and accel_topic: both are /a'),
         (['accel_type:=sensor_msgs/msg/Imu'], 'parameter accel_type: needs gyro_topic and '
          'accel_topic; imu_type is the type of one topic'),
+        (['--nonsense'], '<words>; check the arguments after --ros-args and the parameter file'),
         (['--params-file', '/no/such.yaml'], '--params-file /no/such.yaml: no such file'),
         (['--params-file', str(ros.folder / 'broken.yaml')],
          '<words>; check the arguments after --ros-args and the parameter file')]

@@ -6,13 +6,6 @@ from pathlib import Path
 import re
 
 from imu_allan.node import rclpy_inside
-import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.publisher import Publisher
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from ros_harness import Ros
 from sensor_msgs.msg import Imu
 
@@ -38,29 +31,6 @@ def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros: Ro
     assert [info['publication_sequence_number'] for _, info in found] == [1, 2]
     assert all(info['received_timestamp'] > info['source_timestamp'] > 0 for _, info in found)
     assert rclpy_inside.drain(subscription, Imu, 10) == [], 'None where nothing waits'
-
-
-def publish_often(publisher: Publisher, count: int) -> None:
-    message = serialize_message(Imu())
-    for _ in range(count):
-        publisher.publish(message)
-
-
-def test_wrong_arguments_and_full_queues_raise_the_errors_that_are_caught(ros: Ros) -> None:
-    for arguments, error in ((['--ros-args', '-p', 'x'], rclpy_inside.RCLError),
-                             (['--ros-args', '--nonsense'], rclpy_inside.UnknownROSArgsError)):
-        with pytest.raises((rclpy_inside.RCLError, rclpy_inside.UnknownROSArgsError)) as raised:
-            rclpy.init(args=arguments, context=Context(),
-                       signal_handler_options=SignalHandlerOptions.NO)
-        assert isinstance(raised.value, error), arguments
-    # A subscription that keeps all and from which nobody takes.
-    subscription = ros.recorder('full')
-    publisher = ros.node.create_publisher(Imu, ros.name('full'), QoSProfile(
-        history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE))
-    ros.until(publisher.get_subscription_count)
-    with pytest.raises(rclpy_inside.RCLError):
-        publish_often(publisher, 100_000)
-    assert subscription.take().messages
 
 
 def test_nothing_else_looks_inside_rclpy() -> None:
