@@ -100,8 +100,9 @@ class CharacterizationNode(AnyExecutorNode):
             subscribed[0], TimelineOptions(clock=values['clock'],
                                            gap_tolerance=values['gap_tolerance'],
                                            motion=values['motion']),
-            ' '.join(filter(None, [values['imu_type'], *_fields(values), *_units(values),
-                                   values['accel_type']])),
+            ' '.join(values[name] for name in (
+                'imu_type', 'gyro_field', 'accel_field', 'stamp_field', 'gyro_unit', 'accel_unit',
+                'accel_type') if values[name]),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
@@ -167,12 +168,14 @@ class CharacterizationNode(AnyExecutorNode):
         expected = 0.0 if half == 'accel' else values['expected_rate']
         # 2.5 s of samples, which late ticks do not exceed.
         queue = max(QUEUE_MESSAGES, ceil(2.5 * expected))
-        gyro_unit, accel_unit = _units(values)
         parameter = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
         kind = values[parameter]
+        # Those of the other sensor are not in these messages.
+        fields = [values[f'{part}_field'] if half is None or part in (half, 'stamp') else ''
+                  for part in ('gyro', 'accel', 'stamp')]
         try:
-            decode = decoder(kind, *_fields(values, half), gyro_unit=gyro_unit,
-                             accel_unit=accel_unit)
+            decode = decoder(kind, *fields, gyro_unit=values['gyro_unit'],
+                             accel_unit=values['accel_unit'])
         except ImuAllanError as error:
             # One of a field or unit begins with the name of its own parameter.
             named = str(error).partition(' ')[0] in values
@@ -377,16 +380,6 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
     return [(gyro, 'gyro'), (accel, 'accel')]
-
-
-def _fields(values: Mapping[str, Any], half: Half | None = None) -> list[str]:
-    """Return the fields that the user names for the messages on a topic; the others are empty."""
-    return ['' if half is not None and part not in (half, 'stamp') else values[f'{part}_field']
-            for part in ('gyro', 'accel', 'stamp')]
-
-
-def _units(values: Mapping[str, Any]) -> list[str]:
-    return [values['gyro_unit'], values['accel_unit']]
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

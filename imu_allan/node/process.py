@@ -39,7 +39,13 @@ def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):
-        return _print(help_text(interface))
+        try:
+            print(help_text(interface), flush=True)
+        except BrokenPipeError:
+            # The reader has closed it.
+            drop_stdout()
+            return EXIT_BROKEN_PIPE
+        return 0
     if wrong := refused(given):
         _fail(program, wrong)
         return 2
@@ -110,7 +116,10 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
-    _find_parameter_files(sys.argv[1:] if args is None else args)
+    # rcl reports a missing file in two lines that name its own sources.
+    for word, path in pairwise(sys.argv[1:] if args is None else args):
+        if word == '--params-file' and not Path(path).is_file():
+            raise ImuAllanError(f'--params-file {path}: no such file')
     try:
         rclpy.init(args=None if args is None else list(args),
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -126,25 +135,8 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
         try_shutdown()
 
 
-def _find_parameter_files(args: Sequence[str]) -> None:
-    """Report a missing file before rcl does so in two lines that name its own sources."""
-    for word, path in pairwise(args):
-        if word == '--params-file' and not Path(path).is_file():
-            raise ImuAllanError(f'--params-file {path}: no such file')
-
-
 def _one_line(error: object) -> str:
     return ' '.join(str(error).split())
-
-
-def _print(text: str) -> int:
-    """Write to standard output, which the reader may have closed; return the exit status."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        drop_stdout()
-        return EXIT_BROKEN_PIPE
-    return 0
 
 
 def _fail(program: str, message: str) -> int:

@@ -27,7 +27,6 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Result, Timeline
 from imu_allan.state import part_of
 from imu_allan.timeline import TimelineSummary
-from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rclpy._rclpy_pybind11 import RCLError
@@ -380,14 +379,11 @@ class Driver:
         # Going on, not having paused, takes what has come.
         assert self.ros.call(SetBool, 'imu_allan/pause').success
 
-    def publish(self, count: int, frame_id: str = 'imu', rate_hz: float = RATE_HZ,
-                shaken: float | Sequence[float] = 1.0) -> None:
-        """Publish samples of white noise, `shaken` times that at rest, or so on each axis."""
-        for sample in self.random.normal(0, 0.01 * np.asarray(shaken), (count, 6)):
-            sample[5] += 9.8
-            stamp = START_NS + round(self.next / rate_hz * 1e9)
-            self.send(encode_imu(stamp, sample, frame_id))
-            self.next += 1
+    def publish(self, count: int, frame_id: str = 'imu', shaken: float = 1.0) -> None:
+        """Publish samples of white noise, `shaken` times that at rest."""
+        self.replay(at_rest(count, RATE_HZ, start_s=self.next / RATE_HZ, seed=self.random,
+                            noise=shaken * NOISE, frame_id=frame_id))
+        self.next += count
 
     def replay(self, block: ImuBlock) -> None:
         for row in encode_imu_rows(block):
