@@ -102,6 +102,7 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.terminal import console_of
+    from imu_allan.writers.words import for_display, in_full
     from rich.measure import Measurement
 
     if args.live:
@@ -124,6 +125,10 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
         # Rather than break intervals and units, leave out what two other columns show.
         table.columns = [column for column in table.columns if column.header != 'ratio']
     console.print(table)
+    # A wrong unit or lost samples may be what fails or passes.
+    for _, text in in_full([found for found in for_display(result.warnings)
+                            if found.severity == 'act'], together=True):
+        print(text)
     outcome = datasheet.overall(verdicts)
     print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')

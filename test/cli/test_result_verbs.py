@@ -145,7 +145,7 @@ def test_what_is_undecided_is_explained_and_has_a_status_of_its_own(
 
 
 @pytest.mark.parametrize(('name', 'columns', 'command'), [
-    ('check_80', '80', 'check three_hours.json --spec spec.yaml'),
+    ('check_80', '80', 'check seen.json --spec spec.yaml'),
     ('compared', None, 'report three_hours.json warm_up.json --output out --format png'),
     ('tune_60', '60', 'tune three_hours.json --aiding 1s --coast 20s'),
     ('tune_beyond_what_is_known', None, 'tune seen.json --aiding 1ms --coast 5d')])

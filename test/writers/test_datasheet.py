@@ -171,8 +171,10 @@ def test_json_and_junit_have_every_verdict_with_its_numbers(result):
         'accel: {z: {rate_random_walk: 1 ug/sqrt(h)}}')
     verdicts = check(result, specification)
     document = json.loads(to_json(verdicts, result, specification))
-    assert [document[key] for key in ('schema', 'source', 'specification', 'verdict')] == [
-        'imu_allan.check/1', result.to_dict()['source'], '<Part> & \x07', 'fail']
+    assert [document[key] for key in ('schema', 'specification', 'verdict')] == [
+        'imu_allan.check/1', '<Part> & \x07', 'fail']
+    assert [(document[key], key) for key in ('source', 'warnings')] == [
+        (result.to_dict()[key], key) for key in ('source', 'warnings')]
     assert [one['verdict'] for one in document['checks']] == [
         'pass', 'fail', 'pass', 'cannot tell']
     first = document['checks'][0]

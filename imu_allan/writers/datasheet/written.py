@@ -76,7 +76,7 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
         'schema': 'imu_allan.check/1', 'imu_allan_version': result.imu_allan_version,
         'source': quoted['source'], 'inspection': quoted['inspection'],
         'specification': specification.name, 'verdict': overall(verdicts),
-        'checks': [asdict(verdict) for verdict in verdicts]}
+        'checks': [asdict(verdict) for verdict in verdicts], 'warnings': quoted['warnings']}
     return json.dumps(document, indent=2, allow_nan=False) + '\n'
 
 
