@@ -49,6 +49,7 @@ class Pending(Record):
 
     def take(self, n: int, consumed: int) -> Window:
         """Return the first `n` messages and discard the first `consumed` of them."""
+        # An error, as of messages without any axis, may leave more than one window.
         later, beyond = [], self.messages - n
         while beyond >= len(self.blocks[-1]):
             later.append(self.blocks.pop())

@@ -66,11 +66,6 @@ class Baseline:
         """Largest loudness of a whole window, and largest second difference of means, at rest."""
         return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
 
-    @cached_property
-    def far_quieter(self) -> Floats:
-        """Loudness below which a window belongs to a deeper level of rest than this one."""
-        return self.loudness / QUIETER
-
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there, whole steps are not motion."""
         coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
@@ -190,12 +185,13 @@ class RestLevel(Record):
     def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
         """Find the start of windows far quieter than the baseline, which are the actual rest."""
         # If a recording begins while its vehicle drives, the first baseline is that of driving.
-        if not (segment.loudness[first:last] < self.baseline.far_quieter).any():
+        loud, windows = self.baseline.loudness, segment.loudness[first:last]
+        quiet = windows < loud / QUIETER
+        if not quiet.any():
             self.quieter = 0
             return None
-        loud, windows = self.baseline.loudness, segment.loudness[first:last]
         known = (loud > 0) & np.isfinite(loud)
-        quiet, alive = windows < self.baseline.far_quieter, (windows > 0) & known
+        alive = (windows > 0) & known
         # Coarse or constant axes may be unchanged, and an axis that has become constant is dead.
         judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
         quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
@@ -250,7 +246,7 @@ class RestLevel(Record):
         baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
                                  self.baseline.resolution)
         # Three times louder than rest is an engine, not the sensor. Chosen by judgment.
-        little = 3.0 ** (2 / 3) * self.baseline.loudest()
+        little = QUIETER * self.baseline.loudest()
         # If less than a quarter was classified as motion, it was knocks. The exception is that all
         # windows are similar, as when a single axis has become louder; windows of motion are not.
         if (share < 0.25 and not still.all()) or (

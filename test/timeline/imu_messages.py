@@ -50,7 +50,6 @@ def cut(block: ImuBlock, edges: Iterable[int]) -> list[ImuBlock]:
 
 def run(blocks: ImuBlock | Iterable[ImuBlock], **options: object
         ) -> tuple[TimelineSummary, list[EvenBlock]]:
-    """Push everything through a new timeline."""
     stage = TimelineStage(TimelineOptions(**options))  # type: ignore[arg-type]
     even: list[EvenBlock] = []
     for block in [blocks] if isinstance(blocks, ImuBlock) else blocks:
@@ -65,7 +64,6 @@ def findings_of(seen: Result | TimelineSummary) -> Sequence[Finding]:
 
 
 def codes(seen: Result | TimelineSummary) -> set[str]:
-    """Give the codes of the findings."""
     return {found.code for found in findings_of(seen)}
 
 

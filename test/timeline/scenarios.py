@@ -57,7 +57,6 @@ class Messages:
     absent: NDArray[np.bool_]
 
     def pick(self, rows: NDArray[np.generic]) -> 'Messages':
-        """Give some messages."""
         return Messages(self.place[rows], self.header[rows], self.receive[rows],
                         self.samples[rows], self.absent[rows])
 
@@ -103,7 +102,6 @@ def burst_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def outages(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Lose everything for 0.1 to 15 s, again and again."""
     on, off = rng.uniform(0.5, 10), rng.uniform(0.1, 15)
     irregular = rng.random() < 0.5
     keep = np.zeros(len(m.place), bool)
@@ -270,7 +268,6 @@ def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 
 def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    """Publish every sample twice, half an interval apart."""
     truth.said |= {'held_values', 'band_limited'}
     rows = np.repeat(np.arange(len(m.place)), 2)
     twice = m.pick(rows)
@@ -443,7 +440,6 @@ class Verdict:
 
 def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] = FAULTS
             ) -> tuple[Messages, Truth, Generator]:
-    """Draw a scenario with faults of some kinds."""
     rng = np.random.default_rng(seed)
     rate_hz = float(rng.choice(RATES))
     count = int(min(samples * rng.uniform(0.3, 1.0), 1200 * rate_hz))
@@ -549,7 +545,6 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
 
 
 def main(first: int, last: int, kinds: Sequence[Sequence[Fault]]) -> None:
-    """Judge scenarios of three axes each."""
     wrong = slow_axes = axes = 0
     for seed in range(first, last):
         one = verdict(seed, 6000, 3, kinds=kinds)
