@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     options = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
                'step_s': '--aiding', 'coast_s': '--coast'}
     try:
-        text = export(result, args.consumer, None, ExportOptions(
+        text = export(result, args.consumer, ExportOptions(
             args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
             args.inflate))
     except ImuAllanError as error:

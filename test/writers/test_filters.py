@@ -41,7 +41,7 @@ def near(value: float) -> object:
 
 def export(result, consumer, rate_hz=None):
     """Write the coefficients as they are, so that the hand can follow."""
-    return export_as_wished(result, consumer, rate_hz, ExportOptions(as_measured=True))
+    return export_as_wished(result, consumer, ExportOptions(rate_hz, as_measured=True))
 
 
 def build(bound: float = 1e-6, **fields: Any) -> Result:
@@ -354,7 +354,7 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(consumer):
     # Much is written above the numbers where much is to be said of them.
     options = ExportOptions() if consumer.startswith('state_space') else ExportOptions(
         inflate={'N': 2.0, 'K': 5.0})
-    inflated = export_as_wished(EASY, consumer, None, options)
+    inflated = export_as_wished(EASY, consumer, options)
     assert kind_of(inflated.encode()[:1 << 14]) == CONFIGURATION
     if consumer != 'plain':
         # N of each axis with its interval, in the unit of the file; three axes, two sensors.
@@ -416,8 +416,6 @@ def test_what_gives_no_configuration_is_refused():
     with refused('no configuration for kalibr: no axis of this result has a noise density '
                  '(constant or too short); look at the driver, or record longer'):
         export(with_axes(only(EASY, 'gyro'), **DEAD), 'kalibr')
-    with refused(f"no configuration is known for 'madgwick'; known are {', '.join(CONSUMERS)}"):
-        export(EASY, 'madgwick')
 
 
 FLICKERING = with_coefficient(EASY, 'gyro_y', 'bias_instability', observable=True, value=1e-4,
@@ -530,7 +528,7 @@ def test_files_for_matlab_run_in_octave(tmp_path):
 def test_a_file_for_kalibr_says_what_it_said(name, options):
     """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_filters.py."""
     slow = with_axes(DRIFTING, 'gyro_x', power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
-    text = export_as_wished(slow, 'kalibr', None, options)
+    text = export_as_wished(slow, 'kalibr', options)
     # The last digits depend on how SciPy comes to the best numbers.
     assert_as_before(re.sub(r'\d+\.\d+(e-\d+)?', lambda found: f'{float(found[0]):.3g}', text),
                      f'snapshots/kalibr_{name}.txt')
@@ -574,7 +572,7 @@ def test_the_state_space_is_no_tuned_number():
         assert not said(text)
         with refused(f'{consumer} is the drift model as measured: neither --conservative nor '
                      '--inflate applies; scale its matrices yourself'):
-            export_as_wished(EASY, consumer, None, ExportOptions(inflate={'K': 2.0}))
+            export_as_wished(EASY, consumer, ExportOptions(inflate={'K': 2.0}))
 
 
 def test_one_process_for_three_axes_is_that_of_one_of_them():

@@ -15,7 +15,7 @@ from math import sqrt
 from typing import get_args, Literal
 
 from imu_allan.arguments import positive_number, positive_time
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
@@ -59,7 +59,7 @@ class ExportOptions:
     Raises
     ------
     ImuAllanError
-        If a number is not positive, or a factor is for another key.
+        If a number is not positive.
 
     """
 
@@ -72,12 +72,6 @@ class ExportOptions:
 
     def __post_init__(self) -> None:
         """Raise ImuAllanError for invalid options."""
-        if not isinstance(self.inflate, Mapping):
-            raise ImuAllanError("inflate takes factors of N and K, such as {'K': 5.0}, not "
-                                f'{shorten(printable(repr(self.inflate)))}')
-        if unknown := [key for key in self.inflate if key not in ('N', 'K')]:
-            raise ImuAllanError('inflate takes factors of N and K, not of '
-                                f'{shorten(printable(repr(unknown[0])))}')
         for key, factor in self.inflate.items():
             positive_number(f'inflate {key}', factor)
         if self.rate_hz is not None:

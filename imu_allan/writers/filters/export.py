@@ -3,11 +3,10 @@
 """Export of the configuration of a consumer, and messages on existing configurations."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 import os
 from pathlib import Path
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import printable
 from imu_allan.result import Result
 from imu_allan.wording import listed
 from imu_allan.writers.atomic import CONFIGURATION, kind_of
@@ -17,20 +16,9 @@ from imu_allan.writers.filters.structured import WRITERS
 from imu_allan.writers.filters.template import filled
 
 
-def export(result: Result, consumer: str, rate_hz: float | None = None,
-           options: ExportOptions = ExportOptions()) -> str:  # noqa: B008
+def export(result: Result, consumer: str, options: ExportOptions = ExportOptions()  # noqa: B008
+           ) -> str:
     """Return the text of the configuration of a filter; `CONSUMERS` names its file."""
-    if not isinstance(result, Result):
-        raise TypeError('expected a result, such as imu_allan.load_result gives, not '
-                        f'{type(result).__name__}')
-    if not isinstance(options, ExportOptions):
-        raise TypeError(f'expected ExportOptions, not {type(options).__name__}')
-    if not isinstance(consumer, str) or consumer not in CONSUMERS:
-        raise ImuAllanError(f'no configuration is known for '
-                            f'{shorten(printable(repr(consumer)), 60)}; '
-                            f'known are {", ".join(CONSUMERS)}')
-    if rate_hz is not None:
-        options = replace(options, rate_hz=rate_hz)
     return WRITERS.get(consumer, filled)(Numbers(result, consumer, CONSUMERS[consumer], options))
 
 
