@@ -77,8 +77,6 @@ def names_of(paths: Sequence[Path]) -> list[str]:
 
 def compare(results: Mapping[str, Result]) -> list[Difference]:
     """Compare every result with the first, by axis, term and result."""
-    if len(results) < 2:
-        raise ImuAllanError('a comparison needs at least two results')
     reference, *others = results
     differences = []
     for axis in AXES:
@@ -166,9 +164,8 @@ def shown(coefficient: Coefficient) -> str:
 
 def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
     """Draw the Allan deviation of every result, with one panel per axis."""
-    drawn = {axis: [result.axes[axis] for result in results.values() if axis in result.axes]
-             for axis in AXES}
-    drawn = {axis: found for axis, found in drawn.items() if found}
+    drawn = {axis: found for axis in AXES if (found := [
+        result.axes[axis] for result in results.values() if axis in result.axes])}
     rows = max(1, len({axis.partition('_')[0] for axis in drawn}))
     colours = [figure_style.SERIES[place % len(figure_style.SERIES)]
                for place in range(len(results))]

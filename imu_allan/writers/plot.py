@@ -103,8 +103,6 @@ def overview_figure(result: Result) -> 'Figure':
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
     axes = curves.axes_of(result, sensor)
-    if not axes:
-        raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
     with plot_style():
         figure = empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,

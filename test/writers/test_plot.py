@@ -103,8 +103,6 @@ def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, re
             in texts_of(plot.overview_figure(odd)))
     assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
-    with refused("the result has no axis of the sensor 'accel'"):
-        plot.sensor_figure(odd, 'accel')
     with refused('no axis of the result has an Allan deviation above zero to draw'):
         plot.paper_figure(odd, 8.5)
 

@@ -20,7 +20,7 @@ from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import upper_bound
-from imu_allan.writers.consumers import Consumer
+from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.curves import axes_of
 
 Key = Literal['N', 'K', 'sigma', 'Tc']
@@ -126,8 +126,6 @@ class Numbers:
     result : Result
     name : str
         Name of the consumer in the command.
-    consumer : Consumer
-        Its usual corrections and its model of the bias.
     options : ExportOptions
 
     Raises
@@ -137,9 +135,9 @@ class Numbers:
 
     """
 
-    def __init__(self, result: Result, name: str, consumer: Consumer,
-                 options: ExportOptions) -> None:
-        self.result, self.name, self.consumer, self.options = result, name, consumer, options
+    def __init__(self, result: Result, name: str, options: ExportOptions) -> None:
+        self.result, self.name, self.options = result, name, options
+        self.consumer = consumer = CONSUMERS[name]
         self.aiding_s = options.aiding_s or consumer.aiding.interval_s
         self.coast_s = options.coast_s or max(consumer.aiding.coast_s, self.aiding_s or 0.0)
         self.tunings: dict[str, FilterTuning] = {}

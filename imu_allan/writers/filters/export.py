@@ -19,7 +19,7 @@ from imu_allan.writers.filters.template import filled
 def export(result: Result, consumer: str, options: ExportOptions = ExportOptions()  # noqa: B008
            ) -> str:
     """Return the text of the configuration of a filter; `CONSUMERS` names its file."""
-    return WRITERS.get(consumer, filled)(Numbers(result, consumer, CONSUMERS[consumer], options))
+    return WRITERS.get(consumer, filled)(Numbers(result, consumer, options))
 
 
 def existing_file_note(path: str | os.PathLike[str]) -> str:
