@@ -38,13 +38,6 @@ def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
     return path
 
 
-def recorded(path: Path, gyro_hz: float = 400, accel_hz: float = 250, seconds: float = 10) -> Path:
-    """Write an IMU in two halves, topics /gyro and /accel."""
-    return write(path, {
-        '/accel': block(accel_hz, round(seconds * accel_hz), False, True),
-        '/gyro': block(gyro_hz, round(seconds * gyro_hz), True, False)})
-
-
 def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> None:
     """Require the rate and the white noise of each half."""
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
@@ -66,13 +59,21 @@ def streams(path: Path, topic: str | None = None, **options: str
         return choose_streams(recording, topic), recording.remarks
 
 
-def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path):
-    result = analyze(recorded(tmp_path / 'a.mcap', seconds=20))
+def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path, output_of):
+    path = write(tmp_path / 'a.mcap', {
+        '/accel': block(250, 5000, False, True), '/gyro': block(400, 8000, True, False)})
+    result = analyze(path)
     assert_characterized(result, 400, 250)
     assert result.source.topic == '/gyro, /accel'
     [remark] = [remark for remark in result.warnings if remark.code == 'two_rates']
     assert remark.values == {'sensors': ['gyro', 'accel'], 'topics': ['/gyro', '/accel'],
                              'rates_hz': pytest.approx([400, 250], rel=1e-3)}
+    shown = output_of('info', path, '--rate', '401')
+    assert ('one IMU in two halves: the gyroscope from /gyro, the accelerometer from /accel'
+            ) in shown.splitlines()
+    assert 'unusable' not in shown
+    assert [line.split()[1] for line in shown.splitlines() if line.startswith('  rate')] == [
+        '250', '401']
 
 
 def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
@@ -90,16 +91,6 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     result = analyze(path)
     assert_characterized(result, 200, 250)
     assert repeated(result) == [{'recording': str(path), 'topic': '/camera/imu', 'half': None}]
-
-
-def test_info_says_what_is_joined(tmp_path, output_of):
-    path = recorded(tmp_path / 'a.mcap', seconds=2)
-    assert ('one IMU in two halves: the gyroscope from /gyro, the accelerometer from /accel'
-            ) in output_of('info', path).splitlines()
-    shown = output_of('info', path, '--rate', '401')
-    assert 'unusable' not in shown
-    assert [line.split()[1] for line in shown.splitlines() if line.startswith('  rate')] == [
-        '250', '401']
 
 
 def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path):

@@ -23,12 +23,11 @@ from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.formats.decompress import ReadingLimits
 from imu_allan.recordings.formats.gather import gather, in_lists
-from mcap.records import Chunk
+from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType
 from measured_command import run
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 from whole_lines import refused, Varying
 import zstandard
@@ -56,16 +55,6 @@ def unlimited() -> ReadingLimits:
     return limits
 
 
-def message_places(data: bytes) -> NDArray[np.int64]:
-    """Return where the messages of a chunk begin."""
-    places, at = [], 0
-    while at < len(data):
-        opcode, length = struct.unpack_from('<BQ', data, at)
-        places += [at] * (opcode == 5)
-        at += 9 + length
-    return np.array(places, np.int64)
-
-
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 60)), max_size=120),
        st.booleans(), st.integers(0, 2))
@@ -76,11 +65,11 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
             for repeat in range(1 + 13 * (stamp % 3 == seed)):
                 message(f'/{channel}', stamp, bytes([stamp % 256, repeat]) * size, kind='')
     with path.open('rb') as file:
-        chunks = [record for record in StreamReader(file, emit_chunks=True).records
-                  if isinstance(record, Chunk)]
-    for chunk in chunks:
+        written = list(StreamReader(file, emit_chunks=True).records)
+    places = np.array([at for record in written if isinstance(record, MessageIndex)
+                       for _, at in record.records][::-1])
+    for chunk in (record for record in written if isinstance(record, Chunk)):
         expected = [record for record in breakup_chunk(chunk) if hasattr(record, 'log_time')]
-        places = message_places(chunk.data)[::-1]
         for wanted in ({1}, {2, 4}, {1, 2, 3, 4}):
             batches, consumed = gather(
                 chunk.data, wanted, lambda *_: None, partial(np.copy, places) if index else None,

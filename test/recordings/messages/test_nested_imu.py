@@ -119,14 +119,6 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
         assert messages.samples.tobytes() == samples(22)[first:first + 20].tobytes()
 
 
-def without_definitions(folder: Path) -> Path:
-    """Write a database as ROS 2 Humble does, which holds no definitions."""
-    with closing(database(folder / 'a.db3', [('/sensor', DRIVER)])) as opened:
-        insert(opened, zip(STAMPS.tolist(), map(bytes, driver_messages()), strict=True))
-        opened.commit()
-    return folder / 'a.db3'
-
-
 @pytest.mark.parametrize('named', ['share', 'share/my_driver/msg/Vectornav.msg', None])
 def test_definitions_are_found_in_files_packages_and_workspaces_or_sourced(
         tmp_path, monkeypatch, named):
