@@ -3,6 +3,7 @@
 """Opening by what a file is, and the choice of a topic."""
 
 from contextlib import closing
+from dataclasses import replace
 import os
 from pathlib import Path
 import subprocess
@@ -124,11 +125,14 @@ def test_bag_files_without_metadata_are_one_recording_if_their_numbers_follow_in
             open_recording(tmp_path)
 
 
+NOISE = replace(block(600), samples=np.random.default_rng(1).normal(0, 0.01, (600, 6)))
+
+
 def write_packed_db3(path: Path) -> Path:
     """Write three topics in turn, of which the first has messages that are none."""
     plain = path.with_suffix('.plain')
     with closing(bags.database(plain, [(f'/imu_{n}', bags.IMU) for n in range(3)])) as opened:
-        for row, (stamp, data) in enumerate(bags.serialized(block(600))):
+        for row, (stamp, data) in enumerate(bags.serialized(NOISE)):
             bags.insert(opened, [(stamp, data if row % 33 else data[:50])], row % 3 + 1)
         opened.commit()
     path.write_bytes(zstandard.compress(plain.read_bytes()))
@@ -141,7 +145,7 @@ def test_each_of_several_topics_is_read_as_if_by_itself(tmp_path):
     with open_recording(path) as recording:
         for topic, malformed in ((0, [19]), (1, []), (2, [])):
             with recording.for_another_topic() as reader:
-                assert_same(block(600).part(rows[(rows % 3 == topic) & (rows % 33 > 0)]),
+                assert_same(NOISE.part(rows[(rows % 3 == topic) & (rows % 33 > 0)]),
                             bags.joined(read_blocks(reader, f'/imu_{topic}')))
                 assert [remark.values['count'] for remark in reader.remarks] == malformed
 
@@ -160,9 +164,8 @@ def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(
 
     monkeypatch.setattr(compressed_file, 'make_folder', counted)
     path = write_packed_db3(tmp_path / 'h.db3.zstd')
-    output_of('analyze', path, '--all-topics', '--no-progress', '--motion', 'keep',
-              '--output', tmp_path / 'out')
-    assert len(list((tmp_path / 'out').glob('*/result.json'))) == 3
+    shown = output_of('analyze', path, '--all-topics', '--no-progress')
+    assert all(f'/imu_{number}' in shown for number in range(3))
     # One lists the topics, one serves them all.
     assert made == [0, 0]
     assert list(unpacked.iterdir()) == []

@@ -205,7 +205,8 @@ REASONS = {
 
 
 @pytest.mark.parametrize(('name', 'verb'), [
-    *((name, 'analyze') for name in HOSTILE), ('many topics', 'info'), slow('many types', 'info')])
+    *((name, 'analyze' if name == 'many types' else 'info') for name in HOSTILE),
+    ('many topics', 'analyze'), slow('many types', 'info')])
 def test_a_hostile_database_costs_the_process_little_time_and_memory(tmp_path, name, verb):
     path = HOSTILE[name](tmp_path)
     before = sorted(tmp_path.iterdir()), path.stat().st_mtime_ns
