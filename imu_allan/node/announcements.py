@@ -43,14 +43,10 @@ class Announcements:
         self._levels: dict[str, str] = {}
         self.begin_run()
 
-    @property
-    def has_begun(self) -> bool:
-        """Whether the first samples of the run have been reported."""
-        return self._began is not None
-
     def begin_run(self) -> None:
         """Forget what was reported about the previous run."""
-        self._began: float | None = None
+        # When the first samples of the run were reported.
+        self.began: float | None = None
         self._progress_at = 0.0
         # Progress lines, or conditions of their own, report these.
         self._said_codes = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
@@ -82,8 +78,8 @@ class Announcements:
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
         """Report the first sample, faults of the clock and the samples, and motion."""
         timeline = summary.timeline
-        if timeline.samples and self._began is None:
-            self._began, self._progress_at = now, now + PROGRESS_S
+        if timeline.samples and self.began is None:
+            self.began, self._progress_at = now, now + PROGRESS_S
             frame = f'frame_id {summary.frame_id!r}, ' if summary.frame_id else ''
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
@@ -131,10 +127,10 @@ class Announcements:
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
         """Report the progress of the run, every minute at first and every hour later."""
-        if self._began is None or now < self._progress_at or result is None or not result.axes:
+        if self.began is None or now < self._progress_at or result is None or not result.axes:
             return
         # Users tend to watch the first ten minutes; after that a night adds about ten lines.
-        self._progress_at = now + (PROGRESS_S if now - self._began < 600.0 else 3600.0)
+        self._progress_at = now + (PROGRESS_S if now - self.began < 600.0 else 3600.0)
         self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
     def _say_once(self, code: str, text: str) -> None:

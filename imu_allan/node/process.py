@@ -22,7 +22,7 @@ class StopRequest:
 
     is_set = False
 
-    def set(self, *_: object) -> None:
+    def receive(self, *_: object) -> None:
         """Handle a signal: without a lock, on which a second signal would wait for ever."""
         self.is_set = True
 
@@ -77,7 +77,7 @@ def _do_without_shared_memory(program: str) -> None:
     # a page of /dev/shm as soon as it is loaded; no setting changes that.
     try:
         shared = os.statvfs('/dev/shm')
-    except (OSError, AttributeError):
+    except OSError:
         return
     room = shared.f_bavail * shared.f_frsize
     remedy = 'remove files from it, or give it room, such as with --shm-size of docker run'
@@ -96,9 +96,8 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
     # shut the context down before a last result can be published.
     # Signals that are ignored at the start, such as SIGHUP under nohup, stay ignored.
     # SIGHUP comes when the terminal closes, for example because an SSH session drops.
-    stopping = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
-                if hasattr(signal, name)]
-    before = {number: signal.signal(number, stop.set) for number in stopping
+    stopping = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT
+    before = {number: signal.signal(number, stop.receive) for number in stopping
               if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield

@@ -52,7 +52,7 @@ class Reports:
         facts = self._receptions[0].facts
         self._receptions[0].announcements.see_progress(now, facts, result)
         watched = bool(self._publications.diagnostics.get_subscription_count())
-        waited_for = any(reception.facts.received > 0 and not reception.announcements.has_begun
+        waited_for = any(reception.facts.received > 0 and reception.announcements.began is None
                          for reception in self._receptions)
         if watched or waited_for or now - self._last_look >= LOOK_S:
             self._last_look = now

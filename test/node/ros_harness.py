@@ -112,16 +112,14 @@ class Process:
 
     def stop(self, number: signal.Signals = signal.SIGINT, within_s: float = PATIENCE_S) -> int:
         """Send a signal and return the exit status; no traceback may have been in the log."""
-        before, began = self.starved_s, time.monotonic()
+        before, end = self.starved_s, time.monotonic() + within_s
         self.popen.send_signal(number)
-        left_s, starved_s = within_s, before
-        while self.running and left_s > 0:
-            with contextlib.suppress(AssertionError):
-                self.wait(min(left_s, 1.0))
+        starved_s = before
+        # For what the computer keeps it waiting the node is not to blame.
+        while self.running and time.monotonic() < end + starved_s - before:
+            time.sleep(0.05)
             with contextlib.suppress(OSError):
-                # For what the computer keeps it waiting the node is not to blame.
                 starved_s = max(starved_s, self.starved_s)
-                left_s = within_s + starved_s - before - (time.monotonic() - began)
         status = self.wait(0.1)
         assert 'Traceback' not in self.log, self.log
         return status
