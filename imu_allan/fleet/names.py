@@ -3,6 +3,7 @@
 """Names of units, and their order."""
 
 from collections.abc import Sequence
+import os
 from pathlib import Path
 import re
 
@@ -28,10 +29,11 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
         if not name:
             raise ImuAllanError(f'{path}: --name-from {source.pattern} finds no name in this path')
         return str(name)
-    resolved = Path(path).resolve()
+    # A link names its unit, whatever the recording is called.
+    whole = Path(os.path.abspath(path))  # noqa: PTH100
     if source == 'folder':
-        return resolved.parent.name or 'recording'
-    return (resolved.name if resolved.is_dir() else resolved.stem) or 'recording'
+        return whole.parent.name or 'recording'
+    return (whole.name if whole.is_dir() else whole.stem) or 'recording'
 
 
 def distinct_labels(names: Sequence[str], longest: int) -> list[str]:

@@ -148,6 +148,8 @@ def test_a_unit_is_called_like_its_recording_its_folder_or_what_a_pattern_finds(
     # A folder has no suffix.
     (tmp_path / 'unit.7').mkdir()
     assert unit_name(str(tmp_path / 'unit.7')) == 'unit.7'
+    (tmp_path / 'SN1.csv').symlink_to(tmp_path / 'unit.7')
+    assert unit_name(f'{tmp_path}/unit.7/../SN1.csv') == 'SN1.csv'
 
 
 def test_a_pattern_that_finds_nothing_or_is_none_is_refused():
