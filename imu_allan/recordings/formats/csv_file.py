@@ -54,7 +54,8 @@ _QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a comma-separated file."""
 _DATE = re.compile(
     r'(?<![\w:])(?<!\d )(?:(\d{4}[-./]\d\d[-./]\d\d)[T ]|\d{1,2}[-./]\w{1,4}[-./]\d{2,4} )?'
-    r'(\d?\d:\d\d:\d\d)(?:\.(\d{1,9})\d*)?(?: ?([AaPp])[Mm]\b)?(?:Z|([+-]\d\d):?(\d\d))?')
+    r'(\d?\d:\d\d:\d\d)(?:(?:\.|:(?=\d{3}\b))(\d{1,9})\d*)?(?: ?([AaPp])[Mm]\b)?'
+    r'(?:Z|([+-]\d\d):?(\d\d))?')
 """A time of ISO 8601 or of a spreadsheet, with or without the day; a day whose order of day and
 month differs between countries is left out."""
 _LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')

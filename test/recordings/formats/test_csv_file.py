@@ -168,7 +168,7 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
 
 
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('gyro_z\n1\n', NO_TIME), ('roll,pitch\n4,5\n', no_axes('roll,pitch')),
+    ('gyro_z\n1\n', NO_TIME), ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
      'no line names its columns, the first one holds numbers (6 columns). Say what they are, '
      'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
@@ -179,7 +179,7 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
-    (b'\x1f\x8b\x08\x00', 'compressed with gzip or zip; save it as plain text in CSV'),
+    (b'\x1f\x8b\x08\x00', 'compressed with gzip or zip; unpack it, or save a spreadsheet as CSV'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
@@ -362,6 +362,7 @@ EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
     # As spreadsheets of several countries and MATLAB write them.
     ('time;gx', ('24.06.2014 19:02:59,75;', '06/24/2014 7:03:00 PM;0,'), EVENING),
     ('time,gx', ('24-Jun-2014 19:02:59.75,', '24-Jun-2014 19:03:00,'), EVENING),
+    ('time;gx', ('19:02:59:750;', '19:03:00:000;'), EVENING),
     ('time,gx', ('12:00:00.25 am,', '12:00:00.5 PM,'), [250_000_000, 43_200_500_000_000]),
     # A logger without a battery.
     ('time,gx', ('1970-01-01T01:59:59.99+02:00,', '1970-01-01T02:00:00.00+02:00,'),
