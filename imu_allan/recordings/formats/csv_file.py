@@ -58,6 +58,8 @@ _DATE = re.compile(
     r'(?:Z|([+-]\d\d):?(\d\d))?')
 """A time of ISO 8601 or of a spreadsheet, with or without the day; a day whose order of day and
 month differs between countries is left out."""
+_ARROW = ' -> '
+"""Mark between the time of day and the line that the serial monitor of Arduino shows."""
 _LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')
 """A number behind its name, as for the serial plotter of Arduino: ``aX:1.23``."""
 
@@ -171,7 +173,7 @@ class CsvRecording(FileRecording):
                 raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                     'samples')
             text = _decoded(line)
-            text = _without_arrows(text, cells_of(text)[0])
+            text = text.replace(_ARROW, cells_of(text)[0] or ' ')
             cells = cells_of(text)[1]
             is_header = names_columns(text, self.options) and not (
                 header and any(map(is_number, cells)))
@@ -197,13 +199,14 @@ class CsvRecording(FileRecording):
             behind = file.tell()
             after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
         delimiter, names = cells_of(header)
-        text = _without_arrows(after.decode('utf-8', 'replace'), delimiter)
-        self._delimiter = delimiter
+        text = after.decode('utf-8', 'replace')
+        self._arrow_as = (delimiter or ' ') if _ARROW in text else None
+        text = text.replace(_ARROW, delimiter or ' ')
         self._decimal_comma = (delimiter != ',' and
                                re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
         self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         # Between blanks, date and time of day may be two cells.
-        self._dated = _DATE.search(text) is not None and (
+        self._dated = ':' in text and _DATE.search(text) is not None and (
             delimiter is not None or not any(' ' in date[0] for date in _DATE.finditer(text)))
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
@@ -262,7 +265,8 @@ class CsvRecording(FileRecording):
 
     def _with_points(self, text: str) -> str:
         """Replace decimal commas by points and dates by nanoseconds; remove names of numbers."""
-        text = _without_arrows(text, self._delimiter)
+        if self._arrow_as is not None:
+            text = text.replace(_ARROW, self._arrow_as)
         if self._quoted_comma:
             text = _QUOTED_COMMA.sub(r'\1.\2', text)
         elif self._decimal_comma:
@@ -285,11 +289,6 @@ class CsvRecording(FileRecording):
         for axis, name in enumerate(AXES):
             if axis // 3 in sensors and axis not in axes:
                 self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
-
-
-def _without_arrows(text: str, delimiter: str | None) -> str:
-    """Separate the time of day, which the serial monitor of Arduino puts before each line."""
-    return text.replace(' -> ', delimiter or ' ')
 
 
 def _decoded(line: bytes) -> str:
