@@ -32,68 +32,36 @@ SPARSE = 16
 
 @dataclass(frozen=True)
 class Repeats:
-    """
-    Messages of a window to leave out, as bool arrays of shape (n,).
+    """Messages of a window to leave out, as bool arrays of shape (n,)."""
 
-    Attributes
-    ----------
-    held, frozen : ndarray of bool
-        Messages that were polled again, and those of a sensor that has stopped.
-    spikes : ndarray of bool
-        Isolated outliers.
-    started : bool
-        Whether the sensor has just started: everything before the window was one frozen value.
-    evenly : bool
-        Whether repeats come evenly, as from polling, and not in place of new samples.
-
-    """
-
+    # Messages that were polled again, and those of a sensor that has stopped.
     held: Bools
     frozen: Bools
-    spikes: Bools
+    spikes: Bools  # isolated outliers
+    # Whether the sensor has just started: everything before the window was one frozen value.
     started: bool = False
+    # Whether repeats come evenly, as from polling, and not in place of new samples.
     evenly: bool = False
 
 
 @dataclass
 class Content(Record):
-    """
-    Statistics of the values of messages so far.
+    """Statistics of the values of messages so far."""
 
-    Attributes
-    ----------
-    run : int
-        Repeats in a row up to the newest message.
-    last : list of float
-        Values of the newest message.
-    changes : int, changed : list of int
-        Messages that differ from the one before, and how many of them changed each axis.
-    repeats : int
-        Messages equal to the one before, in runs too short to be frozen.
-    head : int
-        Messages before the first change.
-    settled : bool
-        Whether the axes are known to be noisy.
-    held : bool
-        Whether repeats are due to polling.
-    frozen : int, frozen_s : float or None
-        Messages in frozen runs, and the time at which the first one began.
-    noise : list of float
-        Standard deviation of a sample, from the steps of the window last examined; infinite for an
-        axis without steps.
-
-    """
-
-    run: int = 0
-    last: list[float] = field(default_factory=list)
+    run: int = 0  # repeats in a row up to the newest message
+    last: list[float] = field(default_factory=list)  # values of the newest message
+    # Messages that differ from the one before, and how many of them changed each axis.
     changes: int = 0
     changed: list[int] = field(default_factory=lambda: [0] * 6)
-    repeats: int = 0
-    head: int = 0
-    settled: bool = False
-    held: bool = False
+    repeats: int = 0  # messages equal to the one before, in runs too short to be frozen
+    head: int = 0  # messages before the first change
+    settled: bool = False  # whether the axes are known to be noisy
+    held: bool = False  # whether repeats are due to polling
+    # Messages in frozen runs, and the time in seconds at which the first one began.
     frozen: int = 0
     frozen_s: float | None = None
+    # Standard deviation of a sample, from the steps of the window last examined; infinite for an
+    # axis without steps.
     noise: list[float] = field(default_factory=list)
 
     @property
@@ -194,33 +162,19 @@ def _come_evenly(again: Bools) -> bool:
 
 @dataclass
 class Presence(Record):
-    """
-    Which axes have values, and since when.
+    """Which axes have values, and since when."""
 
-    Attributes
-    ----------
-    there : list of bool
-        Axes that have values now.
-    bad, run : list of bool, list of int
-        Axes without a value in the newest message, and the number of messages since that changed.
-    gone : list of int
-        Messages in which each axis was absent while others were present.
-    changed : bool
-        Whether an axis has gone or come since the first messages.
-    asleep, value : list of int, list of float
-        Messages for which an axis has kept its first value, and that value; -1 after a change.
-    late : list of int
-        Messages before an axis came to life.
-
-    """
-
-    there: list[bool] = field(default_factory=lambda: [True] * 6)
+    there: list[bool] = field(default_factory=lambda: [True] * 6)  # axes that have values now
+    # Axes without a value in the newest message, and the number of messages since that changed.
     bad: list[bool] = field(default_factory=lambda: [False] * 6)
     run: list[int] = field(default_factory=lambda: [0] * 6)
+    # Messages in which each axis was absent while others were present.
     gone: list[int] = field(default_factory=lambda: [0] * 6)
-    changed: bool = False
+    changed: bool = False  # whether an axis has gone or come since the first messages
+    # Messages for which an axis has kept its first value, and that value; -1 after a change.
     asleep: list[int] = field(default_factory=lambda: [0] * 6)
     value: list[float] = field(default_factory=lambda: [0.0] * 6)
+    # Messages before an axis came to life.
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
     def stays(self, samples: Floats) -> bool:

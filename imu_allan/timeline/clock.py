@@ -46,23 +46,11 @@ def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
 
 @dataclass(frozen=True)
 class Order:
-    """
-    Which messages can be placed on the timeline.
+    """Which messages can be placed on the timeline."""
 
-    Attributes
-    ----------
-    keep : ndarray of bool, shape (n,)
-        Messages whose stamp is later than every stamp kept before.
-    duplicate : ndarray of bool, shape (n,)
-        Those of the other messages whose stamp repeats the newest.
-    jumps : ndarray of bool, shape (n,)
-        Kept messages before which the clock jumped back.
-
-    """
-
-    keep: Bools
-    duplicate: Bools
-    jumps: Bools
+    keep: Bools  # messages whose stamp is later than every stamp kept before, shape (n,)
+    duplicate: Bools  # those of the other messages whose stamp repeats the newest, shape (n,)
+    jumps: Bools  # kept messages before which the clock jumped back, shape (n,)
 
 
 def order_stamps(stamps: Stamps, last: int | None) -> Order | None:

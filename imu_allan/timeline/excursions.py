@@ -11,25 +11,14 @@ import numpy as np
 
 @dataclass
 class Excursions(Record):
-    """
-    Times during which the mean of an axis had moved away.
+    """Times during which the mean of an axis had moved away."""
 
-    Attributes
-    ----------
-    sums : list of float
-        Sum of the means of the windows in the newest block, by axis.
-    windows : int
-        Number of windows in the newest block.
-    blocks : list of list of float
-        Start in seconds and mean of each axis, for the latest blocks.
-    found : list of list of float
-        Start and duration in seconds, number of the axis, and size in its unit.
-
-    """
-
+    # Sum of the means of the windows in the newest block, by axis.
     sums: list[float] = field(default_factory=lambda: [0.0] * 6)
-    windows: int = 0
+    windows: int = 0  # number of windows in the newest block
+    # Start in seconds and mean of each axis, for the latest blocks.
     blocks: list[list[float]] = field(default_factory=list)
+    # Start and duration in seconds, number of the axis, and size in its unit.
     found: list[list[float]] = field(default_factory=list)
 
     def check(self) -> None:

@@ -52,15 +52,7 @@ class NoAxes(ImuAllanError):
 
 
 class Intake(Record):
-    """
-    Chooses the clock and passes on the usable messages.
-
-    Parameters
-    ----------
-    memory : Memory
-        Decisions, counts of messages and faults, and the axes that are alive.
-
-    """
+    """Chooses the clock and passes on the usable messages."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory, self._options, self._counts = memory, memory.options, memory.counts

@@ -27,22 +27,11 @@ LISTED_GAPS = 1000
 
 @dataclass
 class StampCounts(Record):
-    """
-    Counts of the stamps of one clock.
+    """Counts of the stamps of one clock."""
 
-    Attributes
-    ----------
-    first_ns : int
-        Stamp of the first message.
-    last_ns : int or None
-        Newest stamp, with which the next one is compared.
-    repeats, backward : int
-        Stamps equal to, or earlier than, the one before.
-
-    """
-
-    first_ns: int = 0
-    last_ns: int | None = None
+    first_ns: int = 0  # stamp of the first message
+    last_ns: int | None = None  # newest stamp, with which the next one is compared
+    # Stamps equal to, or earlier than, the one before.
     repeats: int = 0
     backward: int = 0
 
@@ -60,72 +49,41 @@ class StampCounts(Record):
 
 @dataclass
 class Counts(Record):
-    """
-    Messages by what became of them, and the faults of their stamps.
+    """Messages by what became of them, and the faults of their stamps."""
 
-    Attributes
-    ----------
-    messages : int
-        Messages decided on so far.
-    samples : int
-        Messages that found their place on the grid.
-    missing, interpolated : int
-        Empty places, and how many of them a local mean fills.
-    duplicates, out_of_order, rejected : int
-        The other messages, by the reason for which they have no place.
-    spikes : int
-        Rejected messages that are isolated outliers.
-    absent : int
-        Rejected messages that declare a field as not provided which others have.
-    header, receive : StampCounts
-    clock_jumps : int
-        Jumps of the clock in use.
-    gaps, gaps_ns : int
-        Gaps that are not interpolated, and their total duration.
-    longest_gap_ns : int
-        Duration of the longest gap.
-    listed_gaps : list of (float, float)
-        Start and duration in seconds of the first gaps.
-    other_frames : dict
-        Messages rejected because of their frame_id, by frame_id.
-    at_other_rate : int
-        Messages rejected because they came at another rate.
-    rate_changed_s, changed_rate_hz : float
-        When the rate first changed, and the new rate.
-    lowest_rate_hz, highest_rate_hz : float
-        Range of rates if messages are used whose rate is not the measured one; 0 if there are
-        none.
-    paced_ns, paced_steps : int
-        Time and places of all unbroken segments; their ratio is the rate.
-    gravity : list of float, gravity_samples : int
-        Sum of a selection of accelerations, and their number.
-
-    """
-
-    messages: int = 0
-    samples: int = 0
+    messages: int = 0  # messages decided on so far
+    samples: int = 0  # messages that found their place on the grid
+    # Empty places, and how many of them a local mean fills.
     missing: int = 0
     interpolated: int = 0
+    # The other messages, by the reason for which they have no place.
     duplicates: int = 0
     out_of_order: int = 0
     rejected: int = 0
-    spikes: int = 0
-    absent: int = 0
+    spikes: int = 0  # rejected messages that are isolated outliers
+    absent: int = 0  # rejected messages that declare a field as not provided which others have
     header: StampCounts = field(default_factory=StampCounts)
     receive: StampCounts = field(default_factory=StampCounts)
-    clock_jumps: int = 0
+    clock_jumps: int = 0  # jumps of the clock in use
+    # Gaps that are not interpolated, and their total duration.
     gaps: int = 0
     gaps_ns: int = 0
-    longest_gap_ns: int = 0
+    longest_gap_ns: int = 0  # duration of the longest gap
+    # Start and duration in seconds of the first gaps.
     listed_gaps: list[tuple[float, float]] = field(default_factory=list)
+    # Messages rejected because of their frame_id, by frame_id.
     other_frames: dict[str, int] = field(default_factory=dict)
-    at_other_rate: int = 0
+    at_other_rate: int = 0  # messages rejected because they came at another rate
+    # When the rate first changed, and the new rate.
     rate_changed_s: float = 0.0
     changed_rate_hz: float = 0.0
+    # Range of rates if messages are used whose rate is not the measured one; 0 if there are none.
     lowest_rate_hz: float = 0.0
     highest_rate_hz: float = 0.0
+    # Time and places of all unbroken segments; their ratio is the rate.
     paced_ns: int = 0
     paced_steps: int = 0
+    # Sum of a selection of accelerations, and their number.
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gravity_samples: int = 0
 
@@ -163,53 +121,30 @@ class Counts(Record):
 
 @dataclass
 class Decision(Record):
-    """
-    Conclusions from the messages so far.
+    """Conclusions from the messages so far."""
 
-    Attributes
-    ----------
-    frame_id : str or None
-        Of the first message; messages with another one belong to another sensor.
-    clock : {'header', 'receive'} or None
-        Clock whose stamps are used; None before the first messages were seen.
-    counted_only : bool
-        Whether no stamps are usable, so that samples are counted at the stated rate.
-    present : list of bool or None
-        Whether each axis was ever present.
-    not_finite : list of bool
-        Axes not finite in the first messages without being declared absent.
-    pace : Pace
-        How stamps advance, following the slow drift of the clock; an interval of one nanosecond
-        means not yet known.
-    first_interval_ns : float or None
-        Interval as first measured, which sets how many samples are judged together. None before.
-    ticks : bool
-        Whether header stamps come in ticks, so that different messages share a stamp.
-    overlaps : bool
-        Whether successive batches of header stamps overlap.
-    numbered : bool
-        Whether publication numbers show which messages were lost in transit.
-    repeated : int
-        How many of the publication numbers so far belong to duplicates, which are not samples.
-    restart : bool
-        Whether the next samples returned invalidate those before.
-    remarks : dict
-        Reasons for decisions that the user should know: figures by the code of a finding.
-
-    """
-
+    # Of the first message; messages with another one belong to another sensor.
     frame_id: str | None = None
+    # Clock whose stamps are used; None before the first messages were seen.
     clock: Clock | None = None
+    # Whether no stamps are usable, so that samples are counted at the stated rate.
     counted_only: bool = False
-    present: list[bool] | None = None
+    present: list[bool] | None = None  # whether each axis was ever present
+    # Axes not finite in the first messages without being declared absent.
     not_finite: list[bool] = field(default_factory=lambda: [False] * 6)
+    # How stamps advance, following the slow drift of the clock; an interval of one nanosecond
+    # means not yet known.
     pace: Pace = Pace(1.0)  # noqa: RUF009
+    # Interval as first measured, which sets how many samples are judged together. None before.
     first_interval_ns: float | None = None
+    # Whether header stamps come in ticks, so that different messages share a stamp.
     ticks: bool = False
-    overlaps: bool = False
-    numbered: bool = False
+    overlaps: bool = False  # whether successive batches of header stamps overlap
+    numbered: bool = False  # whether publication numbers show which messages were lost in transit
+    # How many of the publication numbers so far belong to duplicates, which are not samples.
     repeated: int = 0
-    restart: bool = False
+    restart: bool = False  # whether the next samples returned invalidate those before
+    # Reasons for decisions that the user should know: figures by the code of a finding.
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def check(self) -> None:
@@ -247,47 +182,25 @@ class Decision(Record):
 
 @dataclass
 class Cursor(Record):
-    """
-    The position of a timeline on the grid.
+    """The position of a timeline on the grid."""
 
-    Attributes
-    ----------
-    first_ns, last_ns : int or None
-        Stamps of the first and of the last sample placed.
-    other_ns : int
-        Stamp of the last sample on the other clock.
-    late_ns : float
-        How far the last stamp lies behind its place.
-    jitter : float or None
-        Standard deviation of the latest stamps about their places, in intervals.
-    tied_to : int or None, ties : int
-        Last stamp on a clock with equal stamps, and the number of messages before with the same
-        one.
-    index : int
-        Grid place of the last sample.
-    elapsed_ns : int
-        Time since the first sample, which continues across jumps of the clock.
-    fresh_run, jumped : bool
-        Whether the next sample begins a new run, and whether because the clock jumped.
-    other_rate : bool
-        Whether messages come at another rate than the first ones.
-    number : int or None
-        Publication number of the last message, if it can show losses after it.
-
-    """
-
+    # Stamps of the first and of the last sample placed.
     first_ns: int | None = None
     last_ns: int | None = None
-    other_ns: int = 0
-    late_ns: float = 0.0
+    other_ns: int = 0  # stamp of the last sample on the other clock
+    late_ns: float = 0.0  # how far the last stamp lies behind its place
+    # Standard deviation of the latest stamps about their places, in intervals.
     jitter: float | None = None
+    # Last stamp on a clock with equal stamps, and the number of messages before with the same one.
     tied_to: int | None = None
     ties: int = 0
-    index: int = -1
-    elapsed_ns: int = 0
+    index: int = -1  # grid place of the last sample
+    elapsed_ns: int = 0  # time since the first sample, which continues across jumps of the clock
+    # Whether the next sample begins a new run, and whether because the clock jumped.
     fresh_run: bool = False
     jumped: bool = False
-    other_rate: bool = False
+    other_rate: bool = False  # whether messages come at another rate than the first ones
+    # Publication number of the last message, if it can show losses after it.
     number: int | None = None
 
     @property
@@ -298,19 +211,7 @@ class Cursor(Record):
 
 @dataclass
 class Memory(Record):
-    """
-    The whole state of a timeline.
-
-    Attributes
-    ----------
-    tail : ndarray, shape (t, 6)
-        The last samples placed in this run, as context for interpolation.
-    motion : MotionDetector or None
-        None before the first sample.
-    pending : Pending
-        Messages not yet processed.
-
-    """
+    """The whole state of a timeline."""
 
     options: TimelineOptions
     counts: Counts = field(default_factory=Counts)
@@ -318,9 +219,10 @@ class Memory(Record):
     content: Content = field(default_factory=Content)
     presence: Presence = field(default_factory=Presence)
     cursor: Cursor = field(default_factory=Cursor)
+    # The last samples placed in this run, as context for interpolation, shape (t, 6).
     tail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
-    motion: MotionDetector | None = None
-    pending: Pending = field(default_factory=Pending)
+    motion: MotionDetector | None = None  # none before the first sample
+    pending: Pending = field(default_factory=Pending)  # messages not yet processed
 
     @property
     def excursions(self) -> list[list[float]]:

@@ -76,30 +76,16 @@ def _joined(blocks: list[ImuBlock], messages: int) -> ImuBlock:
 
 @dataclass(frozen=True)
 class Messages:
-    """
-    Messages to be placed on the grid.
+    """Messages to be placed on the grid."""
 
-    Attributes
-    ----------
-    stamps, other : ndarray of int64, shape (n,)
-        Stamps of the clock in use, and of the other clock.
-    samples : ndarray of float64, shape (n, 6)
-        NaN only where an axis is absent.
-    consumed : int
-        Number of leading messages to place; the others only show what follows.
-    void : ndarray of bool, shape (n,)
-        Messages with unusable values: they have a grid place, which stays empty.
-    numbers : ndarray of int64, shape (n,), or None
-        As in `ImuBlock`.
-
-    """
-
+    # Stamps of the clock in use, and of the other clock, shape (n,).
     stamps: Stamps
     other: Stamps
-    samples: Floats
-    consumed: int
+    samples: Floats  # NaN only where an axis is absent, shape (n, 6)
+    consumed: int  # number of leading messages to place; the others only show what follows
+    # Messages with unusable values: they have a grid place, which stays empty, shape (n,).
     void: Bools
-    numbers: Ints | None = None
+    numbers: Ints | None = None  # as in `ImuBlock`, shape (n,)
 
     def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
         """Return the selected messages, of which `consumed` are to be placed."""

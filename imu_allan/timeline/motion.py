@@ -28,25 +28,16 @@ _LATELY_S = 5.0
 
 @dataclass
 class Spans(Record):
-    """
-    Spans of rows that were cut out, or kept.
+    """Spans of rows that were cut out, or kept."""
 
-    Attributes
-    ----------
-    listed : tuple of (float, float)
-        Start and duration in seconds of the first spans.
-    count, rows, total_s, longest_s : int, int, float, float
-        Number, rows and duration of all spans, and duration of the longest.
-    end, end_s, lasts_s : int, float, float
-        Grid place and time at which the newest span ends, and its duration.
-
-    """
-
+    # Start and duration in seconds of the first spans.
     listed: tuple[tuple[float, float], ...] = ()
+    # Number, rows and duration of all spans, and duration of the longest.
     count: int = 0
     rows: int = 0
     total_s: float = 0.0
     longest_s: float = 0.0
+    # Grid place and time at which the newest span ends, and its duration.
     end: int = -1
     end_s: float = -_LATELY_S
     lasts_s: float = 0.0
@@ -70,31 +61,19 @@ class Spans(Record):
 
 @dataclass
 class MotionSummary(Record):
-    """
-    What was cut out as motion, what was kept as rest, and how much louder motion is.
+    """What was cut out as motion, what was kept as rest, and how much louder motion is."""
 
-    Attributes
-    ----------
-    cut, kept : Spans
-        Spans of motion, with their margins, and of rest.
-    struck : int
-        Rows in windows in motion, without the margins.
-    moving : bool
-        Whether the newest motion ended less than five seconds before the newest row.
-    louder : float, compared : int
-        Sum of the logarithms by which windows in motion are louder than rest, and number of these
-        windows.
-    changes : tuple of (float, float)
-        When the noise level changed for good, and ratio of new to old standard deviation.
-
-    """
-
+    # Spans of motion, with their margins, and of rest.
     cut: Spans = field(default_factory=Spans)
     kept: Spans = field(default_factory=Spans)
-    struck: int = 0
+    struck: int = 0  # rows in windows in motion, without the margins
+    # Whether the newest motion ended less than five seconds before the newest row.
     moving: bool = False
+    # Sum of the logarithms by which windows in motion are louder than rest, and number of these
+    # windows.
     louder: float = 0.0
     compared: int = 0
+    # When the noise level changed for good, and ratio of new to old standard deviation.
     changes: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -118,27 +97,15 @@ class MotionSummary(Record):
 
 @dataclass
 class MotionDetector(Record):
-    """
-    Removes motion and knocks, with a delay of some windows, in constant memory.
+    """Removes motion and knocks, with a delay of some windows, in constant memory."""
 
-    Attributes
-    ----------
-    interval_s : float
-        Sample interval; a window is half a second, at least 25 rows.
-    axes : tuple of bool
-        Axes by which motion is judged.
-    held : list of Segment
-        Rows not yet decided on.
-
-    """
-
-    interval_s: float
-    axes: tuple[bool, ...] = (True,) * 6
+    interval_s: float  # sample interval; a window is half a second, at least 25 rows
+    axes: tuple[bool, ...] = (True,) * 6  # axes by which motion is judged
     _windows: Windows = field(init=False)
     _level: RestLevel | None = None
     summary: MotionSummary = field(default_factory=MotionSummary)
     _excursions: Excursions = field(default_factory=Excursions)
-    held: list[Segment] = field(default_factory=list)
+    held: list[Segment] = field(default_factory=list)  # rows not yet decided on
     _run_pending: bool = False
     _void: bool = False
 

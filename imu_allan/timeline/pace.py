@@ -46,26 +46,14 @@ _MOST_HIDDEN = 0.9
 
 @dataclass(frozen=True)
 class Pace:
-    """
-    How the stamps of a sensor advance.
+    """How the stamps of a sensor advance."""
 
-    Attributes
-    ----------
-    interval_ns : float
-        Mean interval between samples.
-    spread : float
-        Standard deviation of the stamps about the grid, in intervals.
-    counting : bool
-        Whether stamps are too uneven to show a single missing sample. Then messages are counted,
-        and only a lasting jump of the phase is taken for missing samples.
-    hidden : float
-        Share of all samples, lost ones included, that may be lost without showing in the stamps.
-
-    """
-
-    interval_ns: float
-    spread: float = 0.0
+    interval_ns: float  # mean interval between samples
+    spread: float = 0.0  # standard deviation of the stamps about the grid, in intervals
+    # Whether stamps are too uneven to show a single missing sample. Then messages are counted, and
+    # only a lasting jump of the phase is taken for missing samples.
     counting: bool = False
+    # Share of all samples, lost ones included, that may be lost without showing in the stamps.
     hidden: float = 0.0
 
 

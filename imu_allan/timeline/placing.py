@@ -49,15 +49,7 @@ _FOLLOWED = 0.01
 
 
 class Placing(Record):
-    """
-    Places usable messages on the grid.
-
-    Parameters
-    ----------
-    memory : Memory
-        Position on the grid, counts of messages, and the pace.
-
-    """
+    """Places usable messages on the grid."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory

@@ -31,23 +31,15 @@ _FINE = 0.7
 
 @dataclass(frozen=True)
 class Baseline:
-    """
-    Statistics of the windows of a sensor at rest.
+    """Statistics of the windows of a sensor at rest."""
 
-    Attributes
-    ----------
-    loudness, spread : ndarray, shape (12,)
-        Median and robust standard deviation of the loudness of a window, as `describe` returns it.
-    wander : ndarray, shape (6,)
-        Robust standard deviation of the second difference of window means.
-    resolution : ndarray, shape (6,)
-        Smallest change seen between two samples; infinite while constant.
-
-    """
-
+    # Median and robust standard deviation of the loudness of a window, as `describe` returns it,
+    # shape (12,).
     loudness: Floats
     spread: Floats
+    # Robust standard deviation of the second difference of window means, shape (6,).
     wander: Floats
+    # Smallest change seen between two samples; infinite while constant, shape (6,).
     resolution: Floats
 
     def loudest(self, shorter: float = 1.0) -> Floats:
@@ -74,29 +66,17 @@ class Baseline:
 
 @dataclass
 class RestLevel(Record):
-    """
-    The noise level at rest, as learned so far.
-
-    Attributes
-    ----------
-    baseline : Baseline
-    first : ndarray, shape (12,), or None
-        Loudness when the noise level was last reported.
-    past, news : ndarray, shape (windows, 18)
-        Loudness and wander of the windows at rest that make the baseline, and of those since.
-    lately : ndarray, shape (windows, 19)
-        The same of all windows since motion began, with the verdict.
-    quieter : int
-        Number of windows in a row that are far quieter than the baseline.
-
-    """
+    """The noise level at rest, as learned so far."""
 
     baseline: Baseline
-    first: Floats | None = None
+    first: Floats | None = None  # loudness when the noise level was last reported, shape (12,)
+    # Loudness and wander of the windows at rest that make the baseline, and of those since, shape
+    # (windows, 18).
     past: Floats = field(default_factory=lambda: np.empty((0, 18)))
     news: Floats = field(default_factory=lambda: np.empty((0, 18)))
+    # The same of all windows since motion began, with the verdict, shape (windows, 19).
     lately: Floats = field(default_factory=lambda: np.empty((0, 19)))
-    quieter: int = 0
+    quieter: int = 0  # number of windows in a row that are far quieter than the baseline
 
     def check(self) -> None:
         """Reject tables of another width."""

@@ -64,23 +64,11 @@ class Segment(Record):
 
 @dataclass
 class Windows(Record):
-    """
-    The division of rows into windows, and what is known of the window means.
+    """The division of rows into windows, and what is known of the window means."""
 
-    Attributes
-    ----------
-    interval_s : float
-        Sample interval; a window is half a second, 25 rows at least.
-    recent : ndarray, shape (windows, 14)
-        Grid place, number of rows, means and noise of the newest windows of closed segments.
-    part, size : int
-        Rows in a part of a window, and in a window.
-    lags : tuple of int
-        Distances, in windows, at which means are compared.
-
-    """
-
-    interval_s: float
+    interval_s: float  # sample interval; a window is half a second, 25 rows at least
+    # Grid place, number of rows, means and noise of the newest windows of closed segments, shape
+    # (windows, 14).
     recent: Floats = field(default_factory=lambda: np.empty((0, 14)))
 
     def __post_init__(self) -> None:
@@ -90,8 +78,9 @@ class Windows(Record):
         # A window shorter than half a second gives its noise less accurately; a longer one cuts
         # out more for a knock.
         self.size = 25 * self.part
-        # Lag 1 is for a jerk, lag 4 for a slow turn of two seconds. Windows of a slow sensor are
-        # longer: a change over more than 6 s is drift. Chosen by judgment.
+        # Means are compared at these distances, in windows: 1 for a jerk, 4 for a slow turn of two
+        # seconds. Windows of a slow sensor are longer: a change over more than 6 s is drift.
+        # Chosen by judgment.
         self.lags = tuple(lag for lag in (1, 4) if lag * self.size * self.interval_s < 6.0)
         self.farthest = max(self.lags, default=0)
 
