@@ -210,8 +210,8 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
         raise ImuAllanError(f'{printable(path)}: text in UTF-16, as a redirection of PowerShell '
                             'writes it; save it as UTF-8')
     if head.startswith((b'\x1f\x8b', b'PK\x03\x04')):
-        raise ImuAllanError(f'{printable(path)}: compressed with gzip or zip; unpack it, '
-                            'or save a spreadsheet as CSV')
+        raise ImuAllanError(f'{printable(path)}: compressed with gzip or zip; take its '
+                            'files out, or save it as plain text in CSV')
     if head.startswith(b'FMT,'):
         raise ImuAllanError(f'{printable(path)}: a dataflash log of ArduPilot as text; give the '
                             '.bin that it was made from')

@@ -215,7 +215,7 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
 
 def is_remark(line: str) -> bool:
     """Return whether a line is empty or begins like a comment, as some headers do, too."""
-    # A spreadsheet is told its separator by sep=;.
+    # Spreadsheets take their separator from sep=.
     return line.isspace() or line.lstrip().startswith(('#', '%', '//', 'sep='))
 
 
