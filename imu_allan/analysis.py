@@ -12,8 +12,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator,
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from heapq import merge
-from itertools import count as naturals
-from operator import itemgetter
+from itertools import repeat
 from os import PathLike
 from pathlib import Path
 from typing import Literal, TYPE_CHECKING
@@ -260,7 +259,10 @@ def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
     with choice.opened(path) as recording:
         halves = list(_begun(recording, choice, None))
         taken, look, has_temperature = 0, next_look(0), False
-        for number, block in _side_by_side([half.blocks for half in halves]):
+        side_by_side = merge(*(zip(repeat(number), filter(len, half.blocks))
+                               for number, half in enumerate(halves)),
+                             key=lambda found: int(found[1].receive_ns[0]))
+        for number, block in side_by_side:
             characterization, start = halves[number].characterization, 0
             while start < len(block):
                 stop = min(len(block), start + look - taken) if number == 0 else len(block)
@@ -289,17 +291,6 @@ def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]
         fits |= {name: fit for name, fit in own.items() if name.startswith(one.stream.half or '')}
     from imu_allan.writers.words import with_words
     return with_words(_as_one(taken, results)), fits
-
-
-def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, ImuBlock]]:
-    """Yield the blocks of all streams in order of reception, with the number of the stream."""
-    def numbered(number: int, blocks: Iterable[ImuBlock]) -> Iterator[tuple[int, int, ImuBlock]]:
-        for block in blocks:
-            if len(block):
-                yield int(block.receive_ns[0]), number, block
-
-    for _, number, block in merge(*map(numbered, naturals(), streams), key=itemgetter(0)):
-        yield number, block
 
 
 def means_over_one_second(recording: Recording, choice: Choice, axes: Collection[str],

@@ -80,20 +80,19 @@ def typed(kind: Any, value: Any, where: str) -> Any:
         if not isinstance(value, (list, tuple)):
             raise ImuAllanError(f'{where}: expected a list')
         if args[-1] is Ellipsis:
-            return tuple(typed(args[0], item, f'{where}[{i}]') for i, item in enumerate(value))
+            args = args[:1] * len(value)
         if len(value) != len(args):
             raise ImuAllanError(f'{where}: expected {len(args)} values')
         return tuple(typed(arg, item, f'{where}[{i}]')
                      for i, (arg, item) in enumerate(zip(args, value, strict=True)))
-    if origin is not None and issubclass(origin, Mapping):
-        if not isinstance(value, Mapping):
-            raise ImuAllanError(f'{where}: expected an object')
+    is_record = hasattr(kind, '__dataclass_fields__')
+    if (is_record or origin is not None) and not isinstance(value, Mapping):
+        raise ImuAllanError(f'{where}: expected an object')
+    if origin is not None:
         item_kind = get_args(kind)[1]
         return {str(key): typed(item_kind, item, f'{where}.{shorten(str(key))}')
                 for key, item in value.items()}
-    if hasattr(kind, '__dataclass_fields__'):
-        if not isinstance(value, Mapping):
-            raise ImuAllanError(f'{where}: expected an object')
+    if is_record:
         given = {name: typed(hint, value[name], f'{where}.{name}')
                  for name, hint in get_type_hints(kind, include_extras=True).items()
                  if name in value}

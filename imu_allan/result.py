@@ -21,6 +21,7 @@ from imu_allan.json_of_dataclasses import ABOVE_ZERO, json_text, NOT_NEGATIVE, p
 SCHEMA = 'imu_allan.result/1'
 
 Interval = tuple[float, float]
+Fault = Literal['constant', 'dead', 'saturated', 'zeroed', 'copied']
 AboveZero = Annotated[float, ABOVE_ZERO]
 NotNegative = Annotated[float, NOT_NEGATIVE]
 
@@ -450,17 +451,12 @@ class AxisResult:
         return bool(self.curve.adev) and not any(self.curve.adev)
 
     @property
-    def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed', 'copied'] | None:
+    def fault(self) -> Fault | None:
         """Return why the axis fails to measure, at least at times; a deadband is 'zeroed'."""
-        if self.constant:
-            return 'constant'
-        if self.stood_still is not None:
-            return 'dead'
-        if self.saturated is not None:
-            return 'saturated'
-        if self.deadband is not None:
-            return 'zeroed'
-        return None if self.copy_of is None else 'copied'
+        seen: dict[Fault, object] = {
+            'constant': self.constant, 'dead': self.stood_still, 'saturated': self.saturated,
+            'zeroed': self.deadband, 'copied': self.copy_of}
+        return next((fault for fault, found in seen.items() if found), None)
 
     def __str__(self) -> str:
         """Return the coefficients in one line, in SI units, with their 95 % intervals."""

@@ -83,8 +83,7 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
 
     found = {}
     for task in tasks:
-        if task.folder is None:
-            continue
+        assert task.folder is not None
         with suppress(ImuAllanError, OSError):
             result = load_result(task.folder / 'result.json')
             same = (result.imu_allan_version == __version__
@@ -148,18 +147,18 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if any(found.observable or found.upper95 is not None
            for axis in result.axes.values() for found in axis.coefficients.values()):
         return None
-    if result.axes and all(axis.constant for axis in result.axes.values()):
-        return ImuAllanError(f'{path}: no coefficient: every axis is constant, there is no noise '
-                             'to measure; look whether the IMU works and is read out')
-    if any(axis.high_passed_hz is not None for axis in result.axes.values()):
-        return ImuAllanError(f'{path}: no coefficient: a filter has taken out the slow part of '
-                             'the noise; take the raw topic')
-    if result.axes and all(axis.fault is not None for axis in result.axes.values()):
-        return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
-                             'range, stood still or has a deadband. See the warnings of the '
-                             'axes')
-    from imu_allan.wording import counted
+    axes, samples = result.axes.values(), result.timeline.samples
+    if axes and all(axis.constant for axis in axes):
+        reason = ('every axis is constant, there is no noise to measure; look whether the IMU '
+                  'works and is read out')
+    elif any(axis.high_passed_hz is not None for axis in axes):
+        reason = 'a filter has taken out the slow part of the noise; take the raw topic'
+    elif axes and all(axis.fault is not None for axis in axes):
+        reason = ('the output is cut off at an end of its range, stood still or has a deadband. '
+                  'See the warnings of the axes')
+    else:
+        from imu_allan.wording import counted
 
-    samples = result.timeline.samples
-    return ImuAllanError(f'{path}: no coefficient: {counted(samples, "sample")} '
-                         f'{"is" if samples == 1 else "are"} too few; record for longer')
+        reason = (f'{counted(samples, "sample")} {"is" if samples == 1 else "are"} too few; '
+                  'record for longer')
+    return ImuAllanError(f'{path}: no coefficient: {reason}')
