@@ -77,8 +77,7 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     """
     from imu_allan.recordings.same_recording import files_digest
     from imu_allan.version import __version__
-    from imu_allan.writers.consumers import CONSUMERS
-    from imu_allan.writers.folder import LAST_WRITTEN
+    from imu_allan.writers.folder import kinds_of_files
     from imu_allan.writers.result_file import load_result
 
     found = {}
@@ -92,8 +91,8 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
                     and result.source.files is not None
                     and result.source.files == files_digest(task.path)
                     and result.inspection == task.inspection
-                    and (task.folder / LAST_WRITTEN).exists() and all(
-                        (task.folder / CONSUMERS[name].file).exists() for name in task.exports))
+                    and all((task.folder / name).exists()
+                            for name in kinds_of_files(task.exports)))
             if same:
                 found[task.unit] = result
     return found

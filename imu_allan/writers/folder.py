@@ -18,8 +18,6 @@ from imu_allan.writers.result_file import curves_csv
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LAST_WRITTEN = 'allan_deviation.png'
-"""The file that `save_folder` writes last; if it is missing, other files may be missing, too."""
 MOST_COMPARED = 7
 """Most results drawn in separate colours; no more can be distinguished."""
 
@@ -32,7 +30,7 @@ def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
     """Return the kinds (see `imu_allan.writers.atomic`) of the files of `save_folder` by name."""
     return {'result.json': RESULT, 'curve.csv': CURVES,
             **{CONSUMERS[consumer].file: CONFIGURATION for consumer in exports},
-            'report.html': PAGE, LAST_WRITTEN: PICTURES['png']}
+            'report.html': PAGE, 'allan_deviation.png': PICTURES['png']}
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
@@ -61,7 +59,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     if report:
         paths += save_report(result, folder, ())
     if picture:
-        paths.append(write_in(folder, LAST_WRITTEN, plot.render(plot.overview_figure(result))))
+        paths.append(write_in(folder, 'allan_deviation.png',
+                              plot.render(plot.overview_figure(result))))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths
