@@ -55,7 +55,14 @@ class RecordingOptions:
     temperature: str | None = None
 
     def __post_init__(self) -> None:
-        """Raise ImuAllanError if a unit does not fit its quantity, or a rate is not positive."""
+        """Raise ImuAllanError for a wrong unit or rate, and where a tuple is something else."""
+        for pair in self.columns:
+            if isinstance(pair, str) or len(pair) != 2:
+                raise ImuAllanError("columns are pairs such as ('gyro_x', '2 deg/s'), not "
+                                    f'{printable(shorten(repr(pair), 60))}')
+        if isinstance(self.definitions, str | Path):
+            raise ImuAllanError(f'definitions are several paths, not '
+                                f'{printable(self.definitions)}')
         for rate_hz in (self.rate_hz, self.accel_rate_hz):
             if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
                 raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')

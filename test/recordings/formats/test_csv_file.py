@@ -101,6 +101,13 @@ def test_without_time_column_the_rate_makes_the_stamps(path):
             open_recording(path, rate_hz=rate)
 
 
+def test_options_that_are_no_tuples_are_refused():
+    with refused("columns are pairs such as ('gyro_x', '2 deg/s'), not 'time'"):
+        RecordingOptions(columns={'time': 't ms'})
+    with refused('definitions are several paths, not ~/ws'):
+        RecordingOptions(definitions='~/ws')
+
+
 def test_a_table_has_no_topic_to_choose(path):
     path.write_text('time_s,gyro_x\n0,1\n')
     with open_recording(path) as recording, refused(
@@ -179,7 +186,8 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
-    (b'\x1f\x8b\x08\x00', 'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
+    (b'\x1f\x8b\x08\x00',
+     'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
