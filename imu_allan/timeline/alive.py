@@ -105,12 +105,12 @@ class Content(Record):
         steps[0] = samples[0] - self.last if self.last else 0.0
         np.subtract(samples[1:], samples[:-1], out=steps[1:])
         # Fewer samples do not give the noise with which an outlier is compared.
-        if len(samples) < 8 or (len(self.noise) == 6 and not may_have_outlier(
-                steps, np.array(self.noise))):
+        if len(samples) < 8 or (self.noise and not may_have_outlier(steps, np.array(self.noise))):
             return np.zeros(len(samples), dtype=bool)
         # After a change of the noise level, the full search is needed only once.
-        self.noise = noise_of_steps(steps).tolist()
-        return spikes(samples, np.array(self.last) if self.last else None)
+        noise = noise_of_steps(steps)
+        self.noise = noise.tolist()
+        return spikes(samples, np.array(self.last) if self.last else None, noise)
 
     def look(self, samples: Floats, consumed: int, all_usable: bool) -> Repeats:
         """Find held and frozen messages and outliers; only the first `consumed` count."""

@@ -198,15 +198,14 @@ def may_have_outlier(steps: Floats, sigma: Floats) -> bool:
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
-def spikes(samples: Floats, before: Floats | None) -> Bools:
+def spikes(samples: Floats, before: Floats | None, noise: Floats) -> Bools:
     """Find single samples and pairs that lie far from their neighbours."""
     # They are not outliers where nearby samples are some, too, or louder than noise: that is a
     # knock.
     known = samples if before is None else np.concatenate([before[None], samples])
     steps = np.diff(known, axis=0)
     # A noise-free simulation still has rounding errors.
-    farthest = _SPIKE_SIGMAS * np.maximum(
-        noise_of_steps(steps), 1e-12 * np.abs(known).max(axis=0))
+    farthest = _SPIKE_SIGMAS * np.maximum(noise, 1e-12 * np.abs(known).max(axis=0))
     # Only a larger step leads that far away from the median of five samples.
     large = np.flatnonzero((np.abs(steps) > farthest).any(axis=1))
     near = np.unique([large, large + 1])
