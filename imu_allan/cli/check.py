@@ -3,6 +3,7 @@
 """Compare a result or a recording with a datasheet."""
 
 import argparse
+from collections import Counter
 from contextlib import closing
 from dataclasses import replace
 import sys
@@ -68,6 +69,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write the requested files, and return the exit status."""
     from imu_allan.recordings import recordings_in
+    from imu_allan.wording import counted
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
@@ -85,6 +87,9 @@ def run(args: argparse.Namespace) -> int:
             outcomes.append(_check(source, args, choice, specification))
         except ImuAllanError as error:
             complaints.append(error)
+    if len(sources) > 1:
+        print(f'{counted(len(outcomes), "recording")}: ' + ', '.join(
+            f'{count} {outcome}' for outcome, count in Counter(outcomes).most_common()))
     # In addition to 0, 1 and 2 of every verb, so that scripts can distinguish a bad sensor from a
     # bad command; a longer recording may turn 4 into 0 or 3.
     if 'fail' in outcomes:

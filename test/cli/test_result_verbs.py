@@ -115,7 +115,7 @@ def test_check_goes_through_a_folder_of_recordings(recording, tmp_path, against)
     status, out, err = against(units, 'gyro: {noise_density: 0.5 deg/sqrt(h)}')
     assert re.findall('^pass: (.*) against ', out, re.MULTILINE) == [
         f'{units}/unit_2', f'{units}/unit_10']
-    assert (status, err) == (0, '')
+    assert (status, out.splitlines()[-1], err) == (0, '2 recordings: 2 pass', '')
     (units / 'unit_3.bag').write_bytes(b'#ROSBAG V2.0')
     broken = f'imu_allan: {units}/unit_3.bag: cut short within its first line; copy it again\n'
     for density, expected, failures in (('0.5', 1, 0), ('0.2', 3, 2)):
