@@ -444,7 +444,8 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
     lam = expected_powers(beside, best)[0]
     # Each nuisance is fitted in turn, with the others held fixed, until none changes.
-    left, known = (6 if len(found) > 1 else 1), ()
+    left = 6 if len(found) > 1 else 1
+    known: tuple[float, ...] = ()
     while left:
         left = 1 if (values := tuple(one.value for one in found)) == known else left
         known, left = values, left - 1
