@@ -7,6 +7,7 @@ from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 import numpy as np
 
@@ -67,6 +68,11 @@ def several(records, rate_hz):
     """Return the results of records of one length: as axes of a sensor they take half the time."""
     return [axis for first in range(0, len(records), 12)
             for axis in axes_of(taken_in(np.transpose(records[first:first + 12])), rate_hz)]
+
+
+def simulated(terms, samples, rate_hz, seeds):
+    """Return the results of simulated records."""
+    return several([simulate(terms, samples, rate_hz, seed) for seed in seeds], rate_hz)
 
 
 def taken_in(samples, interpolated=()):

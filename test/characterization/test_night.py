@@ -268,5 +268,4 @@ def test_whole_nights_with_everything_on_every_axis_and_with_one_cause_on_each()
             live = night.live(np.random.default_rng(seed))
             assert slammed(night, live)
             right += [is_right(night, live, name) for name in causes]
-    print(f'right: {sum(right)} of {len(right)} axes')
     assert np.mean(right) >= 0.9

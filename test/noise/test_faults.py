@@ -128,25 +128,19 @@ def test_an_axis_at_fault_has_no_fit_and_is_left_out_of_a_joint_one():
     assert alone.coefficients == beside.coefficients
 
 
-FOUR = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
-
-
 def test_axes_that_repeat_another_are_found_whatever_the_sign():
-    rows = FOUR.copy()
+    four = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
+    rows = four.copy()
     rows[:, 2], rows[:, 3] = rows[:, 0], -rows[:, 1]
     assert copies(shown(rows)) == [(0, 2, SAME), (1, 3, OPPOSITE)]
-    for rows in (FOUR, np.round(FOUR), np.round(FOUR, 1)):
-        assert copies(shown(rows)) == []
-
-
-def test_copies_stay_copies_in_several_records_and_some_of_the_axes():
-    rows = FOUR.copy()
-    rows[:, 3] = -rows[:, 1]
+    for other in (four, np.round(four), np.round(four, 1)):
+        assert copies(shown(other)) == []
+    # In several records and some of the axes, too.
     merged = shown(rows[:9001])
     merged.merge(shown(rows[9001:]))
-    assert copies(merged) == [(1, 3, OPPOSITE)]
+    assert copies(merged) == [(0, 2, SAME), (1, 3, OPPOSITE)]
     assert merged.select([2, 3]).census.copies() == []
     assert merged.select([3, 1]).census.copies() == [(1, 0, OPPOSITE)]
     assert merged.select([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
-    merged.merge(shown(FOUR))
+    merged.merge(shown(four))
     assert copies(merged) == []

@@ -5,7 +5,7 @@
 from dataclasses import replace
 from functools import partial
 
-from characterized import characterized, ends, holds, messages, several
+from characterized import characterized, ends, holds, messages, several, simulated
 import imu_allan
 from imu_allan.characterization import Characterization
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
@@ -58,7 +58,7 @@ def test_quantization_far_above_its_detection_limit_is_found():
     """The search began at the limit, and in one of ten axes gave up for an unexplained top."""
     terms = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5, 'rate_random_walk': 4.4e-6,
              'quantization_noise': 2e-6}
-    for axis in several([simulate(terms, 360_000, 100.0, seed) for seed in range(13, 18)], 100.0):
+    for axis in simulated(terms, 360_000, 100.0, range(13, 18)):
         assert axis.coefficients['quantization_noise'].value == pytest.approx(2e-6, rel=0.06)
 
 
@@ -129,10 +129,6 @@ def slow_noise(exponent: float, minutes: float, seed: int) -> np.ndarray:
     return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
 
 
-def hour(seed: int, **terms: float) -> np.ndarray:
-    return simulate({'noise_density': 7.9e-5, **terms}, 36_000, 10.0, seed)
-
-
 def zero_taken_every_minute(seed: int) -> np.ndarray:
     minutes = simulate(GYRO, 36_600, 10.0, seed).reshape(-1, 600)
     return (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel()
@@ -148,8 +144,8 @@ def missed(*values: object, of: str):
     # Of records with another exponent 5 % but for chance: more than 24 come once in 30 times.
     *((partial(slow_noise, exponent, minutes), 50.0, 300, 0, 24) for exponent, minutes in (
         (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15))),
-    *((partial(hour, **terms), 10.0, 200, 0, 2) for terms in (
-        {'bias_instability': 2.4e-5}, {'bias_instability': 2.4e-5, 'rate_random_walk': 1e-6}, {})),
+    *((partial(simulate, terms, 36_000, 10.0), 10.0, 200, 0, 2) for terms in (
+        GYRO, {**GYRO, 'rate_random_walk': 1e-6}, {'noise_density': 7.9e-5})),
     missed(zero_taken_every_minute, 10.0, 20, 4, 20, of='3 of 20')])
 def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fewest, most):
     filtered = sum('high_passed' in characterized(record(seed=seed), rate)[1]

@@ -4,7 +4,7 @@
 
 from itertools import pairwise
 
-from characterized import characterized, several
+from characterized import characterized, several, simulated
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
@@ -19,8 +19,7 @@ SAMPLES = 360_000
 
 
 def test_noise_that_stays_the_same_is_steady():
-    found = [axis.stationarity for axis in several(
-        [simulate(SENSOR, 65_536, RATE, seed) for seed in range(20)], RATE)]
+    found = [axis.stationarity for axis in simulated(SENSOR, 65_536, RATE, range(20))]
     assert all(one.steady for one in found)
     assert sum(one.p_value < 0.01 for one in found) <= 2
 
@@ -32,6 +31,14 @@ def test_noise_that_is_higher_at_first_is_reported_with_its_size_and_widens_the_
         samples, louder, until, between):
     record = simulate(SENSOR, samples, RATE, 1)
     steady = characterize(record, RATE)
+    segments = steady.stationarity.segments
+    for before, after in pairwise(segments):
+        assert after.start_s == pytest.approx(before.start_s + before.duration_s)
+    for segment in segments:
+        begin = round(segment.start_s * RATE)
+        part = record[begin:begin + round(segment.duration_s * RATE)]
+        assert segment.mean == pytest.approx(part.mean(), abs=1e-9)
+        assert segment.ci95[0] < segment.noise_density < segment.ci95[1]
     record[:round(until * samples)] *= louder
     axis, remarks = characterized(record, RATE)
     said = remarks['not_steady']
@@ -56,19 +63,6 @@ def test_white_noise_that_changes_hides_no_random_walk():
     shown = [[axis.coefficients['rate_random_walk'].observable for axis in several(some, RATE)]
              for some in (records, louder)]
     assert shown == [[True] * 6] * 2
-
-
-def test_segments_follow_one_another_and_know_their_means():
-    record = simulate(SENSOR, SAMPLES, RATE, 2) + 1e-5 * np.arange(SAMPLES) / RATE
-    axis = characterize(record, RATE)
-    segments = axis.stationarity.segments
-    for before, after in pairwise(segments):
-        assert after.start_s == pytest.approx(before.start_s + before.duration_s)
-    for segment in segments:
-        begin = round(segment.start_s * RATE)
-        part = record[begin:begin + round(segment.duration_s * RATE)]
-        assert segment.mean == pytest.approx(part.mean(), abs=1e-9)
-        assert segment.ci95[0] < segment.noise_density < segment.ci95[1]
 
 
 @pytest.mark.parametrize(('samples', 'from_', 'ratio'), [

@@ -112,7 +112,5 @@ def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
     walks = [walk_of(one).observable for celsius in temperatures(2)
              for one in axes_at(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
                                 lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
-    print(f'unrelated, named: {sum(named)} of {len(named)}; '
-          f'a random walk beside a lag: {sum(walks)} of {len(walks)}')
     assert np.mean(named) <= 0.05
     assert np.mean(walks) <= 0.05

@@ -12,7 +12,7 @@ from imu_allan.noise.curve import octaves
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.estimator import CHUNK, Estimator
 from imu_allan.noise.record.part_of_record import Part
-from imu_allan.noise.record.periodogram import Periodogram, SERIES, SHORTEST
+from imu_allan.noise.record.periodogram import SERIES, SHORTEST
 from imu_allan.noise.record.segments import BLOCK
 from imu_allan.noise.record.signal_over_time import COLUMNS
 from imu_allan.noise.simulate import simulate
@@ -198,18 +198,9 @@ def test_columns_hold_the_mean_and_extremes_of_their_samples(cuts, length):
                                                                 for part in parts]), rtol=1e-12)
 
 
-def periodogram_of(rows):
-    """Absorb samples in the chunks in which an estimator does."""
-    spectrum = Periodogram(len(rows))
-    for first in range(0, rows.shape[1], CHUNK):
-        spectrum.absorb(rows[:, first:first + CHUNK], 0, first)
-    spectrum.finish()
-    return spectrum
-
-
 @pytest.mark.parametrize('samples', [16, 1000, SERIES, SERIES + 1, 300_001, 2_500_000])
 def test_all_degrees_of_freedom_are_used_once_and_the_band_has_no_hole(samples):
-    sections = periodogram_of(np.random.default_rng(0).normal(size=(1, samples))).sections()
+    sections = shown(np.random.default_rng(0).normal(size=samples)).periodogram.sections()
     used = sum(section.blocks * (section.last - section.first) for section in sections)
     # What the rest of less than a shortest block leaves out, and every block's own mean.
     assert samples - SHORTEST - samples / 500 < used < samples
@@ -227,7 +218,7 @@ def test_all_degrees_of_freedom_are_used_once_and_the_band_has_no_hole(samples):
     (600_000, {(128, 4688), (64, BLOCK), (1, BLOCK), (1, BLOCK // 8)})])
 def test_every_stage_holds_the_transforms_of_its_means(samples, expected):
     rows = np.random.default_rng(2).normal(size=(2, samples)) + np.array([[0.0], [3.0]])
-    sections = periodogram_of(rows).sections()
+    sections = shown(rows.T).periodogram.sections()
     assert {(section.step, section.length) for section in sections} >= expected
     assert len(sections) == 1 or samples > SERIES
     for section in sections:
