@@ -46,7 +46,7 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'|millis|micros)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot',
     r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
-    r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?',
+    r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?|(ms|us)',
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
     r'|epoch?(?:_(s|ms|us|ns))?'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the

@@ -305,6 +305,7 @@ def fields(form: str) -> str:
     ('# timestamp[ns] w.x w.y w.z a.x a.y a.z\n'
      f'{STAMP} 1 2 3 4 5 6\n', [STAMP]),
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
+    ('ms,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
     *((f'00:00:01.000 -> Ready\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
         [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
@@ -316,7 +317,7 @@ def fields(form: str) -> str:
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
-        'tum-vi for dso', 'arduino', 'arduino, fast',
+        'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast',
         *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
