@@ -143,8 +143,9 @@ def error_of(error: BaseException, path: str) -> ImuAllanError:
 
 def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     """Return the error about a recording in which no axis shows any coefficient."""
-    if any(found.observable or found.upper95 is not None
-           for axis in result.axes.values() for found in axis.coefficients.values()):
+    from imu_allan.fleet.population import shows_anything
+
+    if shows_anything(result):
         return None
     axes, samples = result.axes.values(), result.timeline.samples
     if axes and all(axis.constant for axis in axes):

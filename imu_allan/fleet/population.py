@@ -181,6 +181,14 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
                     yield Outlier(name, axis, None, 'missing')
             elif (fault := result.axes[axis].fault) is not None:
                 yield Outlier(name, axis, None, fault)
+            elif not shows_anything(result):
+                yield Outlier(name, axis, None, 'without a coefficient')
+
+
+def shows_anything(result: Result) -> bool:
+    """Return whether any axis shows a coefficient, or a bound of one."""
+    return any(found.observable or found.upper95 is not None
+               for axis in result.axes.values() for found in axis.coefficients.values())
 
 
 def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:

@@ -75,6 +75,16 @@ def test_the_two_bad_units_of_forty_are_found_and_no_other(found):
                                   ('unit23', 'accel_x', None, 'constant')]
 
 
+def test_a_unit_of_which_nothing_is_known_is_not_taken_for_good(fleet):
+    unit = fleet['unit3']
+    for name, axis in unit.axes.items():
+        unit = with_axes(unit, name, coefficients={
+            key: replace(found, **UNSEEN, upper95=None)
+            for key, found in axis.coefficients.items()})
+    assert outliers_of(population(fleet | {'unit3': unit}))[0] == (
+        'unit3', 'gyro_x', None, 'without a coefficient')
+
+
 def test_the_spread_between_units_is_kept_apart_from_measuring(found):
     traits = traits_of(found)
     for axis in ('gyro_x', 'accel_z'):
