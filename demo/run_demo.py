@@ -215,6 +215,9 @@ class Bystander:
     def blocks(self, simulator: 'subprocess.Popen[bytes]', node: 'subprocess.Popen[bytes]',
                screen: 'Screen') -> Iterator[ImuBlock]:
         """Yield what is published until the simulator has ended; keep the screen up to date."""
+        def malformed(_: int, error: Exception) -> None:
+            raise error
+
         recorded = newest_ns = 0
         deadline = float('inf')
         while time.monotonic() < deadline:
@@ -223,7 +226,8 @@ class Bystander:
                 raise ImuAllanError(f'the node ended with status {node.returncode}')
             batch = self._samples.take()
             if batch.messages:
-                for block in blocks_from_messages(batch.messages, batch.receive_ns):
+                for block in blocks_from_messages(
+                        batch.messages, batch.receive_ns, malformed):
                     yield block
                     newest_ns = int(block.header_ns[-1])
                 recorded += len(batch.messages)
