@@ -152,19 +152,16 @@ def test_two_bad_units_do_not_hide_each_other(shift):
     assert np.flatnonzero(outliers(values, np.full(20, 0.1))).tolist() == [3, 11]
 
 
-def population(rng, units, ratio):
-    errors = ratio * np.exp(rng.normal(0, 0.2, units))
-    return rng.normal(size=units) + errors * rng.normal(size=units), errors
-
-
 @pytest.mark.parametrize(('units', 'ratio', 'populations', 'off', 'limits'), [
     *((20, ratio, 150, 0.1, 0.9) for ratio in (0.0, 0.5, 1.0)),
     *(slow(units, ratio, 2000, 0.08, 0.935) for units, ratio in (
         (20, 0.0), (20, 0.5), (20, 1.0), (40, 1.0)))])
 def test_spread_interval_limit_and_false_outliers_over_many_populations(
         units, ratio, populations, off, limits):
-    rng = np.random.default_rng(7)
-    samples = [population(rng, units, ratio) for _ in range(populations)]
+    rng, samples = np.random.default_rng(7), []
+    for _ in range(populations):
+        errors = ratio * np.exp(rng.normal(0, 0.2, units))
+        samples.append((rng.normal(size=units) + errors * rng.normal(size=units), errors))
     found = [random_effects(*sample) for sample in samples]
     assert np.mean([effects.between for effects in found]) == pytest.approx(1.0, abs=off)
     covered = np.mean([e.between_ci95[0] <= 1 <= e.between_ci95[1] for e in found])

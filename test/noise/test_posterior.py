@@ -132,25 +132,19 @@ def spectra():
     return prepared([fit.groups for fit in fits], 1 / RATE)
 
 
-def every_structure(spectra, starts):
-    """Rows with each shape, somewhere near where they belong."""
-    own = search.Proposals(spectra, 0)
-    x = starts[0].x.copy()
-    low, high = spectra.tables.low_pass, spectra.tables.high_pass
-    x[search.LOW] = low.first[2] + 2.0
-    x[search.HIGH] = high.first[0] + 1.0
-    x[search.TIME] = spectra.tables.terms[1].first[0] + 2.1
+def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
+    of, starts = spectra
+    # Rows with each shape, somewhere near where they belong.
+    proposals, x = search.Proposals(of, 0), starts[0].x.copy()
+    x[search.LOW] = of.tables.low_pass.first[2] + 2.0
+    x[search.HIGH] = of.tables.high_pass.first[0] + 1.0
+    x[search.TIME] = of.tables.terms[1].first[0] + 2.1
     x[search.ALPHA] = 0.93
     free, process = (search.LAW, search.ALPHA), (search.PROCESS, search.TIME)
     for slots in ([1], range(4), [1, *free], [1, 2, *process], [1, 2, search.LOW],
                   [1, 2, search.HIGH], [*range(5), *process, search.LOW]):
-        own.add(slots, x, family=2)
-    return own.rows()
-
-
-def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
-    of, starts = spectra
-    rows = every_structure(of, starts)
+        proposals.add(slots, x, family=2)
+    rows = proposals.rows()
     for part in batches(rows):
         own = rows.take(part)
         _, gradient, information = losses(of, own, own.x)

@@ -182,23 +182,6 @@ def test_flicker_beside_a_process_too_weak_to_be_reported_is_seldom_too_large_an
 WALK = 3e-4
 
 
-def walks_of(steps, seeds):
-    """Return K of records of white noise and what steps from a generator add up to."""
-    return each([simulate({N: DENSITY}, HOUR, RATE, seed) + np.cumsum(
-        steps(np.random.default_rng(seed))) for seed in range(seeds)], K)
-
-
-def even(rng):
-    return WALK / np.sqrt(RATE) * rng.standard_normal(HOUR)
-
-
-def jumping(rng):
-    """Give six jumps in an hour."""
-    steps = np.zeros(HOUR)
-    steps[rng.integers(0, HOUR, 6)] = 7e-3 * rng.standard_normal(6)
-    return steps
-
-
 def width(walk):
     """Return the relative width, in those of the bound; a bound says nothing of what is below."""
     return (width_over_bound(walk, {N: DENSITY, K: WALK}, HOUR, K) * WALK / walk.value
@@ -206,12 +189,20 @@ def width(walk):
 
 
 def test_even_random_walks_are_known_as_well_as_they_can_be_and_a_few_jumps_less_well():
-    walks = walks_of(even, 20)
+    even, jumping = [], []
+    for seed in range(20):
+        white, rng = simulate({N: DENSITY}, HOUR, RATE, seed), np.random.default_rng(seed)
+        even.append(white + np.cumsum(WALK / np.sqrt(RATE) * rng.standard_normal(HOUR)))
+        # Six in an hour.
+        jumps = np.zeros(HOUR)
+        jumps[rng.integers(0, HOUR, 6)] = 7e-3 * rng.standard_normal(6)
+        jumping.append(white + np.cumsum(jumps))
+    walks = each(even, K)
     assert sum(walk.observable for walk in walks) >= 18
     assert sum(width(walk) > 1.8 for walk in walks) <= 4
     # Four of twenty outside come once in 60 such tests, and these are fixed.
     assert sum(holds(walk, WALK) for walk in walks) >= 17
-    assert sum(width(walk) > 1.4 for walk in walks_of(jumping, 10)) >= 8
+    assert sum(width(walk) > 1.4 for walk in each(jumping[:10], K)) >= 8
 
 
 TIME = np.arange(2 * HOUR) / RATE

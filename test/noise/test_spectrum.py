@@ -194,7 +194,7 @@ def test_same_seed_gives_the_same_record_and_another_seed_another(how):
      'gauss_markov needs sigma and correlation_time_s, not sigma'),
     ({'noise_density': -1e-3}, 10, 100.0,
      'noise_density must be a number in SI units, zero or more, not -0.001'),
-    ({'noise_density': '1 deg/sqrt(h)'}, 10, 100.0, "noise_density must be a number in SI units, "
+    ({'noise_density': '1 deg/sqrt(h)'}, 10, 100.0, 'noise_density must be a number in SI units, '
      "zero or more, not '1 deg/sqrt(h)'"),
     ({'rate_random_walk': np.nan}, 10, 100.0,
      'rate_random_walk must be a number in SI units, zero or more, not nan'),

@@ -88,24 +88,20 @@ SHORT = {'white': {}, 'flicker': {'bias_instability': 5e-3}, 'walk': {'rate_rand
          'quantization': {'quantization_noise': 1e-4}, 'warm-up': {}, 'coarse': {}, 'low-pass': {}}
 
 
-def short_record(kind, samples, seed):
-    record = simulate({'noise_density': 1e-3, **SHORT[kind]}, samples + 31, RATE, seed)
-    if kind == 'warm-up':
-        record += 0.5 * np.exp(-5 * np.arange(len(record)) / samples)
-    if kind == 'coarse':
-        record = np.rint(record / 0.02) * 0.02
-    if kind == 'low-pass':
-        record = np.convolve(record, np.ones(32) / 32, 'valid')
-    return record[:samples]
-
-
 def alarms(kind, samples, seeds, period=10**6, lost=0):
     """Count the records whose noise seems to change, with so many samples lost of each period."""
     said = 0
     for seed in seeds:
-        record, estimator = short_record(kind, samples, seed), Estimator()
+        record = simulate({'noise_density': 1e-3, **SHORT[kind]}, samples + 31, RATE, seed)
+        if kind == 'warm-up':
+            record += 0.5 * np.exp(-5 * np.arange(len(record)) / samples)
+        if kind == 'coarse':
+            record = np.rint(record / 0.02) * 0.02
+        if kind == 'low-pass':
+            record = np.convolve(record, np.ones(32) / 32, 'valid')
+        estimator = Estimator()
         for first in range(0, samples, period):
-            estimator.update(record[first:first + period - lost])
+            estimator.update(record[first:min(first + period - lost, samples)])
             estimator.skip(lost)
         powers = short_powers(estimator.finished().periodogram)
         said += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady

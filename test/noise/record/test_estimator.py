@@ -33,17 +33,6 @@ def same_state(one, other, rtol=0.0):
             np.testing.assert_array_equal(a[key], b[key], err_msg=key)
 
 
-def lived(samples, *gaps):
-    """Show `samples` to an estimator, with gaps of three samples at some places."""
-    estimator = Estimator(samples.shape[1])
-    edges = [0, *sorted(gaps), len(samples)]
-    for begin, end in pairwise(edges):
-        estimator.update(samples[begin:end])
-        if end != len(samples):
-            estimator.skip(3)
-    return estimator
-
-
 RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
 
 
@@ -57,7 +46,11 @@ def first_axis():
        st.lists(st.integers(1, len(RECORD) - 1), max_size=3, unique=True),
        st.integers(0, len(RECORD)))
 def test_batches_of_any_size_and_a_saved_state_give_the_same_bits(cuts, gaps, saved):
-    whole, split = lived(RECORD, *gaps), Estimator(2)
+    whole, split = Estimator(2), Estimator(2)
+    for begin, end in pairwise(sorted({0, *gaps, len(RECORD)})):
+        whole.update(RECORD[begin:end])
+        if end in gaps:
+            whole.skip(3)
     for begin, end in pairwise(sorted({0, *cuts, *gaps, saved, len(RECORD)})):
         split.update(RECORD[begin:end])
         if end in gaps:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that are missing: how they are filled in, and what that does to noise."""
 
-from characterized import axes_of, holds, taken_in
+from characterized import axes_of, holds
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.gaps import filled, noise_through_gaps
@@ -80,42 +80,22 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
             assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
 
 
-def false_terms(estimator):
-    """Count the axes of white noise that are said to have a slow term."""
-    axes = axes_of(estimator, 100.0)
-    for axis in axes:
-        assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
-    return sum(any(axis.coefficients[key].observable for key in SLOW) for axis in axes)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(('samples', 'pattern'), [
-    slow(20_000, (12, 8)), (20_000, (80, 20)), (6000, (60, 40))])
-def test_repeated_gaps_invent_no_slow_term(samples, pattern):
-    on, off = pattern
+# Of six axes in each record: with repeated gaps, and with samples alone beyond one.
+@pytest.mark.parametrize(('runs', 'gap', 'records', 'most'), [
+    slow([12] * 1000, 8, 2, 1), ([80] * 200, 20, 2, 1), ([60] * 60, 40, 2, 1),
+    ([1, 6000], 40, 4, 2), ([6000, 5], 40, 4, 2),
+    *(slow(runs, 40, 4, 2) for runs in ([2, 6000], [5, 6000], [6000, 1], [6000, 2]))])
+def test_gaps_invent_no_slow_term(runs, gap, records, most):
     rng, false = np.random.default_rng(2), 0
-    for _ in range(2):
-        estimator, rows = Estimator(6), rng.standard_normal((samples, 6))
-        for first in range(0, samples, on + off):
-            estimator.update(rows[first:first + on])
-            estimator.skip(off)
-        false += false_terms(estimator)
-    # Of twelve axes.
-    assert false <= 1
-
-
-@pytest.mark.parametrize(('alone', 'where'), combined(
-    [1, 2, 5], ['start', 'end'], everyday=[(1, 'start'), (5, 'end')]))
-def test_samples_alone_beyond_a_gap_invent_no_slow_term(alone, where):
-    rng, false = np.random.default_rng(3), 0
-    for _ in range(4):
-        parts = [rng.standard_normal((alone, 6)), rng.standard_normal((6000, 6))]
-        first, second = parts if where == 'start' else parts[::-1]
-        estimator = taken_in(first)
-        estimator.skip(40)
-        estimator.update(second)
-        false += false_terms(estimator)
-    assert false <= 2
+    for _ in range(records):
+        estimator = Estimator(6)
+        for samples in runs:
+            estimator.update(rng.standard_normal((samples + gap, 6))[:samples])
+            estimator.skip(gap)
+        for axis in axes_of(estimator, 100.0):
+            assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
+            false += any(axis.coefficients[key].observable for key in SLOW)
+    assert false <= most
 
 
 SAMPLES = 1024
