@@ -75,6 +75,11 @@ def simulated(terms, samples, rate_hz, seeds):
     return several([simulate(terms, samples, rate_hz, seed) for seed in seeds], rate_hz)
 
 
+def said(result, code):
+    """Return the warnings of a result that have a code."""
+    return [remark for remark in result.warnings if remark.code == code]
+
+
 def taken_in(samples, interpolated=()):
     """Return an estimator that has taken in a record of one axis or, in columns, of several."""
     estimator = Estimator(1 if np.ndim(samples) == 1 else np.shape(samples)[1])

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from characterized import messages
+from characterized import covers, messages, said
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.simulate import flicker
@@ -51,10 +51,6 @@ def joint(nights):
     return joint_result(nights)
 
 
-def said(result, code):
-    return [remark for remark in result.warnings if remark.code == code]
-
-
 def width(result, key):
     found = result.axes['gyro_x'].coefficients[key]
     return (found.ci95[1] - found.ci95[0]) / found.value
@@ -64,8 +60,7 @@ def test_four_recordings_know_twice_as_well_as_one(nights, joint):
     single = nights[0].result()
     assert width(joint, 'noise_density') == pytest.approx(width(single, 'noise_density') / 2,
                                                           rel=0.25)
-    low, high = joint.axes['gyro_x'].coefficients['noise_density'].ci95
-    assert low < DENSITY < high
+    assert covers(joint.axes['gyro_x'].coefficients['noise_density'].ci95, DENSITY)
     assert joint.timeline.samples == 4 * SAMPLES
     assert joint.timeline.duration_s == pytest.approx(4 * SAMPLES / RATE_HZ, rel=1e-3)
     assert said(joint, 'recordings_disagree') == []
@@ -186,8 +181,7 @@ def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_report
     assert all(one.values['density_is_mean'] for one in remarks)
     for axis in ('gyro_x', 'gyro_y'):
         found = joint.axes[axis]
-        low, high = found.coefficients['noise_density'].ci95
-        assert low < DENSITY < high
+        assert covers(found.coefficients['noise_density'].ci95, DENSITY)
         assert found.power_law is None
         assert not found.goodness_of_fit.acceptable
         assert found.coefficients['bias_instability'].value is None

@@ -4,7 +4,7 @@
 
 import json
 
-from characterized import ends, in_blocks
+from characterized import ends, in_blocks, said
 from imu_allan import analyze
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
@@ -63,10 +63,6 @@ def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis
     # What was cut out takes its time in the signals of both sensors.
     ends_s = {axis.signal.step_s * len(axis.signal.mean) for axis in result.axes.values()}
     assert max(ends_s) - min(ends_s) < 0.01 * result.timeline.duration_s
-
-
-def said(result, code):
-    return [found for found in result.warnings if found.code == code]
 
 
 @pytest.mark.parametrize('hours', [0.4, slow(3)])
