@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from characterized import in_blocks, messages, START_NS
+from characterized import in_blocks, messages, said, START_NS
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
@@ -50,11 +50,6 @@ def axis_of(result):
     return result.axes['gyro_x'].trend.temperature
 
 
-def remarks(result):
-    return [remark for remark in result.warnings
-            if remark.code in ('temperature', 'thermometer')]
-
-
 def test_the_mean_follows_the_temperature_of_the_readings(rows):
     celsius = celsius_at(SECONDS[::20])
     result = result_of(rows, SECONDS[::20], celsius, gyro_alone=False)
@@ -65,9 +60,9 @@ def test_the_mean_follows_the_temperature_of_the_readings(rows):
     assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
     assert (one.lowest_c, one.highest_c) == pytest.approx((celsius.min(), celsius.max()), abs=0.1)
     assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
-    said = remarks(result)[0]
-    assert (said.code, said.axes) == ('temperature', ('gyro_x',))
-    assert said.values == {
+    [remark, *_] = said(result, 'temperature')
+    assert remark.axes == ('gyro_x',)
+    assert remark.values == {
         'per_kelvin': one.per_kelvin, 'per_kelvin_low': one.ci95[0],
         'per_kelvin_high': one.ci95[1], 'unit': 'rad/s', 'lowest_c': one.lowest_c,
         'highest_c': one.highest_c, 'curved': False, 'lag_s': None}
@@ -136,7 +131,7 @@ def with_a_gap(seconds):
 def test_readings_that_are_little_or_no_use_are_reported(rows, at, celsius, expected):
     readings = at(SECONDS[::20])
     result = result_of(rows, readings, celsius(readings))
-    found = [one.values for one in remarks(result) if one.code == 'thermometer']
+    found = [one.values for one in said(result, 'thermometer')]
     assert [{key: values[key] for key in wanted} for values, wanted in zip(
         found, expected, strict=True)] == expected
     assert at is with_a_gap or axis_of(result) is None
@@ -222,9 +217,9 @@ class Night:
 def is_right(night, result, name):
     """Tell whether words and numbers of an axis are those of its causes."""
     axis, why = result.axes[name], night.causes[name]
-    said = {remark.code for remark in result.warnings if name in remark.axes} & WORDS
-    unclear = 'walk' in why and 'trend_or_walk' in said
-    if said - {'trend_or_walk'} != {word for cause, word in FOUND.items() if cause in why}:
+    codes = {remark.code for remark in result.warnings if name in remark.axes} & WORDS
+    unclear = 'walk' in why and 'trend_or_walk' in codes
+    if codes - {'trend_or_walk'} != {word for cause, word in FOUND.items() if cause in why}:
         return False
     truth = GYRO if name.startswith('gyro') else ACCEL
     flicker, trend = axis.coefficients[B], axis.trend

@@ -7,7 +7,6 @@ import json
 from characterized import ends, in_blocks, said
 from imu_allan import analyze
 from imu_allan.characterization import Characterization
-from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.reading import reading_process
@@ -124,7 +123,6 @@ def test_an_interruption_begins_a_new_run_and_loses_nothing():
     nothing = stream.result()
     assert (nothing.axes, nothing.timeline.samples) == ({}, 0)
     rows = still_imu(20_000)
-    rows[:, 1] = 0.0
     for first, place in ((0, 0), (10_000, 10_000_000)):
         stream.take(in_blocks(rows[first:first + 10_000], RATE, np.arange(10_000) + place,
                               gyro_alone=True))
@@ -134,8 +132,6 @@ def test_an_interruption_begins_a_new_run_and_loses_nothing():
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z']
     assert result.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(7e-5,
                                                                                       rel=0.03)
-    assert said(result, 'constant_axis') == [
-        finding('constant_axis', ('gyro_y',), value=0.0, unit='rad/s')]
 
 
 def cut_off(rows):
@@ -198,19 +194,15 @@ def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
         tmp_path, monkeypatch):
     # Most of the time goes into the fits: one axis has values.
     rows = np.where(np.arange(6) == 2, still_imu(30_000), np.nan)
-    sent = list(in_blocks(rows, RATE, gyro_alone=True))
-    expected = None
-    for beside in (False, True):
-        # Read by a thread in blocks as they come, or by a process in blocks of another size.
-        monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0 if beside else 1 << 40)
-        for storage, compression in (
-                ('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')):
-            bag = write_recording(tmp_path / f'{storage}_{compression}_{beside}', sent,
-                                  storage=storage, compression=compression)
-            document = analyze(bag).to_dict()
-            document['source'] |= {'path': None, 'files': None}
-            expected = expected or document
-            assert document == expected
     stream = Characterization(kind='recording', topic='/imu/data_raw')
     stream.take(in_blocks(rows, RATE, size=777, gyro_alone=True))
-    assert with_words(stream.result()).to_dict() == expected
+    expected = with_words(stream.result()).to_dict()
+    for storage in ('mcap', 'sqlite3'):
+        bag = write_recording(tmp_path / storage, in_blocks(rows, RATE, gyro_alone=True),
+                              storage=storage)
+        # Read by a thread in blocks as they come, or by a process in blocks of another size.
+        for worthwhile_bytes in (1 << 40, 0):
+            monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', worthwhile_bytes)
+            document = analyze(bag).to_dict()
+            assert document | {'source': document['source'] | {
+                'path': None, 'files': None}} == expected

@@ -91,15 +91,6 @@ def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
         edf_of_spectrum(keys, size, stride, count), rel=1e-6)
 
 
-@pytest.mark.parametrize('level', [.68, .95])
-def test_interval_holds_the_share_of_a_chi_square_variable_that_it_says(level):
-    dof = np.array([1.0, 4.5, 300.0])
-    low, high = interval([4.0, 9.0, 16.0], dof, level)
-    x = dof * np.array([4.0, 9.0, 16.0])
-    np.testing.assert_allclose(chi2.sf(x / low**2, dof), (1 - level) / 2)
-    np.testing.assert_allclose(chi2.cdf(x / high**2, dof), (1 - level) / 2)
-
-
 @pytest.mark.parametrize('lengths', [(400,), (300, 9000), (9000, 300), (5000, 40, 5000),
                                      (10, 9000, 10), (40_000,)])
 def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_holds_them(lengths):
@@ -125,9 +116,14 @@ def test_a_point_is_of_all_second_differences_at_its_stride_of_every_run_that_ho
 
 
 @pytest.mark.parametrize('dof', [0.7, 1.0, 3.0, 250.0, 1e6])
-def test_agrees_with_scipy_stats(dof):
+def test_chi_square_is_that_of_scipy_and_an_interval_holds_the_share_of_it_that_it_says(dof):
     for p in (1e-8, 0.025, 0.5, 0.975):
         np.testing.assert_allclose(chi_square.upper(p, dof), chi2.isf(p, dof), rtol=1e-9)
         np.testing.assert_allclose(chi_square.lower(p, dof), chi2.ppf(p, dof), rtol=1e-9)
     np.testing.assert_allclose(chi_square.survival(1.3 * dof, dof), chi2.sf(1.3 * dof, dof),
                                rtol=1e-9)
+    powers, dofs = np.array([4.0, 9.0, 16.0]), dof * np.array([1.0, 1.5, 0.5])
+    for level in (.68, .95):
+        low, high = interval(powers, dofs, level)
+        np.testing.assert_allclose(chi2.sf(dofs * powers / low**2, dofs), (1 - level) / 2)
+        np.testing.assert_allclose(chi2.cdf(dofs * powers / high**2, dofs), (1 - level) / 2)
