@@ -12,6 +12,7 @@ from imu_allan.noise.terms import Quantity
 import numpy as np
 
 START_NS = 1_700_000_000_000_000_000
+N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 
 
 def messages(rows, rate_hz, places=0, *, gyro_alone=False):

@@ -8,7 +8,7 @@ import tracemalloc
 from typing import Any
 import warnings
 
-from characterized import characterized, messages, one_axis, several, shown, taken_in
+from characterized import B, characterized, K, messages, N, one_axis, several, shown, taken_in
 from drifting_axes import axis_of as drifting
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results, characterize
@@ -24,7 +24,7 @@ from repeated import slow
 from scipy.signal import lfilter
 
 RATE = 100.0
-WHITE = simulate({'noise_density': 1e-3}, 300_000, RATE, seed=3)
+WHITE = simulate({N: 1e-3}, 300_000, RATE, seed=3)
 
 
 def model_over_curve(axis):
@@ -50,13 +50,13 @@ def reported_avar(axis):
 
 
 def test_model_is_that_of_the_coefficients_and_describes_the_curve():
-    model = {'noise_density': 1e-3, 'bias_instability': 3e-3, 'rate_random_walk': 3e-3}
+    model = {N: 1e-3, B: 3e-3, K: 3e-3}
     axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
-    assert axis.coefficients['rate_random_walk'].observable
+    assert axis.coefficients[K].observable
     np.testing.assert_allclose(np.array(axis.curve.model_adev)**2, reported_avar(axis))
     np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.1)
     without = bounded(axis)
-    assert not without.coefficients['rate_random_walk'].observable
+    assert not without.coefficients[K].observable
     np.testing.assert_allclose(np.array(without.curve.model_adev)**2, reported_avar(without))
 
 
@@ -70,7 +70,7 @@ def test_what_is_worth_telling_has_its_code():
     axis, words = characterized(np.cumsum(np.cumsum(WHITE)), RATE)
     assert 'poor_fit' in words
     assert not axis.goodness_of_fit.acceptable
-    markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    markov = {N: 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
     assert set(characterized(simulate(markov, 300_000, RATE, seed=3), RATE)[1]) == {'gauss_markov'}
 
 
@@ -80,7 +80,7 @@ def test_steps_that_falsify_the_noise_density_are_a_warning_of_python(step, seve
     output = np.floor(WHITE / step) * step
     [(axis, [said])] = axis_results(shown(output), RATE, [Quantity.ANGULAR_VELOCITY])
     assert (said.code, said.severity) == ('coarse_resolution', severity)
-    far_off = axis.coefficients['noise_density'].value > 1.2e-3
+    far_off = axis.coefficients[N].value > 1.2e-3
     assert far_off == (severity == 'act')
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter('always')
@@ -139,8 +139,7 @@ def test_an_axis_that_stood_still_for_a_while_has_no_coefficients(start, stop):
 
 
 def test_the_model_describes_records_of_a_hundred_samples():
-    records = [simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 100, RATE, seed)
-               for seed in range(60)]
+    records = [simulate({N: 1e-3, B: 1e-4}, 100, RATE, seed) for seed in range(60)]
     misfits = [axis.goodness_of_fit.acceptable is False for axis in several(records, RATE)]
     assert np.mean(misfits) <= 0.05
 
@@ -159,11 +158,10 @@ def axis_of(first: float, second: float, steps: int = 118,
 
 def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady() -> None:
     half = round(HALF_S * HALVES_HZ)
-    first, second = (simulate({'rate_random_walk': k}, half, HALVES_HZ, seed)
-                     for k, seed in ((1e-4, 1), (2e-4, 2)))
+    first, second = (simulate({K: k}, half, HALVES_HZ, seed) for k, seed in ((1e-4, 1), (2e-4, 2)))
     rows = np.full((2 * half, 6), np.nan)
     rows[:, 0] = np.concatenate((first, first[-1] + second - second[0])) + simulate(
-        {'noise_density': 1e-3}, 2 * half, HALVES_HZ, 1)
+        {N: 1e-3}, 2 * half, HALVES_HZ, 1)
     stream = Characterization(kind='recording', path='bag', topic='/imu')
     stream.take([messages(rows, HALVES_HZ, gyro_alone=True)])
     result = stream.result()
@@ -210,13 +208,13 @@ def test_which_axes_are_said_to_change_and_over_what_time(
 def test_steady_sensors_are_hardly_ever_reported_to_change(hours: float) -> None:
     """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
     kinds: list[Mapping[str, Any]] = [
-        {}, {'rate_random_walk': 1e-5}, {'bias_instability': 3e-4},
+        {}, {K: 1e-5}, {B: 3e-4},
         *({'gauss_markov': {'sigma': sigma, 'correlation_time_s': time_s}}
           for sigma, time_s in ((2e-3, 10.0), (5e-4, 100.0), (1e-3, 3000.0)))]
     samples, seen = round(3600 * hours * HALVES_HZ), 0
     for terms in kinds:
         for first in range(0, 180, 30):
-            records = [simulate({'noise_density': 1e-3, **terms}, samples, HALVES_HZ, seed)
+            records = [simulate({N: 1e-3, **terms}, samples, HALVES_HZ, seed)
                        for seed in range(first, first + 30)]
             series = shown(np.transpose(records)).periodogram
             tested = backtest(series.series, series.cell, 1 / HALVES_HZ)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from characterized import covers, messages, said
+from characterized import B, covers, messages, N, said
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.simulate import flicker
@@ -48,8 +48,7 @@ def joint(nights):
 
 
 def test_four_recordings_know_twice_as_well_as_one(nights, joint):
-    one, four = (result.axes['gyro_x'].coefficients['noise_density']
-                 for result in (nights[0].result(), joint))
+    one, four = (result.axes['gyro_x'].coefficients[N] for result in (nights[0].result(), joint))
     assert np.diff(four.ci95) / four.value == pytest.approx(np.diff(one.ci95) / one.value / 2,
                                                             rel=0.25)
     assert covers(four.ci95, DENSITY)
@@ -86,11 +85,10 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
     remarks = said(found, 'recordings_disagree')
     assert [one.axes for one in remarks] == [('gyro_x',), ('gyro_y',)]
     for one in remarks:
-        assert (one.values['coefficient'], one.values['of_recording']) == (
-            'noise_density', 'after')
+        assert (one.values['coefficient'], one.values['of_recording']) == (N, 'after')
         assert one.values['value'] / one.values['usual_value'] == pytest.approx(1.2, abs=0.02)
-    between = found.axes['gyro_x'].coefficients['noise_density'].between
-    assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
+    between = found.axes['gyro_x'].coefficients[N].between
+    assert between / found.axes['gyro_x'].coefficients[N].value > 0.05
 
 
 def cut_off(rows):
@@ -112,8 +110,7 @@ def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_th
     assert axis.fault == fault
     assert axis.mean == pytest.approx(alone.mean)
     assert axis.curve.adev[0] == pytest.approx(alone.curve.adev[0])
-    assert axis.coefficients['noise_density'].value == pytest.approx(
-        alone.coefficients['noise_density'].value, rel=1e-3)
+    assert axis.coefficients[N].value == pytest.approx(alone.coefficients[N].value, rel=1e-3)
     assert found.axes['gyro_y'].fault is None
     assert [(one.values['recording'], one.axes) for one in said(found, code)] == [
         ('bad', ('gyro_x',))]
@@ -159,8 +156,7 @@ def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000):
     def change(rows):
         size = DENSITY * np.sqrt(RATE_HZ * (2 * np.pi * crossing_hz / RATE_HZ)**exponent)
         for axis in range(3):
-            rows[:, axis] += size * flicker(
-                samples, np.random.default_rng([seed, axis]), exponent)
+            rows[:, axis] += size * flicker(samples, np.random.default_rng([seed, axis]), exponent)
 
     return recorded(path, seed, change, samples=samples)
 
@@ -173,12 +169,12 @@ def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_report
     assert all(one.values['density_is_mean'] for one in remarks)
     for axis in ('gyro_x', 'gyro_y'):
         found = joint.axes[axis]
-        assert covers(found.coefficients['noise_density'].ci95, DENSITY)
+        assert covers(found.coefficients[N].ci95, DENSITY)
         assert found.power_law is None
         assert not found.goodness_of_fit.acceptable
-        assert found.coefficients['bias_instability'].value is None
+        assert found.coefficients[B].value is None
         assert not any(found.curve.model_adev)
-    assert joint.axes['accel_x'].coefficients['noise_density'].observable
+    assert joint.axes['accel_x'].coefficients[N].observable
     assert any(joint.axes['accel_x'].curve.model_adev)
 
 

@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from characterized import in_blocks, messages, said, START_NS
+from characterized import B, in_blocks, K, messages, N, said, START_NS
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
@@ -27,7 +27,7 @@ def celsius_at(seconds):
 @pytest.fixture(scope='module')
 def rows():
     """Draw six axes at rest of which gyro_x follows the temperature."""
-    terms = {'noise_density': 1e-3, 'bias_instability': 1e-4}
+    terms = {N: 1e-3, B: 1e-4}
     rows = np.stack([simulate(terms, len(SECONDS), RATE, seed) for seed in range(6)], axis=1)
     rows[:, 0] += PER_KELVIN * celsius_at(SECONDS)
     rows[:, 5] += 9.81
@@ -59,7 +59,7 @@ def test_the_mean_follows_the_temperature_of_the_readings(rows):
     one = found['gyro_x']
     assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
     assert (one.lowest_c, one.highest_c) == pytest.approx((celsius.min(), celsius.max()), abs=0.1)
-    assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
+    assert not result.axes['gyro_x'].coefficients[K].observable
     [remark, *_] = said(result, 'temperature')
     assert remark.axes == ('gyro_x',)
     assert remark.values == {
@@ -137,7 +137,6 @@ def test_readings_that_are_little_or_no_use_are_reported(rows, at, celsius, expe
     assert at is with_a_gap or axis_of(result) is None
 
 
-N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 GYRO, ACCEL = {N: 7.9e-5, B: 2.4e-5}, {N: 1.2e-3, B: 3e-4}
 LAG = 240.0
 """Seconds by which the thermometer follows the sensor."""

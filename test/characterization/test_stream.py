@@ -4,7 +4,7 @@
 
 import json
 
-from characterized import ends, in_blocks, said
+from characterized import B, ends, in_blocks, K, N, said
 from imu_allan import analyze
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import simulate
@@ -25,8 +25,7 @@ RATE = 100.0
 
 def still_imu(samples):
     """Draw six axes at rest, shape (samples, 6)."""
-    gyro, accel = ({'noise_density': n, 'bias_instability': b, 'rate_random_walk': k}
-                   for n, b, k in ((7e-5, 2.4e-5, 4e-6), (1.5e-3, 4e-4, 6e-5)))
+    gyro, accel = ({N: n, B: b, K: k} for n, b, k in ((7e-5, 2.4e-5, 4e-6), (1.5e-3, 4e-4, 6e-5)))
     columns = [simulate(gyro if name.startswith('gyro') else accel, samples, RATE, seed)
                for seed, name in enumerate(AXES)]
     columns[5] += 9.81
@@ -52,9 +51,9 @@ def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis
     assert not {'poor_fit', 'slow_motion', 'band_limited', 'bias_step'} & {
         found.code for found in result.warnings}
     for name, axis in result.axes.items():
-        assert axis.coefficients['noise_density'].value == pytest.approx(
-            upright.axes[name].coefficients['noise_density'].value, rel=0.02)
-        for key in ('bias_instability', 'rate_random_walk'):
+        assert axis.coefficients[N].value == pytest.approx(
+            upright.axes[name].coefficients[N].value, rel=0.02)
+        for key in (B, K):
             (low, high), (lowest, highest) = (
                 ends(one.axes[name].coefficients[key]) for one in (upright, result))
             assert low <= highest
@@ -89,8 +88,8 @@ def test_drops_gaps_and_knocks_leave_the_coefficients_alone(hours):
         assert span.start_s <= knock / RATE <= span.start_s + span.duration_s
     for name in AXES:
         one, other = clean.axes[name].coefficients, faulty.axes[name].coefficients
-        assert other['noise_density'].value == pytest.approx(one['noise_density'].value, rel=0.01)
-        for key in ('bias_instability', 'rate_random_walk'):
+        assert other[N].value == pytest.approx(one[N].value, rel=0.01)
+        for key in (B, K):
             # What each knows of it is not contradicted by the other.
             (low, high), (lowest, highest) = ends(one[key]), ends(other[key])
             assert max(low, lowest) < min(high, highest), (name, key)
@@ -130,8 +129,7 @@ def test_an_interruption_begins_a_new_run_and_loses_nothing():
     result = stream.result()
     assert result.timeline.samples == 20_000
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z']
-    assert result.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(7e-5,
-                                                                                      rel=0.03)
+    assert result.axes['gyro_x'].coefficients[N].value == pytest.approx(7e-5, rel=0.03)
 
 
 def cut_off(rows):

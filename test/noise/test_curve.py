@@ -3,7 +3,7 @@
 """The curve: published values, its degrees of freedom and its intervals."""
 
 import allantools
-from characterized import shown
+from characterized import B, K, N, shown
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import chi_square, spectrum
 from imu_allan.noise.curve import edf, interval, octaves
@@ -36,9 +36,9 @@ def test_nbs14_and_stable32_to_the_printed_digits():
 
 
 @pytest.mark.parametrize(('key', 'expected'), [
-    ('noise_density', [666.22, 570.20, 346.06, 181.88, 91.15, 44.63, 21.23, 9.55]),
-    ('bias_instability', [880.06, 566.01, 289.64, 144.34, 71.30, 34.75, 16.49, 7.38]),
-    ('rate_random_walk', [888.10, 461.82, 230.46, 114.47, 56.47, 27.47, 12.97, 5.73])])
+    (N, [666.22, 570.20, 346.06, 181.88, 91.15, 44.63, 21.23, 9.55]),
+    (B, [880.06, 566.01, 289.64, 144.34, 71.30, 34.75, 16.49, 7.38]),
+    (K, [888.10, 461.82, 230.46, 114.47, 56.47, 27.47, 12.97, 5.73])])
 def test_degrees_of_freedom_are_exact_to_a_thousandth(key, expected):
     sizes = 2 ** np.arange(8)
     found = [edf({key: 1.0}, int(m), 1, 1001 - 2 * int(m), 1.0) for m in sizes]
@@ -47,8 +47,7 @@ def test_degrees_of_freedom_are_exact_to_a_thousandth(key, expected):
 
 @pytest.mark.parametrize('samples', [5000, 300_000])
 def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyond(samples):
-    record = simulate({'noise_density': 1e-3, 'bias_instability': 5e-4,
-                       'rate_random_walk': 1e-4}, samples, 100, seed=4)
+    record = simulate({N: 1e-3, B: 5e-4, K: 1e-4}, samples, 100, seed=4)
     curve = characterize(record, 100).curve
     tau, expected, _, _ = allantools.oadev(record, rate=100, data_type='freq',
                                            taus=np.array(curve.tau_s))
@@ -61,8 +60,8 @@ def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyo
 
 DT = 0.25
 SHAPES = {'quantization_noise': (1.1, spectrum.quantization),
-          'noise_density': (1.3, spectrum.white), 'bias_instability': (1.5, spectrum.flicker),
-          'rate_random_walk': (0.9, spectrum.random_walk)}
+          N: (1.3, spectrum.white), B: (1.5, spectrum.flicker),
+          K: (0.9, spectrum.random_walk)}
 """Terms of about one size, and their spectra."""
 
 

@@ -5,7 +5,7 @@
 from functools import partial
 
 from changed import only
-from characterized import characterized, ends, holds, messages, several, simulated
+from characterized import B, characterized, ends, holds, K, messages, N, several, simulated
 import imu_allan
 from imu_allan.characterization import Characterization
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
@@ -33,8 +33,7 @@ from whole_lines import refused
     (np.hamming(63) / np.hamming(63).sum(), 60_000, 6, np.inf, 1.2)])
 def test_the_noise_density_behind_the_windows_of_converters(kernel, samples, fewest, off, widest):
     white = [np.random.default_rng(seed).standard_normal(samples) for seed in range(8)]
-    found = [axis.coefficients['noise_density'] for axis in several(
-        lfilter(kernel, 1.0, white)[:, 100:], 1.0)]
+    found = [axis.coefficients[N] for axis in several(lfilter(kernel, 1.0, white)[:, 100:], 1.0)]
     assert sum(holds(one, 1.0) for one in found) >= fewest
     assert abs(np.mean([one.value for one in found]) - 1.0) < off
     assert np.median([one.ci95[1] / one.ci95[0] for one in found]) < widest
@@ -44,15 +43,13 @@ def test_flat_noise_behind_an_unlisted_filter_is_no_power_law():
     """An exponent near 0 took the place of white noise: N was not visible, or a third of it."""
     white = [np.random.default_rng(seed).standard_normal(120_000) for seed in range(8)]
     slow = bessel(4, 0.02, output='sos', norm='mag')
-    found = [axis.coefficients['noise_density'] for axis in several(
-        sosfilt(slow, white)[:, 2000:], 100.0)]
+    found = [axis.coefficients[N] for axis in several(sosfilt(slow, white)[:, 2000:], 100.0)]
     assert np.median([one.value for one in found]) == pytest.approx(0.1, rel=0.15)
 
 
 def test_quantization_far_above_its_detection_limit_is_found():
     """The search began at the limit, and in one of ten axes gave up for an unexplained top."""
-    terms = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5, 'rate_random_walk': 4.4e-6,
-             'quantization_noise': 2e-6}
+    terms = {N: 7.9e-5, B: 2.4e-5, K: 4.4e-6, 'quantization_noise': 2e-6}
     for axis in simulated(terms, 360_000, 100.0, range(13, 18)):
         assert axis.coefficients['quantization_noise'].value == pytest.approx(2e-6, rel=0.06)
 
@@ -79,16 +76,15 @@ def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
 def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
     """Over averaging times that the filter shortens it was down to a tenth of the truth."""
     flicker, slow = 1e-4, butter(2, 0.5, fs=100, output='sos')
-    samples = [simulate({'noise_density': 1e-3, 'bias_instability': flicker}, 80_000, 100, seed)
-               for seed in range(3)]
+    samples = [simulate({N: 1e-3, B: flicker}, 80_000, 100, seed) for seed in range(3)]
     for axis in several(sosfilt(slow, samples)[:, 20_000:], 100):
-        found = axis.coefficients['bias_instability']
+        found = axis.coefficients[B]
         assert not found.observable
         assert flicker < found.upper95 < 4 * flicker
 
 
 RATE_HZ, COUNT = 100.0, 60_000
-GYRO = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
+GYRO = {N: 7.9e-5, B: 2.4e-5}
 
 
 def without_bias(samples: np.ndarray, gain: float) -> np.ndarray:
@@ -98,7 +94,7 @@ def without_bias(samples: np.ndarray, gain: float) -> np.ndarray:
 
 
 def sensor(seed: int, **more: float) -> np.ndarray:
-    return simulate({'noise_density': 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
+    return simulate({N: 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
 
 
 def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: float) -> np.ndarray:
@@ -112,7 +108,7 @@ def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: flo
 def test_a_filter_is_reported_where_flicker_hides_the_level_of_the_white_noise(time_s, hours):
     axis = imu_allan.characterize(hour_without_bias(time_s, 3, hours), 10.0)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)
-    assert holds(axis.coefficients['noise_density'], 7.9e-5)
+    assert holds(axis.coefficients[N], 7.9e-5)
     assert axis.drift_model is None
     assert axis.high_passed_hz == pytest.approx(1 / (2 * np.pi * time_s), rel=0.5)
 
@@ -140,7 +136,7 @@ def missed(*values: object, of: str):
     *((partial(slow_noise, exponent, minutes), 50.0, 300, 0, 24) for exponent, minutes in (
         (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15))),
     *((partial(simulate, terms, 36_000, 10.0), 10.0, 200, 0, 2) for terms in (
-        GYRO, {**GYRO, 'rate_random_walk': 1e-6}, {'noise_density': 7.9e-5})),
+        GYRO, {**GYRO, K: 1e-6}, {N: 7.9e-5})),
     missed(zero_taken_every_minute, 10.0, 20, 4, 20, of='3 of 20')])
 def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fewest, most):
     filtered = sum('high_passed' in characterized(record(seed=seed), rate)[1]
@@ -160,7 +156,7 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
              for seed in range(60)]
     left = [(axis, words) for axis, words in found if axis.high_passed_hz is None]
     low, walks = (sum(ends(axis.coefficients[key])[1] < truth for axis, _ in left)
-                  for key, truth in (('bias_instability', 2.4e-5), ('rate_random_walk', walk)))
+                  for key, truth in ((B, 2.4e-5), (K, walk)))
     print(f'{time_s:g} s, {hours:g} h, K {walk:g}: seen in {60 - len(left)} of 60; B below the '
           f'truth in {low}, K in {walks}')
     assert 60 - len(left) >= fewest
@@ -168,14 +164,12 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
 
 
 @pytest.mark.parametrize(('gain', 'more'), [
-    slow(0.01, {}), (0.01, {'rate_random_walk': 3e-6}), slow(0.02, {'bias_instability': 2e-5}),
-    slow(0.1, {}), (0.2, {'bias_instability': 2e-5})])
+    slow(0.01, {}), (0.01, {K: 3e-6}), slow(0.02, {B: 2e-5}), slow(0.1, {}), (0.2, {B: 2e-5})])
 def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more):
     axis = imu_allan.characterize(without_bias(sensor(3, **more), gain), RATE_HZ)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)
     # What differs from the sample before by so much has more power at the top.
-    assert axis.coefficients['noise_density'].value == pytest.approx(
-        1e-4 / (1 - gain / 2), rel=0.02)
+    assert axis.coefficients[N].value == pytest.approx(1e-4 / (1 - gain / 2), rel=0.02)
     assert axis.high_passed_hz == pytest.approx(
         gain * RATE_HZ / (2 * np.pi * np.sqrt(1 - gain)), rel=0.4)
 
@@ -213,16 +207,15 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
 def counts_one_by_one() -> np.ndarray:
     """Give an angle in counts of 3.6 arc seconds, of which one sample of a hundred has one."""
     count = 1.732e-5
-    rates = simulate({'noise_density': 6e-7}, round(3600 * RATE_HZ), RATE_HZ, 4)
+    rates = simulate({N: 6e-7}, round(3600 * RATE_HZ), RATE_HZ, 4)
     angle = np.cumsum(2e-5 + rates) / RATE_HZ
     return np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ
 
 
 @pytest.mark.parametrize(('record', 'rate', 'remarks'), [
     *((partial(sensor, 4, **more), RATE_HZ, set()) for more in (
-        {}, {'bias_instability': 2e-5}, {'rate_random_walk': 1e-5},
-        {'quantization_noise': 1e-5})),
-    *((partial(simulate, {'noise_density': 7.9e-5, 'gauss_markov': {
+        {}, {B: 2e-5}, {K: 1e-5}, {'quantization_noise': 1e-5})),
+    *((partial(simulate, {N: 7.9e-5, 'gauss_markov': {
         'sigma': 4e-5, 'correlation_time_s': time_s}}, 216_000, 10.0, 3), 10.0, {'gauss_markov'})
       for time_s in (10.0, 100.0)),
     # A vibration above a quiet floor.

@@ -6,7 +6,7 @@ import json
 
 from battery.bounds import reference_widths, term_power
 from battery.sensors import Sensor
-from characterized import characterized, covers, ends, holds, simulated
+from characterized import B, characterized, covers, ends, holds, K, N, simulated
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
 from imu_allan.noise.simulate import simulate
@@ -18,8 +18,7 @@ from scipy.signal import butter, lfilter
 from whole_lines import refused
 
 DEGREE = np.pi / 180
-SENSOR = {'noise_density': 0.0045 * DEGREE, 'bias_instability': 0.0014 * DEGREE,
-          'rate_random_walk': 2.5e-4 * DEGREE}
+SENSOR = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 2.5e-4 * DEGREE}
 RATE = 100.0
 HOURS_3 = 1_080_000
 
@@ -39,11 +38,9 @@ def test_coefficients_of_a_mems_gyro_are_found_with_honest_intervals(record):
         found = axis.coefficients[key]
         assert holds(found, truth), key
         assert found.ci95[0] < found.value < found.ci95[1]
-    assert axis.coefficients['noise_density'].value == pytest.approx(
-        SENSOR['noise_density'], rel=3e-3)
+    assert axis.coefficients[N].value == pytest.approx(SENSOR[N], rel=3e-3)
     # The interval shrinks as one over the square root of time: three times as long again.
-    assert axis.coefficients['noise_density'].ci_halves_in_s == pytest.approx(
-        3 * HOURS_3 / RATE, rel=0.1)
+    assert axis.coefficients[N].ci_halves_in_s == pytest.approx(3 * HOURS_3 / RATE, rel=0.1)
     assert axis.goodness_of_fit.acceptable
     assert (axis.tones, axis.band_limit_s) == ((), None)
     for key in ('quantization_noise', 'rate_ramp'):
@@ -62,8 +59,7 @@ def test_low_pass_is_seen_and_leaves_the_coefficients_alone(record, low_pass):
     assert 'band_limited' in remarks
     assert axis.band_limit_s is not None
     assert (axis.band_edge_hz, axis.gauss_markov) == (None, None)
-    assert axis.coefficients['noise_density'].value == pytest.approx(
-        SENSOR['noise_density'], rel=0.025)
+    assert axis.coefficients[N].value == pytest.approx(SENSOR[N], rel=0.025)
     for key, truth in SENSOR.items():
         # Within four standard errors, or under the upper bound.
         found = axis.coefficients[key]
@@ -74,25 +70,23 @@ def test_low_pass_is_seen_and_leaves_the_coefficients_alone(record, low_pass):
 
 @pytest.mark.parametrize('frequency', [0.05, slow(1.0), 13.37, slow(49.99)])
 def test_tone_is_named_and_leaves_the_coefficients_alone(record, frequency):
-    amplitude = 5 * SENSOR['noise_density']
+    amplitude = 5 * SENSOR[N]
     tone = amplitude * np.sin(2 * np.pi * frequency * np.arange(HOURS_3) / RATE)
     axis = characterize(record + tone, RATE)
     assert axis.tones[0].frequency_hz == pytest.approx(frequency, abs=0.01)
     assert axis.tones[0].amplitude == pytest.approx(amplitude, rel=0.15)
     assert len(axis.tones) <= 2
-    assert axis.coefficients['noise_density'].value == pytest.approx(
-        SENSOR['noise_density'], rel=5e-3)
-    found = axis.coefficients['bias_instability']
+    assert axis.coefficients[N].value == pytest.approx(SENSOR[N], rel=5e-3)
+    found = axis.coefficients[B]
     # What it leaves where the flicker is seen may be a process of its time.
     assert found.observable or frequency == 0.05
-    assert holds(found, SENSOR['bias_instability']) or (
-        frequency == 0.05 and ends(found)[1] > SENSOR['bias_instability'])
+    assert holds(found, SENSOR[B]) or (frequency == 0.05 and ends(found)[1] > SENSOR[B])
 
 
 @pytest.mark.parametrize('seeds', [range(5), slow(range(5, 20))])
 def test_white_noise_has_no_other_term(seeds):
-    for axis in simulated({'noise_density': 1.0}, 50_000, RATE, seeds):
-        assert seen(axis) == {'noise_density'}
+    for axis in simulated({N: 1.0}, 50_000, RATE, seeds):
+        assert seen(axis) == {N}
         assert axis.tones == ()
 
 
@@ -100,14 +94,13 @@ def test_white_noise_has_no_other_term(seeds):
 @pytest.mark.parametrize('records', [5, slow(10)])
 def test_random_walk_that_levels_off_is_a_gauss_markov_process(records):
     # Two hours of a minute's correlation: few coefficients know, too few for the whole band's sum.
-    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
+    model = {N: 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
     axes = simulated(model, 360_000, 50.0, range(records))
     found = [axis.gauss_markov for axis in axes if axis.gauss_markov]
     assert len(found) >= 0.8 * records
     assert np.median([one.sigma for one in found]) == pytest.approx(1e-3, rel=0.2)
     assert np.median([one.correlation_time_s for one in found]) == pytest.approx(60, rel=0.3)
-    assert not any(axis.coefficients['rate_random_walk'].observable for axis in axes
-                   if axis.gauss_markov)
+    assert not any(axis.coefficients[K].observable for axis in axes if axis.gauss_markov)
     # The model goes through the curve at its long end instead of far above.
     for curve in (axis.curve for axis in axes if axis.gauss_markov):
         sure = np.array(curve.edf) > 4
@@ -119,9 +112,9 @@ def test_random_walk_that_levels_off_is_a_gauss_markov_process(records):
 @pytest.mark.thorough
 @pytest.mark.parametrize(('size', 'time_s'), [slow(2.0, 300.0), (1.5, 100.0)])
 def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, time_s):
-    sigma = size * SENSOR['bias_instability']
+    sigma = size * SENSOR[B]
     model = {**SENSOR, 'gauss_markov': {'sigma': sigma, 'correlation_time_s': time_s}}
-    del model['rate_random_walk']
+    del model[K]
     found = [axis.gauss_markov for axis in simulated(model, 43_200, 1.0, range(12))]
     some = [one for one in found if one]
     # In 99 of 100 drawn records and more.
@@ -135,22 +128,19 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
 @pytest.mark.parametrize(('records', 'flickering'), [(range(2), range(4)),
                                                      slow(range(2, 5), range(4, 12))])
 @pytest.mark.parametrize('terms', [
-    {'noise_density': 1e-3, 'rate_random_walk': 3e-4},
-    {**SENSOR, 'rate_random_walk': 5e-4 * DEGREE},
-    {'noise_density': 1e-3, 'bias_instability': 1e-3}], ids='+'.join)
+    {N: 1e-3, K: 3e-4}, {**SENSOR, K: 5e-4 * DEGREE}, {N: 1e-3, B: 1e-3}], ids='+'.join)
 def test_a_random_walk_that_goes_on_and_flicker_are_no_gauss_markov_process(
         terms, records, flickering):
-    axes = (simulated(terms, 360_000, RATE, records) if 'rate_random_walk' in terms
+    axes = (simulated(terms, 360_000, RATE, records) if K in terms
             else simulated(terms, 72_000, RATE, flickering))
     assert not any(axis.gauss_markov for axis in axes)
-    assert all(axis.coefficients['rate_random_walk'].observable for axis in axes) == (
-        'rate_random_walk' in terms)
+    assert all(axis.coefficients[K].observable for axis in axes) == (K in terms)
 
 
 @pytest.mark.parametrize('slope', [-1e-4, slow(1e-3)])
 def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
     # 1e-3 rad/s^2 over three hours is a thousand times the noise of a sample.
-    model = {'noise_density': 1e-3, 'bias_instability': 5e-4, 'rate_random_walk': 5e-5}
+    model = {N: 1e-3, B: 5e-4, K: 5e-5}
     record, time = simulate(model, HOURS_3, RATE, 3), np.arange(HOURS_3) / RATE
     gentle, strong = (characterize(record + ramp * time, RATE).coefficients
                       for ramp in (1e-5, slope))
@@ -167,7 +157,7 @@ def test_a_ramp_is_reported_where_a_random_walk_would_drift_so_far_in_one_of_a_h
         errors, observable):
     walk, samples = 3e-3, 60_000
     time = np.arange(samples) / RATE
-    record = simulate({'noise_density': 1e-3, 'rate_random_walk': walk}, samples, RATE, 1)
+    record = simulate({N: 1e-3, K: walk}, samples, RATE, 1)
     drift = (record[-50:].mean() - record[:50].mean()) / (time[-1] - 0.5)
     error = walk / np.sqrt(samples / RATE)
     found = characterize(record + (errors * error - drift) * time, RATE).coefficients['rate_ramp']
@@ -185,7 +175,7 @@ def record_without_chance(terms, ramp=0.0):
     """Give a record whose every coefficient has exactly the power that is expected of it."""
     number = np.arange(1, WHOLE)
     # What the ends of a record leave of flicker in its slowest coefficients.
-    left = {'bias_instability': spectrum.flicker_dct_factor(number)}
+    left = {B: spectrum.flicker_dct_factor(number)}
     power = sum(size**2 * term_power(key, number / (2 * WHOLE), RATE) * left.get(key, 1)
                 for key, size in terms.items())
     signs = np.random.default_rng(0).choice([-1, 1], WHOLE - 1)
@@ -195,9 +185,8 @@ def record_without_chance(terms, ramp=0.0):
 
 @pytest.mark.parametrize('ramp', [0.0, -1e-2])
 @pytest.mark.parametrize('terms', [
-    {'noise_density': 1e-3}, {'noise_density': 1e-3, 'bias_instability': 5e-3},
-    {'noise_density': 1e-3, 'rate_random_walk': 3e-3, 'quantization_noise': 4e-5},
-    {'noise_density': 1e-3, 'bias_instability': 5e-3, 'rate_random_walk': 1e-2}], ids='+'.join)
+    {N: 1e-3}, {N: 1e-3, B: 5e-3}, {N: 1e-3, K: 3e-3, 'quantization_noise': 4e-5},
+    {N: 1e-3, B: 5e-3, K: 1e-2}], ids='+'.join)
 def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_bound(
         terms, ramp):
     axis = characterize(record_without_chance(terms, ramp), RATE)
@@ -212,19 +201,18 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
         low, high = found.ci95
         # A median lies a little beside the most likely value, and uncertainty widens.
         assert abs(found.value - truth) < 0.08 * bound[key]
-        widest = 3 if key == 'noise_density' else 1.5
+        widest = 3 if key == N else 1.5
         assert 0.9 * bound[key] < high - low < widest * bound[key]
     for key in set(bound) - set(terms):
         assert 0.5 * bound[key] < axis.coefficients[key].upper95 < 5 * bound[key]
 
 
-@pytest.mark.parametrize(('key', 'clearly'), [
-    ('quantization_noise', 2.5), ('bias_instability', 6), ('rate_random_walk', 20)])
+@pytest.mark.parametrize(('key', 'clearly'), [('quantization_noise', 2.5), (B, 6), (K, 20)])
 def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
     # Such a square is two standard errors of it.
-    unit = reference_widths(Sensor(RATE, WHOLE / RATE, {'noise_density': 1e-3}))[key]
+    unit = reference_widths(Sensor(RATE, WHOLE / RATE, {N: 1e-3}))[key]
     for size, observable in ((0.7, False), (clearly, True)):
-        axis = characterize(record_without_chance({'noise_density': 1e-3, key: size * unit}), RATE)
+        axis = characterize(record_without_chance({N: 1e-3, key: size * unit}), RATE)
         assert axis.coefficients[key].observable == observable
 
 
@@ -254,6 +242,6 @@ def test_the_first_slow_noise_that_shows_is_flicker_and_no_random_walk(crossings
     count = 36_000
     flicker = 1e-4 * np.sqrt(2 * np.pi * crossings * RATE / count)
     found = [axis.coefficients for axis in simulated(
-        {'noise_density': 1e-4, 'bias_instability': flicker}, count, RATE, range(3000, 3024))]
-    assert sum(own['rate_random_walk'].observable for own in found) <= 2
-    assert sum(own['bias_instability'].observable for own in found) >= 12
+        {N: 1e-4, B: flicker}, count, RATE, range(3000, 3024))]
+    assert sum(own[K].observable for own in found) <= 2
+    assert sum(own[B].observable for own in found) >= 12

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long to record: until a term shows, an interval halves, or a unit is decided on."""
 
-from characterized import messages, simulated
+from characterized import B, K, messages, N, simulated
 from imu_allan.characterization import Characterization
 from imu_allan.noise import spectrum
 from imu_allan.noise.outlook import outlook
@@ -14,11 +14,11 @@ import pytest
 from repeated import slow
 from scipy.optimize import brentq
 
-KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
+KEYS = (N, B, K)
 SHAPES = (spectrum.white, spectrum.flicker, spectrum.random_walk)
 DT = 0.5
 LENGTH = 1000.0
-SENSOR = {'noise_density': 1.0, 'bias_instability': 0.05, 'rate_random_walk': 0.002}
+SENSOR = {N: 1.0, B: 0.05, K: 0.002}
 
 
 def standard_errors(coefficients, duration):
@@ -53,11 +53,10 @@ def test_halving_takes_as_long_as_the_fisher_information_says(absent):
         assert found[key] == (None, expected), key
 
 
-@pytest.mark.parametrize(('key', 'value'), [
-    ('bias_instability', 0.05), ('rate_random_walk', 0.002)])
+@pytest.mark.parametrize(('key', 'value'), [(B, 0.05), (K, 0.002)])
 def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observable(key, value):
-    coefficients = {'noise_density': 1.0, key: value}
-    found = outlook(coefficients, {'noise_density': True}, DT, LENGTH)
+    coefficients = {N: 1.0, key: value}
+    found = outlook(coefficients, {N: True}, DT, LENGTH)
     # Of a square that is zero 2 standard errors come once in 40 records, 3.5 once in 4000.
     first, last = (whole_time(coefficients, key, value**2 / errors) for errors in (2.0, 3.5))
     assert first > LENGTH
@@ -66,11 +65,10 @@ def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observ
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(('key', 'value'), [
-    ('bias_instability', 3e-4), slow('rate_random_walk', 1e-4)])
+@pytest.mark.parametrize(('key', 'value'), [(B, 3e-4), slow(K, 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):
-    coefficients = {'noise_density': 1e-3, key: value}
-    wait = outlook(coefficients, {'noise_density': True}, 0.05, 60.0)[key][0]
+    coefficients = {N: 1e-3, key: value}
+    wait = outlook(coefficients, {N: True}, 0.05, 60.0)[key][0]
     samples = round((60 + wait) * 20)
     # Nor does it show in most records a sixth of that length.
     for count, lowest, highest in ((samples, 0.25, 1.01), (samples // 6, -0.01, 0.5)):

@@ -4,7 +4,7 @@
 
 from collections import defaultdict
 
-from characterized import covers, joint_fits, shown, together
+from characterized import B, covers, joint_fits, K, N, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
@@ -31,7 +31,7 @@ def bins_of_record(samples, dt):
 @pytest.mark.parametrize('known', ['mean', 'mean and ramp'])
 def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(known):
     dt, place = 0.1, np.arange(48)
-    record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, len(place), 1 / dt, 5)
+    record = simulate({N: 1.0, K: 1.0}, len(place), 1 / dt, 5)
     groups = grouped(bins_of_record(record, dt), 0)
     # Of a random walk from zero, averaged over each interval.
     walk = dt * (np.minimum.outer(place, place) + 0.5 - np.eye(len(place)) / 6)
@@ -41,8 +41,7 @@ def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(k
     def exact(density, walking):
         covariance = free.T @ (density / dt * np.eye(len(place)) + walking * walk) @ free
         rest = free.T @ record
-        return 0.5 * (np.linalg.slogdet(covariance)[1]
-                      + rest @ np.linalg.solve(covariance, rest))
+        return 0.5 * (np.linalg.slogdet(covariance)[1] + rest @ np.linalg.solve(covariance, rest))
 
     def found(density, walking):
         theta = np.array([0.0, density, 0.0, walking])
@@ -57,7 +56,7 @@ def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(k
 
 def test_columns_are_the_spectra_of_the_means_of_every_stage():
     dt = 0.5
-    sections = shown(simulate({'noise_density': 1.0}, 100_000, 1 / dt)).periodogram.sections()
+    sections = shown(simulate({N: 1.0}, 100_000, 1 / dt)).periodogram.sections()
     bins = bins_of(sections, dt)
     assert {section.step for section in sections} == {1, 16}
     for number, section in enumerate(sections):
@@ -78,9 +77,8 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
 
 
 def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
-    groups = grouped(bins_of_record(simulate(
-        {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 2e-4}, 144_000,
-        20.0, 3), 0.05), 0)
+    record = simulate({N: 1e-3, B: 1e-3, K: 2e-4}, 144_000, 20.0, 3)
+    groups = grouped(bins_of_record(record, 0.05), 0)
     best = maximise(groups)
     assert np.all(best.theta >= 0)
 
@@ -118,7 +116,7 @@ def test_small_non_negative_least_squares_agrees_with_scipy():
 
 
 RATE = 100.0
-QUIET = {'noise_density': 1e-3, 'bias_instability': 4e-4}
+QUIET = {N: 1e-3, B: 4e-4}
 
 
 def fits_of(*samples):
@@ -197,7 +195,7 @@ def test_axes_have_the_same_posterior_together_as_alone():
                 alone.fit.estimates[key].value, rel=1e-9)
 
 
-MODEL = {'noise_density': 1e-3, 'bias_instability': 8e-4, 'rate_random_walk': 2e-4}
+MODEL = {N: 1e-3, B: 8e-4, K: 2e-4}
 
 
 def estimates(records):
@@ -226,17 +224,17 @@ def test_a_record_too_short_or_in_which_the_axis_stood_still_is_left_out(records
     died[len(died) // 3:] = 0.5
     assert estimates([died, *records[1:]]) == expected
     short = estimates([*records[1:], records[0][:50]])
-    assert short['noise_density'].value == pytest.approx(expected['noise_density'].value, rel=1e-9)
+    assert short[N].value == pytest.approx(expected[N].value, rel=1e-9)
     still = [shown(np.full(500, value)) for value in (1.0, 2.0)]
     assert joint_fits(still, 0.01) == [None]
 
 
 def test_a_warm_up_in_every_record_is_no_random_walk():
     time = np.arange(72_000) / 20
-    found, _ = together([simulate({'noise_density': 1e-3, 'bias_instability': 3e-4}, len(time),
-                                  20.0, 40 + part) + (-1)**part * 3e-3 * np.exp(-time / 400)
-                         for part in range(4)], 20.0)
-    assert not found.coefficients['rate_random_walk'].observable
+    found, _ = together([
+        simulate({N: 1e-3, B: 3e-4}, len(time), 20.0, 40 + part)
+        + (-1)**part * 3e-3 * np.exp(-time / 400) for part in range(4)], 20.0)
+    assert not found.coefficients[K].observable
     warm = found.trend.warm_up
     assert found.trend.second_warm_up is None
     assert covers(warm.time_constant_ci95, 400)
@@ -246,18 +244,17 @@ def test_a_warm_up_in_every_record_is_no_random_walk():
 @pytest.mark.slow
 def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
     """Four records of 10 min, 150 times: errors against those of 40 min at once."""
-    settled = ('noise_density', 'bias_instability')
     values, whole, covered = (defaultdict(list) for _ in range(3))
     for run in range(150):
         found, once = (joint_fits([shown(record) for record in records], 1 / RATE)[0].fit.estimates
                        for records in ([simulate(MODEL, 60_000, RATE, 1000 + 5 * run + part)
                                         for part in range(4)],
                                        [simulate(MODEL, 240_000, RATE, 1004 + 5 * run)]))
-        for key in settled:
+        for key in (N, B):
             values[key].append(found[key].value / MODEL[key] - 1)
             whole[key].append(once[key].value / MODEL[key] - 1)
             covered[key].append(found[key].low <= MODEL[key] <= found[key].high)
-    for key in settled:
+    for key in (N, B):
         # Two spreads of 150 each are known to 8 %.
         assert np.std(values[key]) / np.std(whole[key]) < 1.25
         assert sum(covered[key]) > 0.88 * 150

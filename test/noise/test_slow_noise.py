@@ -4,7 +4,7 @@
 
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
-from characterized import characterized, ends, holds, several, simulated
+from characterized import B, characterized, ends, holds, K, N, several, simulated
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import edf
 from imu_allan.noise.fitted_model import FittedModel
@@ -16,7 +16,6 @@ import pytest
 from repeated import slow
 from scipy.signal import butter, lfilter
 
-N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 RATE = 10.0
 HOUR = 36_000
 DENSITY = 1e-3
@@ -62,8 +61,7 @@ def test_a_power_law_with_the_exponent_of_a_term_has_its_curve_and_spectrum(expo
 
 
 @pytest.mark.parametrize(('exponent', 'crossing_hz'), [(0.5, 5), (0.7, 1), (0.7, 5), (1.3, 5)])
-def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
-        exponent, crossing_hz):
+def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(exponent, crossing_hz):
     axis = characterize(crossed(exponent, crossing_hz, 360_000, 100.0, 1), 100.0)
     assert holds(axis.coefficients[N], DENSITY)
     assert np.diff(axis.coefficients[N].ci95) < 0.08 * DENSITY

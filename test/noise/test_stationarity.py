@@ -4,7 +4,7 @@
 
 from itertools import pairwise
 
-from characterized import characterized, several, simulated
+from characterized import B, characterized, K, N, several, simulated
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
@@ -14,7 +14,7 @@ import pytest
 from repeated import slow
 
 RATE = 100.0
-SENSOR = {'noise_density': 1e-3, 'bias_instability': 1e-3}
+SENSOR = {N: 1e-3, B: 1e-3}
 SAMPLES = 360_000
 
 
@@ -46,21 +46,21 @@ def test_noise_that_is_higher_at_first_is_reported_with_its_size_and_widens_the_
         louder - 1, rel=0.2, abs=0.03))
     first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
     assert first.noise_density / last.noise_density == pytest.approx(louder, abs=0.02)
-    density = axis.coefficients['noise_density']
+    density = axis.coefficients[N]
     assert density.between == pytest.approx(between, rel=0.24)
     low, high = density.ci95
     assert low < (1 + 0.2 * (louder - 1)) * 1e-3 < (1 + 0.8 * (louder - 1)) * 1e-3 < high
     assert (axis.stationarity.steady, steady.stationarity.steady) == (False, True)
-    assert steady.coefficients['noise_density'].between is None
+    assert steady.coefficients[N].between is None
 
 
 def test_white_noise_that_changes_hides_no_random_walk():
-    walking = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1.2e-4}
+    walking = {N: 1e-3, B: 3e-4, K: 1.2e-4}
     records = [simulate(walking, SAMPLES, RATE, seed) for seed in range(6)]
     added = np.random.default_rng(6).normal(0, 0.003, (6, SAMPLES // 2))
     louder = [np.append(record[:SAMPLES // 2], record[SAMPLES // 2:] + own)
               for record, own in zip(records, added, strict=True)]
-    shown = [[axis.coefficients['rate_random_walk'].observable for axis in several(some, RATE)]
+    shown = [[axis.coefficients[K].observable for axis in several(some, RATE)]
              for some in (records, louder)]
     assert shown == [[True] * 6] * 2
 
@@ -79,12 +79,12 @@ def test_a_short_record_says_that_its_noise_changes(samples, from_, ratio):
     first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
     assert last.noise_density / first.noise_density == pytest.approx(ratio, rel=0.3)
     assert last.start_s + last.duration_s == pytest.approx(samples / RATE)
-    low, high = axis.coefficients['noise_density'].ci95
-    narrow = even.coefficients['noise_density'].ci95
+    low, high = axis.coefficients[N].ci95
+    narrow = even.coefficients[N].ci95
     assert high / low > narrow[1] / narrow[0]
 
 
-SHORT = {'white': {}, 'flicker': {'bias_instability': 5e-3}, 'walk': {'rate_random_walk': 5e-3},
+SHORT = {'white': {}, 'flicker': {B: 5e-3}, 'walk': {K: 5e-3},
          'quantization': {'quantization_noise': 1e-4}, 'warm-up': {}, 'coarse': {}, 'low-pass': {}}
 
 
@@ -92,7 +92,7 @@ def alarms(kind, samples, seeds, period=10**6, lost=0):
     """Count the records whose noise seems to change, with so many samples lost of each period."""
     said = 0
     for seed in seeds:
-        record = simulate({'noise_density': 1e-3, **SHORT[kind]}, samples + 31, RATE, seed)
+        record = simulate({N: 1e-3, **SHORT[kind]}, samples + 31, RATE, seed)
         if kind == 'warm-up':
             record += 0.5 * np.exp(-5 * np.arange(len(record)) / samples)
         if kind == 'coarse':

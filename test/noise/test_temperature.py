@@ -4,7 +4,7 @@
 
 from functools import partial
 
-from characterized import characterized, covers, ends, holds
+from characterized import B, characterized, covers, ends, holds, K, N
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.trends.temperature import TemperatureSeries
 import numpy as np
@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 RATE = 4.0
 DURATION = 7200.0
 TIME = np.arange(round(DURATION * RATE)) / RATE
-NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
-RANDOM_WALK = {**NOISE, 'rate_random_walk': 3e-5}
+NOISE = {N: 1e-3, B: 3e-4}
+RANDOM_WALK = {**NOISE, K: 3e-5}
 
 
 def warm_up_and_cycle(seed=0):
@@ -50,27 +50,23 @@ def axes_at(model, celsius, mean=None, records=3):
             for seed in range(records)]
 
 
-def walk_of(axis):
-    return axis.coefficients['rate_random_walk']
-
-
 def test_a_mean_that_follows_the_temperature_is_no_random_walk():
     without, beside = (axes_at(NOISE, celsius, lambda seed: 1e-3 * warm_up_and_cycle(seed))
                        for celsius in (None, warm_up_and_cycle))
     heat = [one.trend.temperature for one in beside]
-    assert np.mean([walk_of(one).observable for one in beside]) <= 0.1
+    assert np.mean([one.coefficients[K].observable for one in beside]) <= 0.1
     assert all(one is not None for one in heat)
     assert np.mean([covers(one.ci95, 1e-3) for one in heat]) > 0.7
-    widths = [np.mean([np.diff(ends(one.coefficients['bias_instability'])) for one in some])
+    widths = [np.mean([np.diff(ends(one.coefficients[B])) for one in some])
               for some in (beside, without)]
     assert widths[0] < widths[1]
-    assert all(holds(one.coefficients['bias_instability'], 3e-4) for one in beside)
+    assert all(holds(one.coefficients[B], 3e-4) for one in beside)
 
 
 def test_a_random_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
     for one in axes_at(NOISE, lambda seed: lagging(walking(seed), 400.0),
                        lambda seed: 1e-3 * walking(seed)):
-        assert not walk_of(one).observable
+        assert not one.coefficients[K].observable
 
 
 LATE = partial(lagging, seconds=180.0)
@@ -87,7 +83,7 @@ def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_reported(lag
     assert len(late) >= 3 if lag else not late
     assert not late or np.mean([covers(one.lag_ci95, lag) for one in late]) > 0.7
     assert np.mean([covers(one.ci95, 1e-3) for one in heat]) > 0.7
-    assert np.mean([walk_of(one).observable for one in found]) <= 0.25
+    assert np.mean([one.coefficients[K].observable for one in found]) <= 0.25
 
 
 def test_what_a_lag_does_to_a_temperature_is_undone():
@@ -109,7 +105,7 @@ def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
 
     named = [one.trend.temperature is not None for model in (NOISE, RANDOM_WALK)
              for celsius in temperatures(1) for one in axes_at(model, celsius, records=60)]
-    walks = [walk_of(one).observable for celsius in temperatures(2)
+    walks = [one.coefficients[K].observable for celsius in temperatures(2)
              for one in axes_at(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
                                 lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
     assert np.mean(named) <= 0.05

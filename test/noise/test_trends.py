@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mean that warms up, cycles or steps far above the noise: found, and no coefficient moves."""
 
-from characterized import axes_of, characterized, covers, holds, taken_in, together
+from characterized import axes_of, B, characterized, covers, holds, K, N, taken_in, together
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.simulate import simulate
 from imu_allan.writers.included import trend_notes
 import numpy as np
 import pytest
 
-N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 MODEL = {N: 1e-4, B: 2e-5}
 
 
@@ -109,8 +108,7 @@ def test_no_random_walk_process_or_low_pass_is_made_of_a_strong_cycle(shape, siz
     assert found.stationarity.steady
 
 
-@pytest.mark.parametrize(('walk', 'size'), [
-    (0.0, 3e-3), (0.0, 0.0), (2e-4, 0.0), (3e-4, 0.01)])
+@pytest.mark.parametrize(('walk', 'size'), [(0.0, 3e-3), (0.0, 0.0), (2e-4, 0.0), (3e-4, 0.01)])
 def test_a_cycle_of_a_few_times_the_flicker_is_named_and_where_the_mean_stands_or_walks_nothing_is(
         walk, size):
     axis, remarks = characterized(simulate({**STEADY, K: walk}, len(TIME), RATE, 3)

@@ -5,7 +5,7 @@
 from functools import cache
 from itertools import pairwise
 
-from characterized import ends, one_axis, shown, taken_in
+from characterized import B, ends, K, N, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import octaves
@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-SENSOR = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 5e-5}
+SENSOR = {N: 1e-3, B: 3e-4, K: 5e-5}
 
 
 def same_state(one, other, rtol=0.0):
@@ -63,8 +63,7 @@ def test_batches_of_any_size_and_a_saved_state_give_the_same_bits(cuts, gaps, sa
     same_state(whole, split)
 
 
-POWERS = {'quantization_noise': -1, 'noise_density': -0.5, 'bias_instability': 0,
-          'rate_random_walk': 0.5, 'rate_ramp': 1}
+POWERS = {'quantization_noise': -1, N: -0.5, B: 0, K: 0.5, 'rate_ramp': 1}
 """Of the sample rate, in the units of the coefficients."""
 
 
@@ -130,7 +129,7 @@ def test_a_record_of_nothing_but_short_runs_has_coefficients():
     for _ in range(3000):
         estimator.update(1e-3 * rng.standard_normal(20))
         estimator.start_run()
-    density = one_axis(estimator, 20.0)[0].coefficients['noise_density']
+    density = one_axis(estimator, 20.0)[0].coefficients[N]
     assert density.value == pytest.approx(1e-3 / 20**.5, rel=0.03)
 
 
@@ -231,7 +230,7 @@ def test_every_stage_holds_the_transforms_of_its_means(samples, expected):
             np.testing.assert_allclose(section.power[:, part], exact, rtol=1e-9)
 
 
-LOUDER = {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 1e-4}
+LOUDER = {N: 1e-3, B: 1e-3, K: 1e-4}
 
 
 def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():
@@ -242,8 +241,8 @@ def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():
         groups = Part(finished, 0.01, first, last).groups(0)
         assert (np.diff(groups.frequency) > 0).all()
         _, density, flicker, _ = np.sqrt(maximise(groups, moving_mean=True).theta)
-        assert density == pytest.approx(LOUDER['noise_density'], rel=0.03)
-        assert flicker == pytest.approx(LOUDER['bias_instability'], rel=0.35)
+        assert density == pytest.approx(LOUDER[N], rel=0.03)
+        assert flicker == pytest.approx(LOUDER[B], rel=0.35)
         # In bands of an eighth of an octave.
         fast = groups.frequency[groups.frequency > 1]
         np.testing.assert_allclose(np.diff(np.log2(fast)), 1 / 8, atol=0.01)

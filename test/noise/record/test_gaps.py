@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that are missing: how they are filled in, and what that does to noise."""
 
-from characterized import axes_of, holds
+from characterized import axes_of, B, holds, K, N
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.gaps import filled, noise_through_gaps
@@ -14,7 +14,6 @@ import pytest
 from repeated import combined, slow
 from scipy.fft import dct
 
-SLOW = ('bias_instability', 'rate_random_walk')
 SIZE = 8
 
 
@@ -71,8 +70,7 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(there):
     counts = there(np.random.default_rng(1), np.arange(span)).astype(int)
     counts[[0, -1]] = 1
     gaps = noise_through_gaps(cells_with(counts, np.zeros((1, span))), 1)
-    for key, expected in (('bias_instability', gaps.flicker),
-                          ('rate_random_walk', gaps.random_walk)):
+    for key, expected in ((B, gaps.flicker), (K, gaps.random_walk)):
         rows = np.stack([simulate({key: 1.0}, span, 1.0, seed) for seed in range(600)])
         full, found = ((dct(some, norm='ortho')**2).mean(axis=0)
                        for some in (rows, filled(cells_with(counts, rows))))
@@ -93,8 +91,8 @@ def test_gaps_invent_no_slow_term(runs, gap, records, most):
             estimator.update(rng.standard_normal((samples + gap, 6))[:samples])
             estimator.skip(gap)
         for axis in axes_of(estimator, 100.0):
-            assert axis.coefficients['noise_density'].value == pytest.approx(0.1, rel=0.06)
-            false += any(axis.coefficients[key].observable for key in SLOW)
+            assert axis.coefficients[N].value == pytest.approx(0.1, rel=0.06)
+            false += any(axis.coefficients[key].observable for key in (B, K))
     assert false <= most
 
 
@@ -156,7 +154,7 @@ def test_the_noise_density_of_a_record_with_interpolated_samples_is_right(patter
     axes = axes_of(estimator, 1.0)
     # What the means take out of high and add to low frequencies does not pass for a low-pass.
     assert [axis.band_limit_s for axis in axes] == [None] * 6
-    found = [axis.coefficients['noise_density'] for axis in axes]
+    found = [axis.coefficients[N] for axis in axes]
     for density in found:
         # With the first order of the losses alone it was 20 % too high.
         assert density.value == pytest.approx(1.0, rel=0.03)
