@@ -128,7 +128,7 @@ class Group(Record):
         self.end = block.first_index + len(block)
 
     def finish(self, rate_hz: float) -> FinishedGroup:
-        """Process all samples, after which no more can be added, and return what is fitted."""
+        """Process all samples, and return what is fitted; then add no more."""
         self.estimator.finish()
         spectrum = self.estimator.periodogram
         return FinishedGroup(

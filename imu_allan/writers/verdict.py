@@ -56,7 +56,7 @@ def findings_line(result: Result) -> str:
 def good_to_know(findings: Sequence[Finding], more: str = 'imu_allan explain NAME') -> str:
     """Return a sentence that counts and names what is not said in full, or ''."""
     titles = dict.fromkeys(map(words.title_of, findings))
-    return f'Good to know ({len(findings)}): {", ".join(titles)} ({more}).' if findings else ''
+    return f'Good to know ({len(titles)}): {", ".join(titles)} ({more}).' if findings else ''
 
 
 def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:

@@ -197,7 +197,7 @@ class Estimator(MultiAxis):
         return twin
 
     def finish(self) -> None:
-        """Process all samples, after which no more can be added."""
+        """Process all samples; then add no more."""
         self._absorb()
         self.periodogram.finish()
 
