@@ -61,6 +61,9 @@ def interrupt_despite_errors() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.unraisablehook = sys.__unraisablehook__
+        # After an interrupt within `exec`, as dataclasses call it, CPython would end the process
+        # by the signal, unless other code was executed since.
+        exec('')
 
 
 def raise_at_signal(number: int, error: type[BaseException], before: Callable[[], None]) -> None:
