@@ -99,11 +99,14 @@ raise SystemExit(main())
 
 
 def test_ctrl_c_as_a_folder_is_made_to_unpack_into_removes_it(tmp_path, packed):
-    # Within `exec`, as where dataclasses are made, the exit status would be that of the signal.
+    # Within `exec`, as where dataclasses are made, `python -m` would end by the signal.
+    program, temporary = tmp_path / 'interrupted.py', tmp_path / 'temporary'
+    program.write_text(MAKE_FOLDER_INTERRUPTED)
+    temporary.mkdir()
     done = subprocess.run(
-        [sys.executable, '-c', MAKE_FOLDER_INTERRUPTED, 'info', str(packed)], timeout=60,
-        env=marked(tmp_path) | {'TMPDIR': str(tmp_path)}, check=False, capture_output=True)
-    assert (done.returncode, done.stderr, list(tmp_path.iterdir())) == (130, b'', [])
+        [sys.executable, '-m', 'interrupted', 'info', str(packed)], timeout=60, cwd=tmp_path,
+        env=marked(tmp_path) | {'TMPDIR': str(temporary)}, check=False, capture_output=True)
+    assert (done.returncode, done.stderr, list(temporary.iterdir())) == (130, b'', [])
 
 
 def test_jobs_give_the_same_results_and_errors_in_the_same_order(
