@@ -95,7 +95,7 @@ def parse(type_name: str, definition: Definition | Types,
     name = normal_name(type_name)
     if len(definition.text) > _LARGEST:
         raise ImuAllanError(f'the definition of {_shown(name)} has more than '
-                                   f'{_LARGEST} characters')
+                            f'{_LARGEST} characters')
     found: dict[str, Any] = {}
     try:
         if definition.form == 'msg':
