@@ -15,6 +15,7 @@ import pytest
 from repeated import slow
 from ros_harness import (
     assert_density,
+    at_rest,
     Driver,
     Health,
     NOISE,
@@ -171,6 +172,27 @@ def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
     assert max(int(entry.value) for status in health.heard for entry in status.values
                if entry.key == 'publishers') == 1
     assert health.number('reception', 'lost') == 0
+
+
+def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros).wait_for_node()
+    recording = at_rest(2000, RATE_HZ)
+    for _ in range(3):
+        driver.replay(recording)
+        driver.until_taken()
+    repeat = (f'the messages on {driver.topic} repeat from the first one on, as a recording '
+              'played in a loop does: what has come before is passed over')
+    ros.until(lambda: repeat in node.lines and health.said('reception', repeat))
+    document = ros.until(ros.saved)
+    assert document['timeline']['samples'] == 2000
+    assert document['timeline']['out_of_order'] == document['timeline']['duplicates'] == 0
+    # New stamps are new samples.
+    driver.next = 2000
+    driver.publish(1000)
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == 3000
+    assert set(document['axes']) == set(AXES)
 
 
 PLUG_S = 2.5
