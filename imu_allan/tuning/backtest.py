@@ -135,7 +135,8 @@ def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable
             z = filters.innovation[:, 1:] ** 2 / filters.variance[:, 1:]
             total, steps = met.innovations[size * cell_s]
             met.innovations[size * cell_s] = total + z.sum(axis=1), steps + z.shape[1]
-            _coast(met, fed, filters, means, outages, size * cell_s)
+            if finest:
+                _coast(met, fed, filters, means, outages, size * cell_s)
     return met
 
 
@@ -143,7 +144,7 @@ def _outages(steps: int, step_s: float) -> dict[int, range]:
     """Return the first steps of consecutive outages, by their number of steps."""
     # Means may be longer than a horizon: the sensor has one sample in several seconds.
     return {size: range(size, steps - size + 1, size)
-            for horizon in COASTS_S if (size := round(horizon / step_s))}
+            for horizon in COASTS_S if 0 < (size := round(horizon / step_s)) <= steps // 2}
 
 
 def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters: Filtered,
@@ -153,15 +154,16 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
     for size, starts in outages.items():
         predicted, squared, before = met.coasts.get(size * step_s, (0.0, 0.0, 0))
         more = np.zeros((2, len(fed)))
-        for lane, (model, tones) in enumerate(fed if starts else ()):
+        state, covariance = (np.stack(parts, axis=1) for parts in zip(
+            *(filters.before[start] for start in starts), strict=True))
+        actual = (total[:, size:][:, starts] - total[:, starts]) / size
+        for lane, (model, tones) in enumerate(fed):
             over = space_of(model, tones, size * step_s)
             weight, rest = over.observation[0], over.measurement[0, 0]
             n = len(weight)
-            state, covariance = (np.stack([part[lane] for part in parts]) for parts in zip(
-                *(filters.before[start] for start in starts), strict=True))
-            actual = (total[lane, size:][starts] - total[lane, starts]) / size
-            variance = np.einsum('i,kij,j->k', weight, covariance[:, :n, :n], weight) + rest
-            more[:, lane] = variance.sum(), np.square(actual - state[:, :n] @ weight).sum()
+            error = actual[lane] - state[lane, :, :n] @ weight
+            variance = np.einsum('i,kij,j->k', weight, covariance[lane, :, :n, :n], weight) + rest
+            more[:, lane] = variance.sum(), np.square(error).sum()
         met.coasts[size * step_s] = predicted + more[0], squared + more[1], before + len(starts)
 
 

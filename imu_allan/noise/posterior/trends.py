@@ -444,20 +444,23 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
     lam = expected_powers(beside, best)[0]
     # Each nuisance is fitted in turn, with the others held fixed, until none changes.
-    left = 6 if len(found) > 1 else 1
-    known: tuple[float, ...] = ()
-    while left:
-        left = 1 if (values := tuple(one.value for one in found)) == known else left
-        known, left = values, left - 1
+    turns = 6 if len(found) > 1 else 1
+    before: list[float] = []
+    for turn in range(turns):
+        values = [one.value for one in found]
+        last = turn == turns - 1 or values == before
         for _ in found:
             first, *others = found
             about = search.bank.about(beside.frequency, lam, others)
             number = search.bank.kinds.index(first.kind)
             gains = search.bank.gains(about, number)[0]
             first = likeliest(search.bank, number, about, gains, others)
-            if not left and first.kind.key == 'bias_step' and gains.max() > 30:
+            if last and first.kind.key == 'bias_step' and gains.max() > 30:
                 first = _located(search.bank, number, first, others, beside.frequency, lam)
             found = (*others, first)
+        if last:
+            break
+        before = values
     return search, found
 
 
