@@ -144,7 +144,7 @@ class CharacterizationNode(AnyExecutorNode):
         well = True
         try:
             wait_s = TICK_S
-            while not stop.is_set:
+            while not stop.requested:
                 executor.spin_once(wait_s)
                 if time.monotonic() - self._last_tick >= wait_s:
                     wait_s = self._tick()

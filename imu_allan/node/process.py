@@ -20,11 +20,11 @@ from imu_allan.node.interface import help_text, Interface, refused, wants_help
 class StopRequest:
     """Whether a signal has asked to stop; the work under way is finished first."""
 
-    is_set = False
+    requested = False
 
     def receive(self, *_: object) -> None:
         """Handle a signal: without a lock, on which a second signal would wait for ever."""
-        self.is_set = True
+        self.requested = True
 
 
 def give_back_memory() -> None:
@@ -104,7 +104,7 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             # A second signal must not end a process that has saved before it returns its status.
-            signal.signal(number, signal.SIG_IGN if stop.is_set else handler)
+            signal.signal(number, signal.SIG_IGN if stop.requested else handler)
 
 
 @contextlib.contextmanager

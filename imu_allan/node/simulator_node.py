@@ -87,7 +87,8 @@ class SimulatorNode(Node):
                 + (f', {self._speed:g} times real time' if self._speed not in (0, 1) else ''))
             self._publish_all(executor, stop)
             # Samples that a reader has not received yet would be lost with the writer.
-            while not (stop.is_set or self._publisher.wait_for_all_acked(Duration(seconds=0.5))):
+            while not (stop.requested or self._publisher.wait_for_all_acked(
+                    Duration(seconds=0.5))):
                 executor.spin_once(timeout_sec=0)
             self.get_logger().info(f'published {self._next} samples')
             return 0
@@ -97,7 +98,7 @@ class SimulatorNode(Node):
     def _wait_for_subscriptions(self, executor: SingleThreadedExecutor,
                                 stop: StopRequest) -> None:
         wanted = self._values['wait_for_subscriptions'] or (self._speed == 0)
-        while not stop.is_set and self._publisher.get_subscription_count() < wanted:
+        while not stop.requested and self._publisher.get_subscription_count() < wanted:
             executor.spin_once(timeout_sec=_SERVICE_PERIOD_S)
             self.get_logger().info(
                 f'waiting for {wanted} subscriptions to {self._publisher.topic_name}',
@@ -105,7 +106,7 @@ class SimulatorNode(Node):
 
     def _publish_all(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
         began = served = time.monotonic()
-        while not stop.is_set and self._next < self._total:
+        while not stop.requested and self._next < self._total:
             now = time.monotonic()
             if now - served >= _SERVICE_PERIOD_S:
                 served = now
@@ -137,7 +138,7 @@ class SimulatorNode(Node):
                          self._values['frame_id'])
         for row in encode_imu_rows(block):
             message = row.tobytes()
-            while not stop.is_set:
+            while not stop.requested:
                 try:
                     self._publisher.publish(message)
                     break
