@@ -313,7 +313,7 @@ def _two_rates(f: Any) -> str:
 
 def _ignored_columns(f: Any) -> str:
     more = f.count - len(f.columns)
-    what = 'may be axes were not understood' if f.perhaps_axes else 'are no axes were left out'
+    what = 'may be axes were not understood' if f.perhaps_axes else 'are not needed were left out'
     return (f'columns that {what}: {", ".join(f.columns)}'
             f'{f", and {more:,} more" if more > 0 else ""}')
 

@@ -242,9 +242,9 @@ NO_TIME = ('no time_s column; give the sample rate with --rate, or say which col
 
 
 def no_axes(header: str) -> str:
-    """Return what is reported of a first line without an axis."""
+    """Return what is reported of a header line without an axis."""
     return (
-        'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
+        'the header line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
         f'({header[:80]}). A CSV recording begins with a line such as '
         'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, and --columns '
         'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')

@@ -16,7 +16,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 import re
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -62,6 +62,17 @@ _ARROW = ' -> '
 """Mark between the time of day and the line that the serial monitor of Arduino shows."""
 _LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')
 """A number behind its name, as for the serial plotter of Arduino: ``aX:1.23``."""
+
+
+class _Line(NamedTuple):
+    """A line before the samples, or the first of them."""
+
+    number: int
+    at: int
+    delimiter: str | None
+    cells: int
+    named: bool    # whether it names an axis, or a column that the user gives
+    labelled: bool  # whether it holds numbers, each behind its name
 
 
 class CsvRecording(FileRecording):
@@ -144,7 +155,7 @@ class CsvRecording(FileRecording):
                     raise ImuAllanError(
                         f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
                         f'than {at_a_time} bytes; not a CSV file of samples')
-                text = self._with_points((data + last).decode('utf-8', 'replace'))
+                text = self._with_points(_decoded(data + last))
                 yield text.removesuffix('\n').split('\n'), file.tell()
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
@@ -164,32 +175,50 @@ class CsvRecording(FileRecording):
 
     def _found_header(self, file: BinaryIO) -> tuple[str, bool]:
         """Find the line of names, and whether a byte order mark precedes it; stop after it."""
-        # Up to 100 lines stand before the header line, such as those of a device that starts; if
-        # none names an axis, it is the first that is no comment, as its names are unknown.
-        header, has_mark, behind = '', False, 0
+        # Up to 100 lines stand before the samples, such as those of a device that starts.
+        lines: list[_Line] = []
+        samples: _Line | None = None
         for number in range(1, 102):
             at, line = file.tell(), file.readline(_LONGEST_LINE)
             if len(line) == _LONGEST_LINE and not line.endswith(b'\n'):
                 raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                     'samples')
-            text = _decoded(line)
-            text = text.replace(_ARROW, cells_of(text)[0] or ' ')
-            cells = cells_of(text)[1]
-            is_header = names_columns(text, self.options) and not (
-                header and any(map(is_number, cells)))
+            text = _shown(line)
+            delimiter, cells = cells_of(text)
             labels = _LABELLED.sub(r'\1', text)
-            self._labelled = (labels != text and not is_remark(text)
-                              and names_columns(labels, self.options))
-            if is_header or self._labelled or not (header or is_remark(text)):
-                header, has_mark, behind = text, line.startswith(BOM_UTF8), file.tell()
-                self._data_at, self._first_line = at, number
-            if self._labelled:
-                # The names are those of the first sample.
-                header, behind, self._first_line, is_header = labels, at, number - 1, True
-            if is_header or not line or (header and is_number(cells[0])):
+            labelled = (labels != text and not is_remark(text)
+                        and names_columns(labels, self.options))
+            named = names_columns(text, self.options) and not (
+                lines and any(map(is_number, cells)))
+            found = _Line(number, at, delimiter, _filled(cells), named, labelled)
+            if lines and is_number(cells[0]) and not (labelled or is_remark(text)):
+                samples = found
                 break
-        file.seek(behind)
-        return header, has_mark
+            if named or labelled or not is_remark(text):
+                lines.append(found)
+            if not line:
+                break
+
+        def like_names(line: _Line) -> tuple[bool, ...]:
+            # Names may be unknown. A line about the device may have those of axes, but has fewer
+            # cells than a sample, or other marks between them.
+            fits = samples is None or line.cells >= samples.cells
+            return (line.named and fits, line.labelled and samples is None, line.named, fits,
+                    samples is not None and line.delimiter == samples.delimiter)
+
+        best = max(lines, key=like_names)
+        if samples is not None and not any(like_names(best)):
+            best = samples
+        self._labelled = best.labelled and samples is None
+        file.seek(best.at)
+        line = file.readline(_LONGEST_LINE)
+        header = _shown(line)
+        self._data_at, self._first_line = best.at, best.number
+        if self._labelled:
+            # The names are those of the first sample.
+            header, self._first_line = _LABELLED.sub(r'\1', header), best.number - 1
+            file.seek(best.at)
+        return header, line.startswith(BOM_UTF8)
 
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
@@ -199,7 +228,7 @@ class CsvRecording(FileRecording):
             behind = file.tell()
             after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
         delimiter, names = cells_of(header)
-        text = after.decode('utf-8', 'replace')
+        text = _decoded(after)
         self._arrow_as = (delimiter or ' ') if _ARROW in text else None
         text = text.replace(_ARROW, delimiter or ' ')
         self._decimal_comma = (delimiter != ',' and
@@ -238,12 +267,13 @@ class CsvRecording(FileRecording):
             if clock.column in dated:
                 clock = replace(clock, unit='ns')
             times = _column(rows, clock.column)
-            if not times and not clock.unit:
+            if rows and not times:
                 # Another topic of the table may have begun long before, so this column starts
                 # empty.
                 times = self._first_times(clock.column, delimiter)
             _refuse_grouped_times(times)
-            columns = replace(columns, clock=_with_unit(clock, times, options.rate_hz))
+            columns = replace(columns, clock=None if rows and not times else _with_unit(
+                clock, times, options.rate_hz))
         self._apart = columns.clock is not None and _are_apart(columns, rows)
         self._report_ignored(columns)
         if columns.clock is None and options.rate_hz is None:
@@ -291,12 +321,20 @@ class CsvRecording(FileRecording):
                 self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
 
 
-def _decoded(line: bytes) -> str:
-    """Decode names and units, in Latin-1 if they are not in UTF-8, as spreadsheets save them."""
+def _shown(line: bytes) -> str:
+    """Decode a line; the time of day of a serial monitor is a cell."""
+    text = _decoded(line)
+    return text.replace(_ARROW, cells_of(text)[0] or ' ')
+
+
+def _decoded(data: bytes) -> str:
+    """Decode text, in Latin-1 if it is not in UTF-8, as spreadsheets save it."""
     try:
-        return line.decode('utf-8-sig')
+        text = data.decode('utf-8-sig')
     except UnicodeDecodeError:
-        return line.decode('latin-1')
+        text = data.decode('latin-1')
+    # Numbers of some languages have a minus sign, not a hyphen.
+    return text.replace('\N{MINUS SIGN}', '-')
 
 
 def _parse(lines: list[str], columns: Columns,
@@ -431,14 +469,16 @@ def _is_plausible_clock(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
     return others < 2
 
 
+def _filled(cells: Sequence[str]) -> int:
+    """Return the number of cells up to the last that is not empty."""
+    return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
+
+
 def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Raise an error if most rows have more fields than the header has names."""
-    def filled(cells: Sequence[str]) -> int:
-        return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
-
-    named = filled(names)
+    named = _filled(names)
     # Allow an unnamed last column, for example of remarks.
-    counts = Counter(filled(row) if len(row) > len(names) else named
+    counts = Counter(_filled(row) if len(row) > len(names) else named
                      for row in rows[:_FIRST_LINES])
     fields = counts.most_common(1)[0][0] if counts else 0
     if fields > named:
@@ -494,5 +534,5 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '
                 f'{apparent_hz:.3g} Hz, the rate of no IMU. Say what they are, such as --columns '
-                "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
+                "'time=NAME ms' (or s, us, ns, min, s/10000), or give the sample rate with --rate")
     return replace(clock, unit=unit)

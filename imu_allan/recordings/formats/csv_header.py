@@ -7,7 +7,8 @@ Recognized are the names of this project (``time_s``, ``gyro_x``), of EuRoC and 
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
 UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), PlotJuggler (``__time,/imu/angular_velocity/x``),
 phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nsecs``), phone apps
-(SensorLog, AndroSensor) and short names (``t,gx,ay``).
+(SensorLog, AndroSensor, Physics Toolbox), Shimmer, VectorNav, Xsens and short names (``t,gx,ay``).
+Words for time and sensors may be German, Spanish, French, Italian or Portuguese.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,14 +27,22 @@ QUOTES = ' \t\r\n"'
 
 _SENSORS = {
     'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
-            r'|gyroscope|gyro_?rotation|gyro|gyr|w_rs_s|omega',
-    'accel': r'linear_?acceleration|total_?acceleration|lin_?acc|accelerometer_?acceleration'
-             r'|acceleration|accelerometer|accel|acc|a_rs_s'}
+            r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro|gyr|w_rs_s|omega'
+            r'|drehrate|winkelgeschwindigkeit',
+    'accel': r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
+             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accel|acc|a_rs_s|gf|accel_ln'
+             r'|beschleunigung'}
+_SECOND_CHOICE = {
+    'gyro': r'un_?comp_?(?:ang_?rate|gyro)',
+    'accel': r'lin(?:ear)?_?acc(?:eleration)?|un_?comp_?acc(?:el)?|accel_wr'}
+_SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])')
+"""These are taken if no column has one of the above: gravity may be removed, or noise higher."""
 _OF = r'(?:.*[/.])?(?:(?:imu|sensor)\d*[._/])?'
 """Prefix of a name: the path to it, or the device it belongs to."""
-_AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
-                            rf'|(?P<first>[xyz])[._-](?:{words}))')
-         for sensor, words in _SENSORS.items()}
+_AXES = [(sensor, choice, re.compile(
+    rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
+    rf'|(?P<first>[xyz])[._-](?:{words}))'))
+    for choice, names in enumerate((_SENSORS, _SECOND_CHOICE)) for sensor, words in names.items()]
 _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
 _UNITS = {
@@ -42,17 +51,20 @@ _UNITS = {
 _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
 """A unit at the end of a name, as in ``gx_dps``."""
 _CLOCKS = tuple(re.compile(form) for form in (
-    r'(?:[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp'
-    r'|millis|micros)',
-    r'(?:accelerometer|gyro)?timestamp_sincereboot',
+    r'(?:[#%_]*(?:time|time_?stamp|stamp|t|zeit|temps|tiempo|tempo)(?:_(s|ms|us|ns))?'
+    r'|(?:.*[/.])?header[./]stamp|millis|micros|timestamp_unix)',
+    r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
     r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
     r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?|(ms|us)',
     r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
-    r'|epoch?(?:_(s|ms|us|ns))?'))
+    r'|epoch?(?:_(s|ms|us|ns))?|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the
 day."""
-_UNIT_OF_CLOCK = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us'}
-"""Units that names imply: those of ``rostopic echo -p``, and of Arduino's clocks."""
+_UNIT_OF_CLOCK = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
+                  'timestartup': 'ns'}
+"""Units that names imply: ``rostopic echo -p``, Arduino's clocks, VectorNav."""
+_OF_SHIMMER = re.compile(r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal')
+"""Calibrated values, behind the name that the user gave the device."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 _REST_OF_IMU = re.compile(
     r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
@@ -141,10 +153,8 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     # Axes that the user gives are all that are read; a given rate takes the place of the time.
     axes_given = len(times) < len(chosen)
     if not headless and not (axes_given and (times or options.rate_hz)):
-        counted = _numbered_axes(names)
-        found = {column: meaning for column, (name, unit) in enumerate(named)
-                 if (meaning := counted.get(name) or meaning_of(name, unit)) is not None
-                 and (meaning == 'time' or not axes_given)}
+        found = {column: meaning for column, meaning in _meanings(named).items()
+                 if meaning == 'time' or not axes_given}
         if not times:
             parts = next(filter(is_usable, _split_seconds(names)), None)
         if not (times or parts):
@@ -161,7 +171,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
-            f'the first line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
+            f'the header line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
     clock = parts or _best_clock({column: names[column] for column in times}, units, own_stamp)
@@ -216,7 +226,7 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
 def is_remark(line: str) -> bool:
     """Return whether a line is empty or begins like a comment, as some headers do, too."""
     # Spreadsheets take their separator from sep=.
-    return line.isspace() or line.lstrip().startswith(('#', '%', '//', 'sep='))
+    return line.isspace() or line.lstrip(' \t"').startswith(('#', '%', '//', 'sep='))
 
 
 def names_columns(line: str, options: RecordingOptions) -> bool:
@@ -237,7 +247,9 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     if (columns.headless or delimiter is None or len(names) != len(units)
             or any(map(is_number, units))):
         return None
-    bare = [unit.strip(' "[]()\r-') for unit in units]
+    # A pattern such as hh:mm:ss is no unit, and the brackets of m/(s^2) belong to it.
+    bare = [match[1] if (match := re.fullmatch(r'[\[(](.*)[\])]', plain)) else plain.strip('-')
+            for plain in (unit.strip(' "\r') * (':' not in unit) for unit in units)]
     of_axes = [bare[axis[0]] for axis in columns.axes]
     if not any(of_axes) or any(unit and unit in names[axis[0]]
                                for unit, axis in zip(of_axes, columns.axes, strict=True)):
@@ -272,10 +284,9 @@ def echoed_imu(line: str) -> Columns | None:
 def _no_header(cells: Sequence[str]) -> str:
     names = [*(['time'] if len(cells) > len(AXES) else []), *AXES][:len(cells)]
     example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
-    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns). '
-            f'Say what they are, such as --columns {example} if that is their order, with units '
-            "as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line "
-            f'such as {EXAMPLE}')
+    return (f'no line names the {len(cells)} columns. Say what they are, such as --columns '
+            f"{example} if that is their order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or "
+            f'write a first line such as {EXAMPLE}')
 
 
 # ----------------------------------------------------------------------------- the user's names
@@ -326,24 +337,44 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 def meaning_of(name: str, unit: str | None = None) -> str | None:
     """Return the meaning of a column with this name: ``'time'``, one of the axes, or None."""
+    return _choice(name, unit)[1]
+
+
+def _choice(name: str, unit: str | None) -> tuple[int, str | None]:
+    """Return how well a name fits, 0 for the best, and its meaning."""
     lower = name.lower()
     if _clock_named(lower) is not None:
-        return 'time'
+        return 0, 'time'
     if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
         lower = with_unit[1]
-    short = re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])', lower)
-    if short is not None:
-        return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
-    for sensor, pattern in _AXES.items():
+    elif (of_shimmer := _OF_SHIMMER.fullmatch(lower)) is not None:
+        lower = of_shimmer[1]
+    if (short := _SHORT.fullmatch(lower)) is not None:
+        return 1, f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
+    for sensor, choice, pattern in _AXES:
         if (match := pattern.fullmatch(lower)) is not None:
             axis = match['axis'] or match['first'] or 'xyz'[int(match['number'])]
-            return f'{sensor}_{axis}'
+            return choice, f'{sensor}_{axis}'
     letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', lower)
     # A capital G is not among them, as magnetometers use it (gauss).
     letter_units = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
                     'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
     sensors = [sensor for sensor, units in letter_units.items() if (unit or '').strip() in units]
-    return f'{sensors[0]}_{letter[1]}' if letter and sensors else None
+    return 0, f'{sensors[0]}_{letter[1]}' if letter and sensors else None
+
+
+def _meanings(named: Sequence[tuple[str, str | None]]) -> Mapping[int, str]:
+    """Map columns, given by name and unit, to times and to the axes with the best names."""
+    counted = _numbered_axes([name for name, _ in named])
+    found = {column: (choice, meaning) for column, (name, unit) in enumerate(named)
+             for choice, meaning in [(0, counted.get(name)) if name in counted
+                                     else _choice(name, unit)] if meaning is not None}
+    best: dict[str, int] = {}
+    for choice, meaning in found.values():
+        sensor = meaning.partition('_')[0]
+        best[sensor] = min(choice, best.get(sensor, choice))
+    return {column: meaning for column, (choice, meaning) in found.items()
+            if choice == best[meaning.partition('_')[0]]}
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
@@ -389,7 +420,7 @@ def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
 
 def _clock_named(name: str) -> tuple[int, str | None] | None:
     """Return rank, 0 for the best, and unit of the name of a time; None if it is not a time."""
-    lower = name.lower()
+    lower = _OF_SHIMMER.sub(r'\1', name.lower())
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(lower)) is not None:
             in_name = next((unit for unit in match.groups() if unit), None)
@@ -420,6 +451,9 @@ def _unit_in_name(name: str) -> str | None:
     """Return the unit in a name, of any quantity; a wrong quantity is rejected later."""
     if (clock := _clock_named(name)) is not None:
         return clock[1]
+    if re.fullmatch('gf[xyz]', name.lower()):
+        # Physics Toolbox.
+        return 'g'
     if (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
         return next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
     return None

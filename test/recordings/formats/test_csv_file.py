@@ -93,6 +93,9 @@ def test_any_subset_of_columns_in_any_order(path, columns, left_out, place):
 
 def test_without_time_column_the_rate_makes_the_stamps(path):
     for text, stamps in (('gyro_z\n1\n2\n3\n', [0, 2_500_000, 5_000_000]),
+                         # Xsens may leave its column of times empty.
+                         ('// Update Rate: 400.0Hz\nPacketCounter\tSampleTimeFine\tGyr_Z\n'
+                          '1\t\t1\n2\t\t2\n3\t\t3\n', [0, 2_500_000, 5_000_000]),
                          # One that is there counts before a rate.
                          ('time_s,gyro_z\n0,1\n0.5,2\n', [0, 500_000_000])):
         assert read_text(path, text, rate_hz=400.)[0].header_ns.tolist() == stamps
@@ -175,10 +178,11 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
 
 
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('gyro_z\n1\n', NO_TIME), ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
+    ('gyro_z\n1\n', NO_TIME), ('SampleTimeFine\tGyr_X\n\t1\n\t2\n', NO_TIME),
+    ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
-     'no line names its columns, the first one holds numbers (6 columns). Say what they are, '
-     'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
+     'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
+     'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
     ('time_s,gyro_x\n', 'no line of samples: see what it holds with imu_allan info'),
@@ -192,7 +196,7 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
      'column accel_z: LSB cannot be turned into m/s^2'),
-    (b'time_s,gyro_x\n' + b'1' * 3_000_000,
+    (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
     ('gyro_x,' * 200_000, 'line 1 is longer than 1 MiB: it is no table of samples'),
     # What may be something else is not taken.
@@ -222,9 +226,10 @@ def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
         f'"{cell}"' for cell in with_commas([f'{place / 100:.2f}', *values])]),
     (f'note,{HEADER}', lambda *row: ['"a, b"', *plain(*row)]),
     (HEADER, lambda place, values: [*plain(place, values), *['7'][:place == 3]]),
-    (f'note,{HEADER}', lambda place, values: [['"open', ''][place > 0], *plain(place, values)])],
+    (f'note,{HEADER}', lambda place, values: [['"open', ''][place > 0], *plain(place, values)]),
+    (HEADER, lambda *row: [cell.replace('-', '\N{MINUS SIGN}') for cell in plain(*row)])],
     ids=['decimal commas in quotes', 'commas in quotes', 'one long row',
-         'quote that is not closed'])
+         'quote that is not closed', 'minus signs'])
 def test_rows_that_are_only_written_unusually_are_read(path, header, row):
     messages, _ = read_text(path, table(header, row))
     assert messages.samples[:, :3].tolist() == ROWS.tolist()
@@ -300,13 +305,28 @@ def fields(form: str) -> str:
      '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
     ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
      '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
-    ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\nmillis,ax,ay,az,gx,gy,gz\n'
+    ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\ngx: 250 dps, ax: 8 g\ngain,ax\n'
+     'millis,ax,ay,az,gx,gy,gz\n'
      '500,4,5,6,1,2,3\n', [500_000_000]),
     ('# timestamp[ns] w.x w.y w.z a.x a.y a.z\n'
      f'{STAMP} 1 2 3 4 5 6\n', [STAMP]),
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('ms,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
+    ('"sep=\\t"\nS_1_TimestampSync_FormattedUnix_CAL\tS_1_Accel_LN_X_CAL\tS_1_Accel_LN_Y_CAL\t'
+     'S_1_Accel_LN_Z_CAL\tS_1_Accel_WR_X_CAL\tS_1_Gyro_X_CAL\tS_1_Gyro_Y_CAL\tS_1_Gyro_Z_CAL\t\n'
+     'yyyy/mm/dd hh:mm:ss.000\tm/(s^2)\tm/(s^2)\tm/(s^2)\tm/(s^2)\trad/s\trad/s\trad/s\t\n'
+     '1970/01/01 00:00:02.500\t4\t5\t6\t7\t1\t2\t3\t\n', [2_500_000_000]),
+    ('"Zeit (s)";"Gyroskop x (rad/s)";"Gyroskop y (rad/s)";"Gyroskop z (rad/s)";'
+     '"Beschleunigung x (m/s^2)";"Beschleunigung y (m/s^2)";"Beschleunigung z (m/s^2)"\n'
+     '2,5E0;1,0E0;2,0E0;3,0E0;4,0E0;5,0E0;6,0E0\n', [2_500_000_000]),
+    ('Tiempo (s),Aceleración X (m/s²),Acelerómetro Y (m/s²),Accélération Z (m/s²),'
+     'Giroscopio X (rad/s),Giroscópio Y (rad/s),Gyroscope Z (rad/s)\n2.5,4,5,6,1,2,3\n',
+     [2_500_000_000]),
+    ('TimeStartup,UncompAccelX,UncompGyroX,Temp,AccelX,AccelY,AccelZ,AngularRateX,AngularRateY,'
+     'AngularRateZ\n2500000001,7,8,25,4,5,6,1,2,3\n', [2_500_000_001]),
+    ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
+     '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
     *((f'00:00:01.000 -> Ready\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
         [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
          for time in ('00:00:02.500', '00:00:03') for mark in marks] for marks in ',\t ')),
@@ -317,7 +337,8 @@ def fields(form: str) -> str:
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
-        'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast',
+        'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast', 'shimmer',
+        'phyphox in German', 'other languages', 'vectornav', 'vectornav, not compensated',
         *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
@@ -336,9 +357,11 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
      (pi / 180, 1.0)),
     ('gx [deg/s/131],gy [deg/s/131],gz [deg/s/131],ax [g/2048],ay [g/2048],az [g/2048]',
      (pi / 180 / 131, 9.80665 / 2048)),
+    ('wx,wy,wz,gFx,gFy,gFz,ax,ay,az', (1.0, 9.80665)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
-    messages, _ = read_text(path, f'time [ms],{header}\n500,1,2,3,4,5,6\n')
+    numbers = ','.join(map(str, range(1, header.count(',') + 2)))
+    messages, _ = read_text(path, f'time [ms],{header}\n500,{numbers}\n')
     assert messages.header_ns.tolist() == [500_000_000]
     assert messages.samples[0] == pytest.approx(
         np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
@@ -400,7 +423,9 @@ LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
      {'time': 'when', 'gyro_x': 'w0 deg/s', 'gyro_y': 'w1 deg/s', 'accel_z': 'up'},
      [2], {0: [pi], 1: [pi / 2], 5: [9.80665]}),
     *((text, LOGGED, [2.5, 3.5], {2: [pi / 2, pi], 3: [9.80665, 19.6133]}) for text in (
-        '2500 imu 90 1\n3500 imu 180 2\n', 'a,b,c,d\n2500,imu,90,1\n3500,imu,180,2\n')),
+        '2500 imu 90 1\n3500 imu 180 2\n',
+        *(f'{above}2500,imu,90,1\n3500,imu,180,2\n' for above in (
+            'a,b,c,d\n', 'Device,A\na,b,c,d\n', 'Subject: A\n')))),
     *((text, {'gyro_x': 'w0', 'time': 'time'}, [1, 2], {0: [2, 3]}) for text in (
         '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
@@ -408,7 +433,8 @@ LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
     *((f',time,gyro_x,accel_z,other\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n', {}, [0.5, 0.51],
        {0: [pi, pi / 2], 5: [9.80665, 19.6133]})
       for units in ('"ms","deg/s","g",', 'ms,(deg/s),g,')),
-], ids=['names', 'blanks', 'numbers of named columns', 'comment and blanks', 'two comments',
+], ids=['names', 'blanks', 'numbers of named columns', 'below a device',
+        'below a subject', 'comment and blanks', 'two comments',
         'mark and decimal commas', *2 * ['line of units']])
 def test_columns_of_any_name_can_be_named_or_numbered_from_one_with_units_below(
         path, text, columns, seconds, samples):
@@ -430,8 +456,8 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step,
     text = '\n'.join(['timestamp,gx', *rows, ''])
     assert refusal(path, text) == (
         f'the times are {step} apart, which in {unit} would be {hz} Hz, the rate of no IMU. Say '
-        "what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the sample "
-        'rate with --rate')
+        "what they are, such as --columns 'time=NAME ms' (or s, us, ns, min, s/10000), or give "
+        'the sample rate with --rate')
     for options, nanoseconds in ((RecordingOptions(rate_hz=50.0), 20_000_000),
                                  (named(time='timestamp us'), step * 1000)):
         block, _ = read(path, options=options)

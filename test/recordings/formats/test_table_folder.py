@@ -122,7 +122,7 @@ def test_a_file_whose_columns_are_unknown_is_a_recording_that_fails(tmp_path, ca
     assert main(['info', str(tmp_path)]) == 1
     shown = capsys.readouterr()
     assert f'{tmp_path / "b.csv"}  ' in shown.out
-    assert shown.err.startswith(f'imu_allan: {tmp_path / "a.csv"}: no line names its columns')
+    assert shown.err.startswith(f'imu_allan: {tmp_path / "a.csv"}: no line names the')
 
 
 def test_tables_without_times_are_counted_at_the_rate(tmp_path):
