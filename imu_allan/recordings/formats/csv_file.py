@@ -14,9 +14,11 @@ from contextlib import suppress
 import csv
 from dataclasses import replace
 from itertools import pairwise
+from os import SEEK_END
 from pathlib import Path
 import re
 from typing import BinaryIO, NamedTuple
+from zlib import crc32
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -80,6 +82,8 @@ class CsvRecording(FileRecording):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
+        with stored.open('rb') as file:
+            self._begins = self._beginning(file)
         try:
             self._columns = self._found_columns()
         except ImuAllanError as error:
@@ -148,15 +152,28 @@ class CsvRecording(FileRecording):
         # Longer than any line; some 10,000 lines, for fast parsing by numpy.
         at_a_time = 1 << 20
         with self._stored.open('rb') as file:
-            file.seek(start)
-            while data := file.read(at_a_time):
-                last = file.readline(at_a_time + 1)
+            position = start
+            while position < self.size_bytes:
+                file.seek(position)
+                # Of what is added meanwhile, only the rest of a line is read.
+                data = file.read(min(at_a_time, self.size_bytes - position))
+                last = b'' if data.endswith(b'\n') else file.readline(at_a_time + 1)
+                position = file.tell()
+                if (file.seek(0, SEEK_END) < self.size_bytes
+                        or self._beginning(file) != self._begins):
+                    raise ImuAllanError(f'{printable(self.path)}: rewritten while it was read; '
+                                        'wait until it is complete, or give a copy')
                 if len(last) > at_a_time:
                     raise ImuAllanError(
-                        f'{printable(self.path)}: a line ending at byte {file.tell()} is longer '
+                        f'{printable(self.path)}: a line ending at byte {position} is longer '
                         f'than {at_a_time} bytes; not a CSV file of samples')
                 text = self._with_points(_decoded(data + last))
-                yield text.removesuffix('\n').split('\n'), file.tell()
+                yield text.removesuffix('\n').split('\n'), position
+
+    def _beginning(self, file: BinaryIO) -> int:
+        """Return a checksum of what a file begins with, up to its size when it was opened."""
+        file.seek(0)
+        return crc32(file.read(min(self.size_bytes, _LOOKED_AT)))
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:

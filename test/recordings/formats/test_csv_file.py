@@ -135,6 +135,23 @@ def test_a_file_of_many_blocks_is_read_whole(path):
     assert positions[-1] == path.stat().st_size
 
 
+def test_a_table_that_grows_is_read_as_it_was_and_one_that_is_rewritten_is_refused(path):
+    text = 'time_s,gyro_x\n' + ''.join(f'{number},{number}\n' for number in range(9000))
+    for now, later in ((text, text + '9000,1\n9001,'), (text[:-3], text + '9000,1\n'),
+                       (text, text[:50]), (text, text.replace('0,0', '0,7') + text)):
+        path.write_text(now)
+        with open_recording(path) as recording:
+            path.write_text(later)
+            if later.startswith(now):
+                [block] = read_blocks(recording, 'csv')
+                assert block.samples[:, 0].tolist() == [*range(9000)]
+                assert 'malformed_messages' not in {each.code for each in recording.remarks}
+            else:
+                with refused(f'{path}: rewritten while it was read; wait until it is complete, or '
+                             'give a copy'):
+                    [*read_blocks(recording, 'csv')]
+
+
 @pytest.mark.parametrize(('text', 'stamps', 'values', 'count', 'first'), [
     ('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
      [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
