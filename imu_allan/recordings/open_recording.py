@@ -8,7 +8,6 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 import re
-from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
@@ -16,9 +15,6 @@ from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
-
-if TYPE_CHECKING:
-    from imu_allan.recordings.formats.table_folder import TableFolder
 
 _FORMATS = (
     (b'\x89MCAP', 'mcap_file', 'McapRecording'),
@@ -67,12 +63,15 @@ def open_recording(
             for name in _RESULTS:
                 if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
-            if not holds_recording(path):
-                from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
-                if tables_in(path):
-                    return _of_tables(TableFolder(path, options))
-            if files := _separate_bags(path):
-                raise _several(path, files)
+            found = recordings_in(path, options)
+            if len(found) > 1 and path not in found:
+                raise ImuAllanError(f'{printable(path)}: holds {len(found)} recordings, such as '
+                                    f'{printable(found[0].name)}; name one')
+            if path not in found:
+                return open_recording(found[0], options=options)
+            from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
+            if not holds_recording(path) and tables_in(path):
+                return TableFolder(path, options)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         head = read_head(path)
@@ -95,18 +94,6 @@ def _result_given(given: Path, file: Path) -> ImuAllanError:
             f'go on with imu_allan report, tune, export or check {printable(file)}')
     return ImuAllanError(f'{printable(given)}: a result of imu_allan analyze, not a recording; '
                          f'{what}')
-
-
-def _of_tables(folder: 'TableFolder') -> Recording:
-    """Return a folder of CSV files as one recording: of its pair, or of its only file."""
-    if len(folder.alone) < 2:
-        return open_recording(folder.alone[0], options=folder.options) if folder.alone else folder
-    raise _several(folder.path, folder.alone)
-
-
-def _several(folder: Path, files: Sequence[Path]) -> ImuAllanError:
-    return ImuAllanError(f'{printable(folder)}: each of {len(files)} files, such as '
-                         f'{printable(files[0].name)}, is a recording; name one')
 
 
 def _separate_bags(folder: Path) -> list[Path]:
@@ -155,17 +142,33 @@ def recordings_in(
     try:
         if not folder.is_dir():
             return [folder]
-        if _is_bag(folder):
-            return _separate_bags(folder) or [folder]
+        if (folder / 'metadata.yaml').is_file():
+            return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
-        if not found and not any((folder / name).is_file() for name in _RESULTS):
-            from imu_allan.recordings.formats.table_folder import TableFolder
-            found = TableFolder(folder, options).alone
+        if _is_bag(folder):
+            found += _separate_bags(folder) or [folder]
+        if not any((folder / name).is_file() for name in _RESULTS):
+            from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
+            # Beside others, a file with one sensor is a recording, too.
+            found += ([table for table in tables_in(folder) if _has_axes(table, options)]
+                      if found else TableFolder(folder, options).alone)
     except (OSError, ValueError):
         # The error is reported when the path is opened.
         return [folder]
     return sorted(found, key=lambda item: natural(item.name)) or [folder]
+
+
+def _has_axes(table: Path, options: RecordingOptions) -> bool:
+    """Return whether a CSV file may have columns of an IMU; its errors are reported later."""
+    from imu_allan.recordings.formats.csv_header import NamesNoAxis
+    try:
+        with open_recording(table, options=options):
+            return True
+    except NamesNoAxis:
+        return False
+    except ImuAllanError:
+        return True
 
 
 def holds_recording(folder: Path) -> bool:

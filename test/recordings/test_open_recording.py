@@ -102,7 +102,14 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     write_mcap(tmp_path / 'run_10' / 'a.mcap', block(10))
     (tmp_path / 'run_9' / 'metadata.yaml').touch()
     (tmp_path / 'run_100.bag').touch()
-    assert [path.name for path in recordings_in(tmp_path)] == ['run_9', 'run_10', 'run_100.bag']
+    for name, columns in (('gyro', 'time_s,gyro_z'), ('odd', '1,2,3'), ('gps', 'time_s,latitude')):
+        (tmp_path / f'{name}.csv').write_text(f'{columns}\n1,2\n')
+    several = ['gyro.csv', 'odd.csv', 'run_9', 'run_10', 'run_100.bag']
+    assert [path.name for path in recordings_in(tmp_path)] == several
+    with refused(f'{tmp_path}: holds 5 recordings, such as gyro.csv; name one'):
+        open_recording(tmp_path)
+    (tmp_path / 'night.mcap').touch()
+    assert {*recordings_in(tmp_path)} == {tmp_path, *(tmp_path / name for name in several)}
     for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
                   tmp_path / 'run_100.bag', Path('a\0b')):
         assert recordings_in(alone) == [alone]
@@ -120,8 +127,7 @@ def test_bag_files_without_metadata_are_one_recording_if_their_numbers_follow_in
     assert recordings_in(tmp_path) == (
         [tmp_path] if together else [tmp_path / name for name in names])
     if not together:
-        with refused(f'{tmp_path}: each of 2 files, such as {names[0]}, is a recording; name '
-                     'one'):
+        with refused(f'{tmp_path}: holds 2 recordings, such as {names[0]}; name one'):
             open_recording(tmp_path)
 
 

@@ -175,7 +175,7 @@ NO_BAG = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
 
 @pytest.mark.parametrize(('files', 'reason'), [
     ([], 'an empty folder; name a recording'), (['notes.txt'], NO_BAG),
-    (['notes.txt', 'a.bag'], f'{NO_BAG}; name {{}}/a.bag'),
+    (['notes.txt', 'day/a.bag'], f'{NO_BAG}; name {{}}/day/a.bag'),
     ([f'mav0/{sensor}/data.csv' for sensor in ('cam0', 'imu0')],
      f'{NO_BAG}; name {{}}/mav0/imu0/data.csv'),
     ([f'oxts/{number}.txt' for number in range(101)],

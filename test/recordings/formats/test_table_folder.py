@@ -109,7 +109,7 @@ def test_the_only_file_with_both_sensors_is_the_recording_of_its_folder(tmp_path
     with open_recording(tmp_path) as recording:
         assert recording.path == tmp_path / 'data.csv'
     (tmp_path / 'other.csv').write_text(BOTH)
-    with refused(f'{tmp_path}: each of 2 files, such as data.csv, is a recording; name one'):
+    with refused(f'{tmp_path}: holds 2 recordings, such as data.csv; name one'):
         open_recording(tmp_path)
     # A folder with a result is that result, which check reads.
     (tmp_path / 'result.json').touch()
