@@ -17,7 +17,7 @@ HEAD = """\
 # Findings
 
 What findings mean, how they are detected, and what to do. `imu_allan explain CODE` prints one of
-them. Made by `docs/make_findings.py`.
+them.
 
 A result lists them as `warnings`:
 
@@ -32,7 +32,7 @@ Those marked "?" may be absent. The suffix of a name is its unit, otherwise the 
 it. `recording` names one of several; `more` counts what is left out.
 
 Italics say how a finding is detected. *Do* is for a recording, *live* for a running node if that
-differs. Without either, nothing needs to be done.
+differs.
 """
 
 

@@ -58,4 +58,5 @@ class MalformedMessages:
             kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
             remark(
                 'malformed_messages', what='message', count=self.count,
+                lost_share=self.count / (imu.count or float('inf')),
                 topic=printable(imu.name), type=kind, first=self.reason)

@@ -14,7 +14,7 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.finding import Finding, finding
+from imu_allan.finding import CODES, Finding, finding
 from imu_allan.recordings.formats.temporary_folder import remove_folder
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -168,14 +168,16 @@ class Recording(ABC):
                 f'{imu.name}:{fields.temperature}', imu.count,
                 replace(imu.messages, fields=thermometer, factors=(1.0, 1.0)), imu.topic))
 
-    def remark(self, code: str, **values: Any) -> None:
-        """Add a finding about this recording unless it is already there."""
-        self._keep_remark(finding(code, recording=printable(self.path), **values))
+    def remark(self, code: str, *, lost_share: float = 0.0, **values: Any) -> None:
+        """Add a finding unless it is already there, one to act upon if most is lost by it."""
+        self._keep_remark(finding(code, recording=printable(self.path), **values,
+                                  severity='act' if lost_share > 0.5 else None))
 
-    def keep_remarks_of(self, part: 'Recording') -> None:
-        """Add the remarks on a recording that is part of this one."""
+    def keep_remarks_of(self, part: 'Recording', *, small: bool = False) -> None:
+        """Add the remarks on a part of this recording; most of a `small` one is not most of it."""
         for remark in part.remarks:
-            self._keep_remark(remark)
+            self._keep_remark(remark if not small else replace(
+                remark, severity=CODES[remark.code].severity))
 
     def _keep_remark(self, remark: Finding) -> None:
         """Add a remark unless known; keep ten of each kind and count the rest."""

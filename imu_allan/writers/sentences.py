@@ -3,9 +3,9 @@
 """
 Texts for every code of a finding, in the order of `imu_allan.finding.CODES`.
 
-In the functions, `f` holds the values of a finding as attributes. Unknown values are absent; test
-with `'name' in f`. A value that differs between axes is formatted as a range from lowest to
-highest.
+In the functions, `f` holds the values of a finding as attributes, and its severity. Unknown values
+are absent; test with `'name' in f`. A value that differs between axes is formatted as a range from
+lowest to highest.
 """
 
 from collections.abc import Callable, Mapping
@@ -325,6 +325,10 @@ def _unfinished_recording(f: Any) -> str:
             'recorder was killed are missing or damaged')
 
 
+def _again(f: Any) -> str:
+    return 'copy it again, or record anew' if f.severity == 'act' else ''
+
+
 _RAW_LOG = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
             'full rate')
 
@@ -579,26 +583,35 @@ WORDS: Mapping[str, Words] = {
     'damaged_recording': Words(
         'damaged recording', 'Part of the recording cannot be read; the rest is used.',
         'Checksums or places in the file are wrong.',
-        says=_damaged_recording),
+        says=_damaged_recording,
+        do=_again, general='copy it again',
+        brief='most of the recording is damaged'),
     'truncated_recording': Words(
         'truncated recording', 'The recording ends too early; what comes before is used.',
         'The file ends inside a record.',
-        says=_truncated_recording),
+        says=_truncated_recording,
+        do=_again, general='copy it again',
+        brief='most of the recording is missing'),
     'lost_messages': Words(
         'lost messages', 'Fewer messages were found than recorded.',
         'metadata.yaml counts more, or numbers of messages are missing.',
         says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} '
                        + ('that metadata.yaml counts were found' if f.by != 'numbers' else
-                          'by their numbers were recorded')),
+                          'by their numbers were recorded'),
+        do=_again, general='copy it again',
+        brief='most messages are lost'),
     'missing_file': Words(
         'missing file', 'Files of the recording are missing; the others are used.',
         'metadata.yaml lists them.',
         says=lambda f: f'{f.missing} of {f.listed} files that metadata.yaml lists cannot be '
-                       f'found: {f.files}; the others were read'),
+                       f'found: {f.files}; the others were read',
+        do=_again, general='copy it again',
+        brief='most files are missing'),
     'malformed_messages': Words(
         'malformed messages', 'Messages that are no IMU messages are left out.',
         'They are too short, or hold no numbers.',
-        says=_malformed_messages),
+        says=_malformed_messages,
+        brief='most messages are no IMU messages'),
     # what the model explains
     'short_recording': Words(
         'short recording',

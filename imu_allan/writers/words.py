@@ -75,7 +75,7 @@ class _Figures(SimpleNamespace):
 
 def _figures(found: Finding) -> _Figures:
     """Return the values that match the types in `CODES`, as a file may hold anything."""
-    figures = _Figures()
+    figures = _Figures(severity=found.severity)
     for name, kind in CODES[found.code].values.items():
         value: Any = found.values.get(name)
         if name in found.values and is_of_axes(found, name):

@@ -30,7 +30,8 @@ def test_every_code_that_is_found_has_words_and_every_value_a_type() -> None:
     for call in calls:
         code = ast.literal_eval(call.args[0])
         # Those of `**values` are checked where the finding is made.
-        names = {keyword.arg for keyword in call.keywords} - {'severity', 'recording'}
+        names = {keyword.arg for keyword in call.keywords} - {
+            'severity', 'recording', 'lost_share'}
         assert names - {None} <= set(CODES[code].values), ast.unparse(call)
         if None not in names:
             assert {name for name, kind in CODES[code].values.items()
@@ -130,7 +131,7 @@ SAID = [
     finding('damaged_recording', fault='database', places=1, read=4980, topic=IMU, reason='bad'),
     finding('damaged_recording', fault='bytes', bytes=7000),
     finding('damaged_recording', fault='file', reason='b.mcap: empty'),
-    finding('damaged_recording', fault='unread', **LOST),
+    finding('damaged_recording', fault='unread', severity='act', **LOST),
     Finding('damaged_recording', values={'more': 2989}),
     finding('truncated_recording', fault='ends', end='the rest is missing', whole_chunks=4),
     finding('truncated_recording', fault='compressed', reason='9 of 10 bytes are missing'),

@@ -65,15 +65,15 @@ class BagDirectory(Recording):
                             messages += len(block)
                             # Of a compressed file, the position is that in the unpacked one.
                             yield block, before + position * size // part.size_bytes
-                    self.keep_remarks_of(part)
+                    self.keep_remarks_of(part, small=2 * size < self.size_bytes)
             before += size
         counted = self.imu(topic).count or 0
-        # Other remarks may already explain why messages are missing.
-        if messages < counted and {
+        # Other remarks may already explain why messages are missing, unless most are.
+        if 2 * messages < counted or (messages < counted and {
                 'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
-                'unfinished_recording'}.isdisjoint(remark.code for remark in self.remarks):
+                'unfinished_recording'}.isdisjoint(remark.code for remark in self.remarks)):
             self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic),
-                        by='metadata.yaml')
+                        by='metadata.yaml', lost_share=1 - messages / counted)
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; if it is not the only one, report an error as a remark."""
@@ -156,7 +156,8 @@ class BagDirectory(Recording):
                     'is there; copy them beside it'
                     + (f', or name {printable(here[0].name)} itself' if here else ''))
             self.remark(
-                'missing_file', missing=len(missing), listed=len(names), files=listed)
+                'missing_file', missing=len(missing), listed=len(names), files=listed,
+                lost_share=len(missing) / len(names))
         return found
 
 

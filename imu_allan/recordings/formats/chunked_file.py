@@ -145,7 +145,8 @@ class ChunkedRecording(FileRecording):
         whole = not (damage.end or damage.holes or damage.broken_chunks) and len(wanted) == 1
         if whole and (lost := numbers.lost(sum(self._counts.values()) - expected)):
             self.remark('lost_messages', found=messages, counted=messages + lost,
-                        topic=printable(topic), by='numbers')
+                        topic=printable(topic), by='numbers',
+                        lost_share=lost / (messages + lost))
 
     def _scan(self, file: BinaryIO) -> None:
         """
@@ -202,6 +203,7 @@ class ChunkedRecording(FileRecording):
         """Note bytes that are not a record; return the offset of the next chunk, or None."""
         known = self._next_chunk(at)
         left = self.size_bytes - at
+        damage.lost_bytes += (known or self.size_bytes) - at
         if known is not None:
             damage.holes += 1
             damage.first_hole = damage.first_hole or f'{known - at} bytes from byte {at} on'
@@ -253,6 +255,7 @@ class Damage:
     holes: int = 0
     first_hole: str = ''
     end: str = ''
+    lost_bytes: int = 0
 
     def chunk(self, at: int, reason: str) -> None:
         """Note a chunk with damaged content."""
@@ -270,16 +273,19 @@ class Damage:
         """Add remarks to `recording`; `lost` of `expected` messages could not be read."""
         messages: dict[str, Any] = (
             {'lost': lost, 'of': expected, 'topic': printable(topic)} if lost > 0 else {})
+        of_bytes = self.lost_bytes / recording.size_bytes
+        share = max(lost / max(expected, 1), self.broken_chunks / max(self.chunks, 1),
+                    0.0 if self.end else of_bytes)
         if self.end:
-            recording.remark(
-                'truncated_recording', fault='ends', end=self.end, whole_chunks=self.chunks)
+            recording.remark('truncated_recording', fault='ends', end=self.end,
+                             whole_chunks=self.chunks, lost_share=of_bytes)
         if self.broken_chunks:
             recording.remark(
                 'damaged_recording', fault='chunks', broken=self.broken_chunks,
-                chunks=self.chunks, first=self.first_broken, **messages)
+                chunks=self.chunks, first=self.first_broken, lost_share=share, **messages)
         elif self.holes:
             recording.remark(
                 'damaged_recording', fault='holes', holes=self.holes, first=self.first_hole,
-                **messages)
+                lost_share=share, **messages)
         elif messages and not self.end:
-            recording.remark('damaged_recording', fault='unread', **messages)
+            recording.remark('damaged_recording', fault='unread', lost_share=share, **messages)

@@ -145,7 +145,8 @@ class CsvRecording(FileRecording):
                 '2024-06-24 19:02:59.75')
         if rejected:
             self.remark(
-                'malformed_messages', what='line', count=rejected, first=first_rejected)
+                'malformed_messages', what='line', count=rejected, first=first_rejected,
+                lost_share=rejected / (rejected + samples))
 
     def _lines(self, start: int) -> Iterator[tuple[list[str], int]]:
         """Read complete lines, about 1 MiB at a time, with the number of bytes consumed so far."""

@@ -67,9 +67,11 @@ class UlogRecording(TableLog):
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
         if reader.damaged:
-            self.remark('damaged_recording', fault='bytes', bytes=reader.damaged)
+            self.remark('damaged_recording', fault='bytes', bytes=reader.damaged,
+                        lost_share=reader.damaged / self.size_bytes)
         if reader.left:
-            self.remark('truncated_recording', fault='log', bytes=reader.left)
+            self.remark('truncated_recording', fault='log', bytes=reader.left,
+                        lost_share=reader.left / self.size_bytes)
         rates = {}
         for name, (messages, samples, first, last, names) in seen.items():
             fields = KNOWN[_type_of(name)]

@@ -147,7 +147,7 @@ class SqliteRecording(FileRecording):
         if changes != counted_at or missing <= 0:
             return
         self.remark('truncated_recording', fault='database', missing_bytes=missing,
-                    bytes=pages * page_size)
+                    bytes=pages * page_size, lost_share=missing / (pages * page_size))
         self._tolerant = True
         if missing % page_size:
             try:

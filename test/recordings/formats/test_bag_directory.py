@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bags
 from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, write_metadata
+from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.recordings.halves import choose_streams
 from measured_command import run
@@ -190,14 +191,16 @@ def test_a_folder_that_is_no_bag_names_the_file_that_may_be_a_recording(tmp_path
 
 def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
     write_db3(tmp_path / 'bag_0.db3', block(90))
-    write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
-    with open_recording(tmp_path) as recording:
-        # Another remark does not hide the loss.
-        recording.remark('many_definitions')
-        list(recording.decoded('/imu'))
-        assert recording.remarks[1:] == [
-            bags.said(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu',
-                      by='metadata.yaml')]
+    # Another remark does not hide the loss; no other explains why most are missing.
+    for counted, other, severity in (
+            (100, 'many_definitions', 'know'), (200, 'truncated_recording', 'act')):
+        write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, counted)])
+        with open_recording(tmp_path) as recording:
+            recording.remarks += [Finding(other)]
+            list(recording.decoded('/imu'))
+            assert recording.remarks[1:] == [
+                bags.said(tmp_path, 'lost_messages', found=90, counted=counted, topic='/imu',
+                          by='metadata.yaml', severity=severity)]
 
 
 EXPANDING = {

@@ -59,6 +59,9 @@ def test_a_damaged_chunk_is_left_out_and_reading_goes_on_at_the_next(tmp_path, w
         assert figures(first)[:len(named)] == named
         assert remark == said(path, 'damaged_recording', first=first, lost=3000 - len(after),
                               of=3000, topic='/imu', **found)
+    # Where most is lost, that matters more than what a longer recording would show.
+    path.write_bytes(whole[:start] + bytes(len(whole) - start))
+    assert {remark.severity for remark in read(path)[1]} == {'act'}
 
 
 def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
