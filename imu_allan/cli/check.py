@@ -10,7 +10,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.fleet import raise_last
+from imu_allan.cli.fleet import raise_last, require_new
 from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
@@ -81,10 +81,11 @@ def run(args: argparse.Namespace) -> int:
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
                           '--junit, --certificate and --meta serial are of one')
     outcomes: list[str] = []
+    known: dict[tuple[float, ...], str] = {}
     complaints: list[ImuAllanError] = []
     for source in sources:
         try:
-            outcomes.append(_check(source, args, choice, specification))
+            outcomes.append(_check(source, args, choice, specification, known))
         except ImuAllanError as error:
             complaints.append(error)
     if len(sources) > 1:
@@ -100,8 +101,8 @@ def run(args: argparse.Namespace) -> int:
     return 4 if 'cannot tell' in outcomes and not args.allow_undecided else 0
 
 
-def _check(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
-           ) -> str:
+def _check(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel',
+           known: dict[tuple[float, ...], str]) -> str:
     """Print the verdicts on one result or recording, and return the overall verdict."""
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
@@ -115,6 +116,7 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
     else:
         result = loaded_or_analyzed(source, choice, progress=not args.no_progress)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
+    require_new(result, source, known)
     if (unit := arguments.inspection_of(args)) is not None:
         # Entries that are not given stay as they were.
         said = {key: value for key, value in vars(unit).items() if value is not None}

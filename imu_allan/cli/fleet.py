@@ -32,13 +32,10 @@ class FleetResults:
         """Add a result; one from the same messages as an earlier one counts as a failure."""
         if not self._wanted:
             return
-        from imu_allan.analysis import same_messages_error
-
-        # Two recordings never have the same means to the last digit, except on dead axes.
-        means = tuple(axis.mean for axis in result.axes.values()
-                      if axis.mean is not None and not axis.constant)
-        if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
-            self.fail(task.unit, task.path, same_messages_error(other, task.unit))
+        try:
+            require_new(result, task.unit, self._means)
+        except ImuAllanError as error:
+            self.fail(task.unit, task.path, error)
             return
         # Signal and spectrum are most of a result; those of a thousand would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
@@ -66,6 +63,17 @@ class FleetResults:
         if self._output is not None:
             names = ', '.join(reversed([path.name for path in paths]))
             print(f'Written to {printable(str(self._output))}: {names}; a folder for each unit')
+
+
+def require_new(result: 'Result', unit: str, known: dict[tuple[float, ...], str]) -> None:
+    """Raise ImuAllanError if a result is from the messages of one before, else note it."""
+    from imu_allan.analysis import same_messages_error
+
+    # Two recordings never have the same means to the last digit, except on dead axes.
+    means = tuple(axis.mean for axis in result.axes.values()
+                  if axis.mean is not None and not axis.constant)
+    if means and (other := known.setdefault(means, unit)) != unit:
+        raise same_messages_error(other, unit)
 
 
 def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':

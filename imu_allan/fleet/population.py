@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units of one model as a population: the spread of every coefficient, and outliers."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from math import exp, log, sqrt
@@ -105,12 +106,14 @@ class Population:
     Units in natural order of their names, statistics of their quantities, and outliers.
 
     `unseen` holds axis and key of the coefficients that a filter needs and too few units show.
+    Units that may be of different models, such as the topics of a robot, have no statistics.
     """
 
     units: tuple[str, ...]
     traits: tuple[Trait, ...]
     outliers: tuple[Outlier, ...]
     unseen: tuple[tuple[str, str], ...] = ()
+    one_model: bool = True
 
     @property
     def outlier_units(self) -> list[str]:
@@ -140,9 +143,13 @@ def population(results: Mapping[str, Result]) -> Population:
 
     """
     units = tuple(sorted(results, key=natural))
-    found = list(_faults(results))
+    topics = {(result.source.files, result.source.topic) for result in results.values()}
+    one_model = all(count == 1 for files, count in Counter(
+        files for files, _ in topics).items() if files)
+    found = [outlier for outlier in _faults(results) if one_model or outlier.fault != 'missing']
+    found += _mounted_otherwise(results) if one_model else ()
     quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
-                  if key != MEAN or axis.startswith('gyro')]
+                  if one_model and (key != MEAN or axis.startswith('gyro'))]
     samples = {quantity: _sample(results, *quantity) for quantity in quantities}
     unseen = tuple((axis, key) for (axis, key), sample in samples.items()
                    if key in LASTING_TERMS and len(sample.values) < FEWEST_UNITS <= sample.units)
@@ -168,7 +175,7 @@ def population(results: Mapping[str, Result]) -> Population:
     found += together
     order = {unit: place for place, unit in enumerate(units)}
     found.sort(key=lambda outlier: (order[outlier.unit], -abs(outlier.spreads or 1e9)))
-    return Population(units, tuple(traits), tuple(found), unseen)
+    return Population(units, tuple(traits), tuple(found), unseen, one_model)
 
 
 def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
@@ -183,6 +190,23 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
                 yield Outlier(name, axis, None, fault)
             elif not shows_anything(result):
                 yield Outlier(name, axis, None, 'without a coefficient')
+
+
+def _mounted_otherwise(results: Mapping[str, Result]) -> Iterator[Outlier]:
+    """Find units in which gravity is not where it is in most."""
+    axes = [axis for axis in AXES if axis.startswith('accel')]
+    means = {name: np.array([result.axes[axis].mean or 0.0 for axis in axes])
+             for name, result in results.items() if {*axes} <= result.axes.keys()}
+    usual = np.median([*means.values()], axis=0) if len(means) >= FEWEST_UNITS else np.zeros(3)
+    # If the units lie in no common way, the medians are no vector of gravity.
+    if np.linalg.norm(usual) < 5.0:
+        return
+    for name, mean in means.items():
+        # A table may be tilted.
+        if np.linalg.norm(mean) > 5.0 and mean @ usual < 0.7 * sqrt(mean @ mean * (usual @ usual)):
+            largest, expected = (int(np.argmax(np.abs(each))) for each in (mean, usual))
+            yield Outlier(name, axes[largest], None, 'upside down' if largest == expected else
+                          f'along gravity, unlike in the others ({axes[expected]})')
 
 
 def shows_anything(result: Result) -> bool:

@@ -73,11 +73,12 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
 def _counts(fleet: Fleet) -> list[str]:
     """Return the numbers of units, outliers and failed recordings as text."""
     odd = len(fleet.population.outlier_units)
-    few = not fleet.population.traits and not odd
+    few = not fleet.population.traits and not odd and fleet.population.one_model
     return [counted(len(fleet.results), 'unit'),
             f'too few to compare (fewer than {FEWEST_UNITS})'
             if few and len(fleet.results) < FEWEST_UNITS else
-            counted(odd, 'outlier') if odd else 'no outlier',
+            counted(odd, 'outlier') if odd else 'no outlier' if fleet.population.one_model else
+            'not compared: topics may be of different models',
             *([f'{len(fleet.failures)} not counted'] if fleet.failures else [])]
 
 
