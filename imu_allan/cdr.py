@@ -148,8 +148,7 @@ def blocks_from_messages(messages: Sequence[bytes], receive_ns: NDArray[np.int64
             for block in decode_imu_rows(batch.rows, batch.receive_ns, 'cdr', on_malformed)]
 
 
-def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
-               ) -> Iterator[MessageBatch]:
+def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64]) -> Iterator[MessageBatch]:
     """Group consecutive messages of equal size into batches, one message per row."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
     for start, stop in runs(sizes[1:] != sizes[:-1], len(sizes)):

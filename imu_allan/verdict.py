@@ -35,8 +35,7 @@ def concerns(found: Finding, sensor: str) -> bool:
         sensor == 'gyro' and found.code == 'gravity')
 
 
-def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
-             ) -> SensorVerdict:
+def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float) -> SensorVerdict:
     act = list(dict.fromkeys(one.code for one in about if one.severity == 'act'))
     faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
     # Findings after which an axis has no numbers, or those of something else.

@@ -9,7 +9,7 @@ import sys
 from sources import imported, libraries, MODULES, ON_PYPI_ALONE, PACKAGE
 
 FLOORS = (
-    ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
+    ('imu_allan.version', 'imu_allan.arrays', 'imu_allan.errors', 'imu_allan.isolated_process',
      'imu_allan.blas_threads', 'imu_allan.quick_start', 'imu_allan.json_of_dataclasses',
      'imu_allan.finding', 'imu_allan.result', 'imu_allan.verdict', 'imu_allan.state',
      'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption', 'imu_allan.arguments'),

@@ -9,6 +9,7 @@ from math import floor, log10
 from warnings import warn
 
 from imu_allan.arguments import positive_number
+from imu_allan.arrays import Array
 from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
@@ -54,8 +55,6 @@ from imu_allan.result import (
 )
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
 
 
 def characterize(samples: ArrayLike, sample_rate_hz: float,

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
+from imu_allan.arrays import Array
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
@@ -48,9 +49,6 @@ from imu_allan.result import (
     TurnOnBias,
 )
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _CONTRADICTION = 1e-3
 """Probability, over all comparisons, below which the spread of a coefficient is not chance."""

@@ -11,16 +11,14 @@ uses the same cells.
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.cells import Cells, centres
 from imu_allan.noise.record.signal_over_time import Columns
 from imu_allan.noise.trends.temperature import between_steps, TemperatureSeries
 from imu_allan.result import Signal
 from imu_allan.state import Record
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from numpy.typing import ArrayLike
 
 _SCALE = 1_000_000
 """Readings are stored in millionths of a degree: sums of integers do not depend on the order."""

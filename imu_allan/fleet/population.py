@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import exp, log, sqrt
 from statistics import median, median_high
 
+from imu_allan.arrays import Array
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
@@ -15,9 +16,6 @@ from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PERCENTILES = (5, 25, 50, 75, 95)
 """The median, the middle half of the units, and the middle nine tenths."""

@@ -10,10 +10,8 @@ publisher increase one by one; those of another publisher lie elsewhere.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from imu_allan.arrays import Ints
 import numpy as np
-from numpy.typing import NDArray
-
-Ints = NDArray[np.int64]
 
 MIXED = -1
 """Key of messages of two publishers whose numbers are too close to be distinguished."""

@@ -5,6 +5,7 @@
 from dataclasses import replace
 import time
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.node.announcements import Announcements
@@ -13,9 +14,6 @@ from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.imu_type import Decode
 from imu_allan.node.publishers import Publishers
 import numpy as np
-from numpy.typing import NDArray
-
-Ints = NDArray[np.int64]
 
 
 class Reception:

@@ -10,6 +10,7 @@ them, by its noise level.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.result import Source
@@ -18,9 +19,6 @@ from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 LOOK_S = 2.0
 """Messages are held back this long, until they show whether the IMU is another one. At 100 Hz
@@ -47,7 +45,7 @@ class Known(Record):
     clock: str | None = None  # stamps that the rate is measured by
     rate_hz: float | None = None  # of messages: if the sensor is polled, above that of samples
     is_sure: bool = False  # whether `rate_hz` is final
-    levels: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    levels: Array = field(default_factory=lambda: np.empty((0, 6)))
     # GIDs of the publishers of the topic since its driver was started.
     publishers: list[str] = field(default_factory=list)
 
@@ -176,7 +174,7 @@ class Known(Record):
         # Compares intervals, as the timeline does.
         return abs(self.rate_hz / measured - 1) if measured and self.rate_hz else 0.0
 
-    def _level_ratio(self, levels: Floats, sure: float) -> float | None:
+    def _level_ratio(self, levels: Array, sure: float) -> float | None:
         """Return the ratio to the known noise, if they differ by `sure` standard errors."""
         changes, errors = [], []
         for axis, groups in enumerate(levels.T):
@@ -195,7 +193,7 @@ class Known(Record):
                  if abs(change) > max(0.1, sure * error)]
         return 1 + max(found, key=abs) if found else None
 
-    def _stamps(self, blocks: Sequence[ImuBlock]) -> NDArray[np.int64]:
+    def _stamps(self, blocks: Sequence[ImuBlock]) -> Ints:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
                                for block in blocks])
 
@@ -221,7 +219,7 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
         yield part
 
 
-def _changes(*parts: Floats) -> Floats:
+def _changes(*parts: Array) -> Array:
     """Join samples without those of a polled sensor that repeat the one before."""
     samples = np.concatenate([np.empty((0, 6)), *parts])
     changed = np.ones(len(samples), bool)
@@ -229,7 +227,7 @@ def _changes(*parts: Floats) -> Floats:
     return samples[changed]
 
 
-def _levels(samples: Floats) -> Floats:
+def _levels(samples: Array) -> Array:
     """Return the mean absolute step between samples, by groups of 32 and axis, shape (g, 6)."""
     with np.errstate(over='ignore', invalid='ignore'):
         steps = np.abs(np.diff(samples, axis=0))
@@ -237,7 +235,7 @@ def _levels(samples: Floats) -> Floats:
         return np.asarray(steps[:whole].reshape(-1, _GROUP, 6).mean(axis=1))
 
 
-def _level_at_rest(groups: Floats) -> tuple[float, float]:
+def _level_at_rest(groups: Array) -> tuple[float, float]:
     """Return the mean level at rest and its standard error, infinite for too few groups."""
     groups = groups[np.isfinite(groups) & (groups > 0)]
     if len(groups) < _FEWEST_GROUPS:

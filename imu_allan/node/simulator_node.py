@@ -95,8 +95,7 @@ class SimulatorNode(Node):
         finally:
             executor.shutdown()
 
-    def _wait_for_subscriptions(self, executor: SingleThreadedExecutor,
-                                stop: StopRequest) -> None:
+    def _wait_for_subscriptions(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
         wanted = self._values['wait_for_subscriptions'] or (self._speed == 0)
         while not stop.requested and self._publisher.get_subscription_count() < wanted:
             executor.spin_once(timeout_sec=_SERVICE_PERIOD_S)

@@ -11,11 +11,10 @@ M. S. Bartlett, "Properties of sufficiency and statistical tests", Proc. R. Soc.
 
 """
 
+from imu_allan.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import gammaincc, gammainccinv, gammaincinv
-
-Array = NDArray[np.float64]
 
 NORMAL95 = 1.96
 """Half-width of a normal 95 % interval in standard errors: the square root of `upper(0.05, 1)`."""

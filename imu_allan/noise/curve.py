@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import gcd
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise import chi_square
 from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.estimator import Estimator
@@ -26,9 +27,7 @@ from imu_allan.noise.record.pyramid import OVERLAP
 from imu_allan.noise.terms import power_law_avar, SPECTRAL_TERMS
 from imu_allan.result import PowerLaw
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 _FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
 """Shifts, in clusters, and weights of the fourth difference."""
@@ -38,10 +37,10 @@ _FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
 class Octaves:
     """Allan variance of one or more axes at octave cluster sizes."""
 
-    size: NDArray[np.int64]    # (octaves,): samples in a cluster
+    size: Ints    # (octaves,): samples in a cluster
     # (octaves,): samples between the second differences that were averaged
-    stride: NDArray[np.int64]
-    count: NDArray[np.int64]    # (octaves,): number of differences averaged
+    stride: Ints
+    count: Ints    # (octaves,): number of differences averaged
     avar: Array    # (octaves, axes): in the squared unit of a sample
 
 

@@ -14,13 +14,11 @@ Bulletin 2 (1946).
 
 """
 
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.result import DriftModel, GaussMarkov, Interval
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _TRIED = np.concatenate(([0.0], np.geomspace(1e-4, 1e5, 361)))
 """Variances relative to the observed one, 6 % apart, so that interval ends are exact to 3 %."""

@@ -23,15 +23,14 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 from dataclasses import replace
 
+from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 MOST_PROCESSES = 4
 """Each process is a filter state and costs time; a fifth one improved no recording tried."""

@@ -16,16 +16,14 @@ adds to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality)
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.record.signal_over_time import stood_still
 from imu_allan.result import Deadband
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
-
-Array = NDArray[np.float64]
 
 
 class Constant(NamedTuple):
@@ -176,7 +174,7 @@ def _noise_over_times(finished: Estimator, axis: int) -> Array:
                               / (2 * pyramid.counts[known] * size[known])))
 
 
-def steps_hide_noise(finished: Estimator) -> NDArray[np.bool_]:
+def steps_hide_noise(finished: Estimator) -> Bools:
     """Return for every axis whether the steps of its output are too coarse for its noise."""
     # With steps above two sigma, the output often keeps one value, and its noise depends on where
     # the mean lies within a step.

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import (
     allan_variance,
@@ -18,9 +19,7 @@ from imu_allan.noise.terms import (
 )
 from imu_allan.result import AxisResult, GaussMarkov, PowerLaw, Tone
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 _SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(SPECTRAL_TERMS, (
     spectrum.quantization, spectrum.white, spectrum.flicker, spectrum.random_walk), strict=True))

@@ -4,12 +4,11 @@
 
 from collections.abc import Mapping
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import LASTING_TERMS
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Forecasts = dict[str, tuple[float | None, float | None]]
 
 
@@ -45,8 +44,7 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     return found
 
 
-def _first(lengths: Array, errors: Array, wanted: float, reached: NDArray[np.bool_]
-           ) -> float | None:
+def _first(lengths: Array, errors: Array, wanted: float, reached: Bools) -> float | None:
     """Return the further time until an error falls to `wanted`, by log-log interpolation."""
     if not reached.any():
         return None

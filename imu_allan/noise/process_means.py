@@ -8,10 +8,9 @@ over an outage. All formulas are exact for such means. ``x`` is the interval div
 correlation time.
 """
 
+from imu_allan.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 _SMALL = 1e-3
 """Below this x, series are used. At it they err by 1e-10; at half of it the formulas, by 1e-9."""

@@ -21,12 +21,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.chi_square import NORMAL95
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtri, log_ndtr, ndtri
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -175,7 +174,7 @@ def _loss(y: Array, variance: Array, mean: float) -> float:
                         + np.log(information)))
 
 
-def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDArray[np.bool_]:
+def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> Bools:
     """
     Find the units that do not belong to the population of the others.
 

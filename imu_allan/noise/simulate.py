@@ -21,14 +21,12 @@ from operator import index
 from typing import Any
 
 from imu_allan.arguments import positive_number, real, shown
+from imu_allan.arrays import Array
 from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import lfilter
-
-Array = NDArray[np.float64]
 
 
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,

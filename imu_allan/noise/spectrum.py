@@ -15,13 +15,12 @@ walk reduce to elementary functions.
 
 """
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.noise.terms import moving_averages
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import zeta
-
-Array = NDArray[np.float64]
 
 # Mean power of the first orthonormal DCT-II coefficients of flicker, relative to its spectrum at
 # j/(2 n). It is not 1 because the transform diagonalises flicker only asymptotically.
@@ -176,7 +175,7 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     return np.asarray(factor)
 
 
-def end_dct(n: int, dt: float, index: NDArray[np.int64]) -> Array:
+def end_dct(n: int, dt: float, index: Ints) -> Array:
     """
     Orthonormal DCT-II of a smooth function per unit slope (1 per second) at one end, in magnitude.
 

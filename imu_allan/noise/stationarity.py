@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.chi_square import equal_variances
 from imu_allan.noise.record.cells import Cells, end_to_end
 from imu_allan.noise.record.groups import Groups
@@ -24,10 +25,7 @@ from imu_allan.noise.record.part_of_record import part_cells
 from imu_allan.noise.record.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
 from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
-
-Array = NDArray[np.float64]
 
 _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
@@ -54,7 +52,7 @@ class SegmentPowers:
         """Return the power of an axis by band, averaged over segments."""
         return np.average(self.power[axis], axis=0, weights=np.maximum(self.dof, 1e-9))
 
-    def passed(self, axis: int, white: float) -> NDArray[np.bool_]:
+    def passed(self, axis: int, white: float) -> Bools:
         """Mark the bands with at least half of the white noise; drift leaks into the others."""
         return np.asarray(self.level(axis) > white / 2)
 
@@ -249,7 +247,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
 
 
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
-                below: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+                below: Bools) -> tuple[Array, Array] | None:
     """
     Amplitude of the white noise of every segment relative to that of the whole record.
 
@@ -267,8 +265,8 @@ def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
     return np.sqrt(ratio), np.sqrt(1 / (2 * dof.sum(axis=1)))
 
 
-def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Array,
-             keep: NDArray[np.bool_]) -> tuple[Array, Array, Array] | None:
+def _by_band(number: Ints, ratio: Array, dof: Array, frequency: Array,
+             keep: Bools) -> tuple[Array, Array, Array] | None:
     """Average ratios over bands: ratio by segment and band, frequency, degrees of freedom."""
     found = []
     for band in np.unique(number[keep]):

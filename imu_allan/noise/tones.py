@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from itertools import groupby, pairwise
 from math import log2, sqrt
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean
@@ -20,11 +21,7 @@ from imu_allan.noise.record.groups import about_ramp, Groups
 from imu_allan.noise.record.periodogram import longest_blocks, SpectrumSection
 from imu_allan.result import Tone
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
 """Bins of the median, many more than a line has; more would blur a knee. Chosen by judgment."""
@@ -35,7 +32,7 @@ _MANY = 8
 
 
 def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float,
-               groups: Groups) -> tuple[list[Tone], Mask]:
+               groups: Groups) -> tuple[list[Tone], Bools]:
     """
     Find the lines of one axis.
 
@@ -101,7 +98,7 @@ def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[
 
 
 def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: Array,
-                expected: Array, leak: float) -> tuple[list[Tone], Mask]:
+                expected: Array, leak: float) -> tuple[list[Tone], Bools]:
     """Find lines, and mark the bins free of them and of side lobes above `leak` of the floor."""
     keep = np.ones(len(bins.frequency), dtype=bool)
     lines: list[Tone] = []
@@ -147,7 +144,7 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
 
 
 def _lines_of(power: Array, expected: Array, blocks: int, leak: float
-              ) -> tuple[list[tuple[slice, Array]], Mask]:
+              ) -> tuple[list[tuple[slice, Array]], Bools]:
     """Find lines: the bins of each and its power there, and a mask of all affected bins."""
     taken = np.zeros(len(power), dtype=bool)
     found: list[tuple[slice, Array]] = []

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import exp, inf, log, sqrt
 
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import interval, Octaves
@@ -21,9 +22,6 @@ from imu_allan.noise.posterior.shapes import taken_by_mean
 from imu_allan.noise.terms import power_law_avar, SLOW_TERMS, SPECTRAL_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve, GoodnessOfFit, Interval, PowerLaw
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 CERTAIN = 0.9998
 """Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""

@@ -18,8 +18,9 @@ continues without the sensor (frozen). A coarse output repeats itself by nature 
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Bools, Floats, runs
+from imu_allan.timeline.clock import runs
 from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
 import numpy as np
 
@@ -80,7 +81,7 @@ class Content(Record):
         if {len(self.last), len(self.noise)} - {0, 6}:
             raise ValueError('values are not those of six axes')
 
-    def has_no_repeats(self, samples: Floats) -> bool:
+    def has_no_repeats(self, samples: Array) -> bool:
         """Return quickly whether more repeats than by chance are excluded."""
         if self.held or self.run or not self.settled:
             return False
@@ -99,7 +100,7 @@ class Content(Record):
                 return True
         return False
 
-    def spikes(self, samples: Floats) -> Bools:
+    def spikes(self, samples: Array) -> Bools:
         """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
         steps = np.empty_like(samples)
         steps[0] = samples[0] - self.last if self.last else 0.0
@@ -112,7 +113,7 @@ class Content(Record):
         self.noise = noise.tolist()
         return spikes(samples, np.array(self.last) if self.last else None, noise)
 
-    def look(self, samples: Floats, consumed: int, all_usable: bool) -> Repeats:
+    def look(self, samples: Array, consumed: int, all_usable: bool) -> Repeats:
         """Find held and frozen messages and outliers; only the first `consumed` count."""
         known = samples if all_usable else np.nan_to_num(samples)
         wild = self.spikes(known if all_usable else np.clip(known, -LARGEST, LARGEST))
@@ -177,7 +178,7 @@ class Presence(Record):
     # Messages before an axis came to life.
     late: list[int] = field(default_factory=lambda: [0] * 6)
 
-    def stays(self, samples: Floats) -> bool:
+    def stays(self, samples: Array) -> bool:
         """Take samples, shape (n, 6), if every axis is there and none wakes; else return False."""
         if not all(self.there) or not all(
                 asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
@@ -216,7 +217,7 @@ class Presence(Record):
         self.there[axis] = not gone[consumed - 1]
         return gone
 
-    def waking(self, samples: Floats, consumed: int) -> Bools:
+    def waking(self, samples: Array, consumed: int) -> Bools:
         """Find values before an axis comes to life, which must not be used, shape (n, 6)."""
         away = np.zeros(samples.shape, dtype=bool)
         for axis, asleep in enumerate(self.asleep):

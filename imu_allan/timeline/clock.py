@@ -10,13 +10,11 @@ the receive stamp is when the recorder or the subscription got the message.
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 
+from imu_allan.arrays import Bools, Ints
 from imu_allan.finding import Flaw
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Stamps = Ints
 
 SECOND = 1_000_000_000  # nanoseconds, the unit of all stamps

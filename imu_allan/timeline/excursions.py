@@ -4,8 +4,8 @@
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Floats
 import numpy as np
 
 
@@ -26,7 +26,7 @@ class Excursions(Record):
         if {len(block) for block in self.blocks} - {7} or {len(one) for one in self.found} - {4}:
             raise ValueError('excursions are not those of six axes')
 
-    def take(self, means: Floats, start_s: float, window_s: float) -> None:
+    def take(self, means: Array, start_s: float, window_s: float) -> None:
         """Add the means of windows at rest, shape (n, 6), of which the first is at `start_s`."""
         first = 0
         in_block = 8   # windows of half a second: a slow turn lasts longer

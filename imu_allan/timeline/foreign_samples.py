@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from math import pi
 from typing import Literal
 
-from imu_allan.timeline.clock import Bools, Floats
+from imu_allan.arrays import Array, Bools, Ints
 import numpy as np
-from numpy.typing import NDArray
 
 LARGEST = 1e9
 """Larger values, in SI units, are corrupt data, as no IMU measures them."""
@@ -23,7 +22,7 @@ _SPIKE_SIGMAS = 10.0
 """Threshold in standard deviations of the noise, which the finding quotes. Chosen by judgment."""
 
 
-def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
+def alternates(samples: Array) -> Literal['', 'means', 'noise']:
     """Return in which respect every second sample differs, '' if in none."""
     # Two sensors differ in mean or in noise. Either alternates from message to message, which is a
     # line at exactly half the message rate. A vibration at that frequency also alternates in its
@@ -61,7 +60,7 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     return 'means' if means else ''
 
 
-def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
+def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:
     """Find the axes with a line at half the rate, and those without one at a quarter of it."""
     transform = np.fft.rfft(values, axis=1)
     power = np.mean(np.abs(transform) ** 2, axis=0)
@@ -81,7 +80,7 @@ def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
     return line & own, own & (quarter <= threshold * level)
 
 
-def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: float
+def are_interleaved(stamps: Ints, samples: Array, interval_ns: float
                     ) -> Literal['', 'half', 'apart']:
     """Return whether two sensors publish in turn, even with losses, and how far apart."""
     # Messages are divided into two sides by their values. Messages of one sensor are whole
@@ -125,8 +124,8 @@ def are_interleaved(stamps: NDArray[np.int64], samples: Floats, interval_ns: flo
     return kind
 
 
-def _side_in_time(time: Floats, known: Floats, grid: list[float], least: float
-                  ) -> tuple[Floats, float] | None:
+def _side_in_time(time: Array, known: Array, grid: list[float], least: float
+                  ) -> tuple[Array, float] | None:
     """Divide messages by value into two sides that depend on time; return sides and period."""
     if not known.shape[1]:
         return None
@@ -151,7 +150,7 @@ def _side_in_time(time: Floats, known: Floats, grid: list[float], least: float
     return None
 
 
-def _offset(time: Floats, side: Floats, period: float) -> float:
+def _offset(time: Array, side: Array, period: float) -> float:
     """Return the distance in time between the sides, in periods, from 0 to 0.5."""
     change = np.sign(side[1:]) - np.sign(side[:-1])
     turn = np.exp(2j * pi / period * np.diff(time) * np.sign(change))[change != 0]
@@ -160,7 +159,7 @@ def _offset(time: Floats, side: Floats, period: float) -> float:
     return abs(float(np.angle(mean))) / (2 * pi) if abs(mean) > 0.2 else 0.5
 
 
-def _in_turn(time: Floats, period: float, products: Floats, least: float) -> bool:
+def _in_turn(time: Array, period: float, products: Array, least: float) -> bool:
     """Return whether messages are whole periods apart if, and only if, they share a side."""
     phase = np.exp(2j * pi / period * time)
     whole = np.concatenate([(phase[lag:] * phase[:-lag].conj()).real for lag in _LASTING_LAGS])
@@ -169,7 +168,7 @@ def _in_turn(time: Floats, period: float, products: Floats, least: float) -> boo
     return spread > 1e-6 and float(np.mean(whole * products)) > least * spread**0.5
 
 
-def _apart(known: Floats) -> Iterator[Floats]:
+def _apart(known: Array) -> Iterator[Array]:
     """Yield what may separate two sensors: directions in which neighbours differ, and power."""
     level, axes = np.linalg.eigh(known.T @ known / len(known))
     noisy = level > 1e-9 * level[-1]
@@ -180,25 +179,25 @@ def _apart(known: Floats) -> Iterator[Floats]:
     yield np.sum(white**2, axis=1)
 
 
-def noise_of_steps(steps: Floats) -> Floats:
+def noise_of_steps(steps: Array) -> Array:
     """Estimate the noise of each axis from its steps; infinite if all of them are zero."""
     # Zero steps do not count, so that held or coarse outputs have noise.
     made = [np.abs(values[values != 0]) for values in steps.T]
     # For a quantized output, the median is known to half a step.
     usual = [float(np.median(values) + values.min() / 2) if len(values) else np.inf
              for values in made]
-    sigma: Floats = 1.4826 / np.sqrt(2) * np.array(usual)
+    sigma: Array = 1.4826 / np.sqrt(2) * np.array(usual)
     return sigma
 
 
-def may_have_outlier(steps: Floats, sigma: Floats) -> bool:
+def may_have_outlier(steps: Array, sigma: Array) -> bool:
     """Return quickly whether any step is large enough to lead to an outlier."""
     # Even on a ramp, an outlier is reached by a step of at least 0.7 of its distance.
     largest = 0.7 * _SPIKE_SIGMAS * sigma
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
-def spikes(samples: Floats, before: Floats | None, noise: Floats) -> Bools:
+def spikes(samples: Array, before: Array | None, noise: Array) -> Bools:
     """Find single samples and pairs that lie far from their neighbours."""
     # They are not outliers where nearby samples are some, too, or louder than noise: that is a
     # knock.

@@ -12,8 +12,9 @@ one place unchanged.
 from itertools import pairwise
 from math import pi, sqrt
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
-from imu_allan.timeline.clock import Floats, Ints, SECOND
+from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
@@ -31,7 +32,7 @@ RATE_BLOCK = 64
 """Messages from which one rate is measured."""
 
 
-def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
+def count_steps(places: Array, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
     """Count the grid steps to each message from the one before, 1 where nothing is missing."""
     # `places` are stamps in intervals; 0 is the place of the last sample, whose stamp is `late`.
     # The phase of a new run rests on its first message alone, which may be late.
@@ -53,7 +54,7 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
     return counted
 
 
-def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
+def _missing_by_phase(phase: Array, new_run: bool) -> Ints | None:
     """Count all samples missing before each message, by the phase less its slow drift."""
     turn, length = group_phases(phase)
     if np.mean(length) < FIRM_PHASE:
@@ -78,7 +79,7 @@ def _level(values: Ints) -> int:
     return int(np.sort(values)[len(values) // 2])
 
 
-def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
+def interpolate(samples: Array, at: Ints, segment: Ints) -> Array:
     """Return, for gaps before rows `at`, the mean of up to 8 samples on each side."""
     # Only samples of the same unbroken segment are used.
     around = at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS)
@@ -88,11 +89,11 @@ def interpolate(samples: Floats, at: Ints, segment: Ints) -> Floats:
     weight = valid / valid.sum(axis=1, keepdims=True)
     # Averaged relative to the sample after the gap, so that equal values give exactly that value.
     behind = samples[at]
-    means: Floats = behind + np.einsum('gk,gki->gi', weight, samples[around] - behind[:, None])
+    means: Array = behind + np.einsum('gk,gki->gi', weight, samples[around] - behind[:, None])
     return means
 
 
-def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed_ns: Ints,
+def even_blocks(tail: Array, samples: Array, steps: Ints, index: Ints, elapsed_ns: Ints,
                 interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
     """Return the samples with an `index` as blocks; the others are only neighbours."""
     # `tail` holds the samples before. Steps of up to `tolerated` are interpolated, longer ones end
@@ -123,7 +124,7 @@ def even_blocks(tail: Floats, samples: Floats, steps: Ints, index: Ints, elapsed
     return blocks
 
 
-def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
+def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
     """Return the first message of each segment at one rate, and whether at another one."""
     # A segment lasts at least two blocks. A block has 64 messages, 256 where messages are counted,
     # and more if they come in long batches.
@@ -149,7 +150,7 @@ def rate_changes(places: Floats, pace: Pace, other_rate: bool) -> list[tuple[int
     return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
 
 
-def _on_rate(places: Floats, counting: bool) -> bool:
+def _on_rate(places: Array, counting: bool) -> bool:
     """Return whether messages n apart are mostly n intervals apart, for one of several n."""
     tolerance = 0.1 if counting else RATE_TOLERANCE
     # By chance, the mean cosine of 64 jittering steps falls only a third as far below zero.
@@ -170,7 +171,7 @@ def _on_rate(places: Floats, counting: bool) -> bool:
                                    and places[-1] - places[0] > 0.9 * (len(places) - 1))
 
 
-def _change_point(places: Floats, near: int, to_other: bool) -> int:
+def _change_point(places: Array, near: int, to_other: bool) -> int:
     """Locate the message near number `near` at which the rate changes."""
     reach = 256   # messages on each side
     first, last = max(near - reach, 0), min(near + reach, len(places) - 1)

@@ -10,15 +10,13 @@ that first decision.
 
 from dataclasses import replace
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
-    Bools,
     flaw_of,
-    Floats,
     in_order,
-    Ints,
     lost_before,
     order_stamps,
     overlaps,
@@ -386,7 +384,7 @@ def _is_nearly_full(pace: Pace, stamps: Stamps) -> bool:
             and abs(len(stamps) - places) < 0.01 * places)
 
 
-def _repeats(samples: Floats) -> Bools:
+def _repeats(samples: Array) -> Bools:
     """Return whether each sample but the first equals the one before, absent axes included."""
     same: Bools = np.all((samples[1:] == samples[:-1])
                          | (np.isnan(samples[1:]) & np.isnan(samples[:-1])), axis=1)

@@ -4,9 +4,10 @@
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
+from imu_allan.timeline.clock import Stamps
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,7 +82,7 @@ class Messages:
     # Stamps of the clock in use, and of the other clock, shape (n,).
     stamps: Stamps
     other: Stamps
-    samples: Floats  # NaN only where an axis is absent, shape (n, 6)
+    samples: Array  # NaN only where an axis is absent, shape (n, 6)
     consumed: int  # number of leading messages to place; the others only show what follows
     # Messages with unusable values: they have a grid place, which stays empty, shape (n,).
     void: Bools

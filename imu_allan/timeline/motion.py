@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from math import log
 
+from imu_allan.arrays import Bools
 from imu_allan.block import EvenBlock
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Bools
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import Segment, Windows

@@ -16,7 +16,8 @@ another clock, losses that come too regularly are not taken for losses.
 from dataclasses import dataclass, replace
 from math import exp, log, pi, sqrt
 
-from imu_allan.timeline.clock import Bools, Floats, Ints, Stamps
+from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.timeline.clock import Stamps
 import numpy as np
 
 PHASE_GROUP = 64
@@ -89,7 +90,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     return _grid_or_line(time, grid, other)
 
 
-def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
+def _best_grid(time: Array, steps: Array, overall: float) -> Pace | None:
     """Find the interval whose phases fit best, from a spectrum of the stamps."""
     size = min(len(time), PHASE_GROUP)
     groups = time[:len(time) // size * size].reshape(-1, size)
@@ -114,7 +115,7 @@ def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
     return _on_grid(time, steps, 1 / rate)
 
 
-def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
+def _on_grid(time: Array, steps: Array, interval: float) -> Pace | None:
     """Return the pace on a grid of about this interval, or None if stamps fit no such grid."""
     whole = np.rint(steps / interval)
     # Some receive stamps are slightly late. Chosen by judgment.
@@ -142,7 +143,7 @@ def pace_of_each(stamps: Stamps) -> Pace | None:
     return None if pace is None else replace(pace, counting=pace.spread > 0.05)
 
 
-def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
+def _is_tick(stamps: Stamps, steps: Array, interval: float) -> bool:
     """Return whether a grid only consists of the ticks of the clock, of 0.1, 1 or 10 ms."""
     # If samples of such an interval were dropped in turn, some stamps would be one place apart.
     # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
@@ -166,7 +167,7 @@ def follow_a_beat(stamps: Stamps) -> bool:
     return grid is not None and _is_beat(time, grid)
 
 
-def _is_beat(time: Floats, grid: Pace) -> bool:
+def _is_beat(time: Array, grid: Pace) -> bool:
     """Return whether the empty places of a grid are of a timer that reads a slower sensor."""
     # Clocks that are read when the timer fires show that time, although no sample is lost. The
     # places per message then vary by at most one, as 16 random losses do once in 100,000 times.
@@ -192,7 +193,7 @@ def _is_beat(time: Floats, grid: Pace) -> bool:
         for turn in range(2, 13))
 
 
-def _in_batches(time: Floats, begins: Bools) -> Pace | None:
+def _in_batches(time: Array, begins: Bools) -> Pace | None:
     """Measure the pace of batches, each message being one sample; ignore outages between them."""
     first = np.flatnonzero(np.append(True, begins))
     if len(first) < _FEW_LOSSES:
@@ -219,7 +220,7 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
 
 
-def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
+def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     """Decide whether samples that are missing on the grid are truly lost, and return the pace."""
     steps = np.rint(np.diff(time) / grid.interval_ns)
     short = steps < PHASE_GROUP
@@ -255,7 +256,7 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
 
-def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
+def _lost_by(other: Stamps, own: Array, steps: Array, interval: float) -> float | None:
     """Return the intervals that pass on the other clock per place missing; None if unknown."""
     passed = np.diff(other).astype(np.float64)
     if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
@@ -281,7 +282,7 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
             float(more.mean() - one.mean()) / interval / (many - few))
 
 
-def _even_with_outages(steps: Floats) -> float | None:
+def _even_with_outages(steps: Array) -> float | None:
     """Return the median step if messages are even except for pauses of any length, else None."""
     usual = float(np.median(steps))
     # No IMU samples faster than 10 kHz: messages that are evenly closer were read from a FIFO.
@@ -308,7 +309,7 @@ def _even_with_outages(steps: Floats) -> float | None:
     return None
 
 
-def _overfull(time: Floats, interval: float) -> bool:
+def _overfull(time: Array, interval: float) -> bool:
     """Return whether there are more messages than grid places, as on the grid of batches."""
     # Messages that wait for a late one also arrive together, but none of them early.
     groups = len(time) // _GROUP
@@ -320,7 +321,7 @@ def _overfull(time: Floats, interval: float) -> bool:
     return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > 0.06)
 
 
-def _refine(time: Floats, interval: float) -> Pace:
+def _refine(time: Array, interval: float) -> Pace:
     """Adjust the interval until the phase is constant, and measure the spread about it."""
     for _ in range(4):
         phase = time / interval - np.arange(len(time))
@@ -338,13 +339,13 @@ def spread_about(stamps: Stamps, interval_ns: float) -> float:
     return _spread(length)
 
 
-def _spread(length: Floats) -> float:
+def _spread(length: Array) -> float:
     """Return the standard deviation of phases, from the resultant lengths of their groups."""
     mean_length = float(np.mean(length))
     return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
-def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float]:
+def _on_a_line(time: Array, numbers: Array | None = None) -> tuple[Pace, float]:
     """Fit a line with one sample per message, or number; also return how far stamps lie off it."""
     n = len(time)
     apart = max(min(n // 4, PHASE_GROUP), 1)
@@ -374,7 +375,7 @@ def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
-def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
+def _hidden(residual: Array, lags: Ints, errors: float) -> float:
     """Bound the share of the samples that may be lost unseen."""
     # Random losses turn the phase into a random walk, whose variance grows by their share with
     # every message; jitter, ticks and batches do not. `errors` is the number of standard
@@ -391,7 +392,7 @@ def _hidden(residual: Floats, lags: Ints, errors: float) -> float:
     return min(max(slope * (1 + errors * error), 0.0), _MOST_HIDDEN)
 
 
-def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
+def lasting_jumps(phase: Array, before: float | None = None) -> Ints:
     """Count all samples missing before each message, by jumps of the phase that last."""
     # The phase is the stamp in intervals, minus the number of the message.
     missing = np.zeros(len(phase), dtype=np.int64)
@@ -419,7 +420,7 @@ def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
     return missing
 
 
-def _lasting_rise(level: Floats) -> Floats:
+def _lasting_rise(level: Array) -> Array:
     """Return, for each place, by how much all of the next levels exceed those before."""
     windows, beyond = np.lib.stride_tricks.sliding_window_view, np.full(_GROUPS, np.inf)
     lowest = windows(np.concatenate([level, beyond]), _GROUPS).min(axis=1)
@@ -459,12 +460,12 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     return slice(edges[at] * part, last)
 
 
-def median_interval(time: Floats, apart: int) -> float:
+def median_interval(time: Array, apart: int) -> float:
     """Return the interval from the median distance of messages that are `apart` messages apart."""
     return float(np.median(time[apart:] - time[:-apart])) / apart
 
 
-def group_phases(phase: Floats) -> tuple[Floats, Floats]:
+def group_phases(phase: Array) -> tuple[Array, Array]:
     """Return the mean phase of every 64 messages, in places, and its resultant length."""
     # Neighbouring phases differ by less than half a place. The length is 1 without jitter, 0 for
     # an arbitrary phase.

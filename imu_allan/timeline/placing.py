@@ -13,14 +13,12 @@ from dataclasses import replace
 from itertools import pairwise
 from math import sqrt
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
-    Bools,
-    Floats,
     in_order,
-    Ints,
     lost_before,
     order_stamps,
     place_in_burst,
@@ -210,14 +208,14 @@ class Placing(Record):
         counts.at_other_rate += n
         cursor.other_rate, cursor.number = True, None
 
-    def _places(self, messages: Messages, lost: Ints) -> Floats:
+    def _places(self, messages: Messages, lost: Ints) -> Array:
         """Return stamps in intervals since the last sample placed, minus known lost messages."""
         cursor, interval = self.cursor, self._decision.pace.interval_ns
         if cursor.fresh_run or cursor.last_ns is None:
             since, late = messages.stamps - messages.stamps[0], interval
         else:
             since, late = messages.stamps - cursor.last_ns, cursor.late_ns
-        places: Floats = (since.astype(np.float64) + late) / interval
+        places: Array = (since.astype(np.float64) + late) / interval
         return places - np.cumsum(lost) if lost.any() else places
 
     def _steps(self, messages: Messages, lost: Ints) -> Ints:
@@ -342,7 +340,7 @@ class Placing(Record):
                       int(index[-1]) - cursor.index, paced_ns, paced_steps)
         return blocks
 
-    def _advance(self, messages: Messages, late: Floats, passed_ns: int, places: int,
+    def _advance(self, messages: Messages, late: Array, passed_ns: int, places: int,
                  paced_ns: int, paced_steps: int) -> None:
         """Update counts and cursor; `late` is how late recent stamps are relative to the last."""
         cursor, counts, c = self.cursor, self._counts, messages.consumed

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import log, sqrt
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Bools, Floats, Ints
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
@@ -35,14 +35,14 @@ class Baseline:
 
     # Median and robust standard deviation of the loudness of a window, as `describe` returns it,
     # shape (12,).
-    loudness: Floats
-    spread: Floats
+    loudness: Array
+    spread: Array
     # Robust standard deviation of the second difference of window means, shape (6,).
-    wander: Floats
+    wander: Array
     # Smallest change seen between two samples; infinite while constant, shape (6,).
-    resolution: Floats
+    resolution: Array
 
-    def loudest(self, shorter: float = 1.0) -> Floats:
+    def loudest(self, shorter: float = 1.0) -> Array:
         """Return the largest loudness at rest; `shorter` is window length over rows available."""
         # Loudness is the cube root of a variance, so noise up to 1.6 times as large is not motion.
         excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
@@ -50,15 +50,15 @@ class Baseline:
         # A coarse output that flips between two values has a variance of up to a quarter of a
         # squared step.
         stepping = np.cbrt(0.75 * self._steps() ** 2)
-        loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
+        loudest: Array = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
 
     @cached_property
-    def limits(self) -> tuple[Floats, Floats]:
+    def limits(self) -> tuple[Array, Array]:
         """Largest loudness of a whole window, and largest second difference of means, at rest."""
         return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
 
-    def _steps(self) -> Floats:
+    def _steps(self) -> Array:
         """Resolution where the noise does not dither it: there, whole steps are not motion."""
         coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
         return np.where(coarse, self.resolution, 0.0)
@@ -69,13 +69,13 @@ class RestLevel(Record):
     """The noise level at rest, as learned so far."""
 
     baseline: Baseline
-    first: Floats | None = None  # loudness when the noise level was last reported, shape (12,)
+    first: Array | None = None  # loudness when the noise level was last reported, shape (12,)
     # Loudness and wander of the windows at rest that make the baseline, and of those since, shape
     # (windows, 18).
-    past: Floats = field(default_factory=lambda: np.empty((0, 18)))
-    news: Floats = field(default_factory=lambda: np.empty((0, 18)))
+    past: Array = field(default_factory=lambda: np.empty((0, 18)))
+    news: Array = field(default_factory=lambda: np.empty((0, 18)))
     # The same of all windows since motion began, with the verdict, shape (windows, 19).
-    lately: Floats = field(default_factory=lambda: np.empty((0, 19)))
+    lately: Array = field(default_factory=lambda: np.empty((0, 19)))
     quieter: int = 0  # number of windows in a row that are far quieter than the baseline
 
     def check(self) -> None:
@@ -124,7 +124,7 @@ class RestLevel(Record):
         past = np.hstack([loudness, wander])[rest]
         return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
 
-    def exceeds_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
+    def exceeds_rest(self, loudness: Array, wander: Array, shorter: float) -> Bools:
         """Find windows whose loudness or wander exceeds rest; `shorter` as in `loudest`."""
         loudest, widest = self.baseline.limits
         if shorter > 1:
@@ -148,18 +148,18 @@ class RestLevel(Record):
         self.baseline = replace(self.baseline, resolution=smaller)
         return True
 
-    def awake(self, loudness: Floats) -> Bools:
+    def awake(self, loudness: Array) -> Bools:
         """Find windows in which an axis changes that was constant until then."""
         changes = (loudness[:, :6] > 0) & np.isinf(self.baseline.resolution)
         return np.asarray(changes.any(axis=1))
 
-    def contrast(self, loudness: Floats) -> Floats:
+    def contrast(self, loudness: Array) -> Array:
         """Return the logarithm by which each window is louder; empty if no axis shows it."""
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
         if not known.any():
             return np.empty(0)
-        louder: Floats = np.max(loudness[:, known] / rest[known], axis=1)
+        louder: Array = np.max(loudness[:, known] / rest[known], axis=1)
         return np.log(np.maximum(louder, 1.0))
 
     def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
@@ -194,7 +194,7 @@ class RestLevel(Record):
         self.quieter = 0
         self.past, self.news, self.lately = self.past[:0], self.news[:0], self.lately[:0]
 
-    def learn(self, windows: Floats, moving: Bools, beyond: Bools) -> list[float]:
+    def learn(self, windows: Array, moving: Bools, beyond: Bools) -> list[float]:
         """Learn from windows at rest; return ratios of new to old noise if it has changed."""
         changes: list[float] = []
         inner = ~np.isnan(windows[:, 12])
@@ -250,7 +250,7 @@ class RestLevel(Record):
         return [most]
 
 
-def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
+def settle(loudness: Array, wander: Array, resolution: Array) -> tuple[Baseline, Bools]:
     """Find the windows at rest, and their baseline."""
     # The set grows from the quietest eighth until there is a hole of many standard deviations in
     # the distribution of loudness. Wander is NaN at the ends of a segment.
@@ -277,7 +277,7 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
     return baseline, rest
 
 
-def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
+def baseline_of(loudness: Array, wander: Array, resolution: Array) -> Baseline:
     """Describe windows at rest by medians; the arguments are those of `settle`."""
     median, dead = np.median, _dead(loudness, resolution)
     if dead.any():
@@ -295,7 +295,7 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
     return Baseline(centre, spread, wide, resolution)
 
 
-def _dead(loudness: Floats, resolution: Floats) -> Bools:
+def _dead(loudness: Array, resolution: Array) -> Bools:
     """Find windows in which an axis is dead, shape (n, 6)."""
     # A fine axis is never constant while others change. Axes that never changed, and coarse ones,
     # are not included.
@@ -307,9 +307,9 @@ def _dead(loudness: Floats, resolution: Floats) -> Bools:
     return dead
 
 
-def resolution_of(samples: Floats) -> Floats:
+def resolution_of(samples: Array) -> Array:
     """Return the smallest change between neighbours of each axis, infinite if there is none."""
     change = np.abs(np.diff(samples, axis=0))
     change[change == 0] = np.inf
-    smallest: Floats = np.min(change, axis=0, initial=np.inf)
+    smallest: Array = np.min(change, axis=0, initial=np.inf)
     return smallest

@@ -10,8 +10,8 @@ within two seconds, except through its white noise.
 from dataclasses import dataclass, field
 from math import sqrt
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Bools, Floats, Ints
 import numpy as np
 
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
@@ -32,14 +32,14 @@ class Segment(Record):
     first_index: int
     start_s: float
     new_run: bool
-    rows: list[Floats] = field(default_factory=list)
+    rows: list[Array] = field(default_factory=list)
     held: int = 0
     interpolated: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     closed: bool = False
     given: int = 0
     base: int = 0
-    means: Floats = field(default_factory=lambda: np.empty((0, 6)))
-    loudness: Floats = field(default_factory=lambda: np.empty((0, 12)))
+    means: Array = field(default_factory=lambda: np.empty((0, 6)))
+    loudness: Array = field(default_factory=lambda: np.empty((0, 12)))
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
     def check(self) -> None:
@@ -49,13 +49,13 @@ class Segment(Record):
                     rows.ndim != 2 or rows.shape[1] != 6 for rows in self.rows)):
             raise ValueError('rows are missing')
 
-    def joined(self) -> Floats:
+    def joined(self) -> Array:
         """Return all rows held, as one array."""
         if len(self.rows) > 1:
             self.rows = [np.concatenate(self.rows)]
         return self.rows[0]
 
-    def wander(self) -> Floats:
+    def wander(self) -> Array:
         """Return the second differences of window means, NaN for the first and the last window."""
         second = np.full(self.means.shape, np.nan)
         second[1:-1] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
@@ -69,7 +69,7 @@ class Windows(Record):
     interval_s: float  # sample interval; a window is half a second, 25 rows at least
     # Grid place, number of rows, means and noise of the newest windows of closed segments, shape
     # (windows, 14).
-    recent: Floats = field(default_factory=lambda: np.empty((0, 14)))
+    recent: Array = field(default_factory=lambda: np.empty((0, 14)))
 
     def __post_init__(self) -> None:
         """Compute the number of rows in a window."""
@@ -141,7 +141,7 @@ class Windows(Record):
         return beyond
 
 
-def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
+def describe(rows: Array, part: int) -> tuple[Array, Array]:
     """Return means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6)."""
     # Loudness is the cube root of a variance: of that within parts, and of that of their means, as
     # the differences of successive parts give it. The cube root makes a chi-square variable nearly
@@ -168,6 +168,6 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     return means, np.cbrt(power)
 
 
-def _square_sums(values: Floats) -> Floats:
+def _square_sums(values: Array) -> Array:
     """Sum the squares of the values of every axis and window, shape (6, windows)."""
     return np.asarray(np.einsum('awi,awi->aw', values, values))

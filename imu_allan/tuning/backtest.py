@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
+from imu_allan.arrays import Array
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.cells import Cells
@@ -32,9 +33,6 @@ from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 INTERVALS_S = (1.0, 10.0, 60.0)    # time between corrections
 COASTS_S = (10.0, 60.0, 300.0)

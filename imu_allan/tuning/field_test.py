@@ -30,10 +30,7 @@ from imu_allan.tuning.means import Means
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import coast_bands, widened
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.arguments import drift_model_of, positive_time, positive_times
+from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power, Quantity
 from imu_allan.result import AxisResult, DriftModel, Interval
 from imu_allan.tuning.uncertainty import hidden_variance, spread_of_forecast
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
 """From the interval of satellite fixes to an hour without any, as many as fit into 80 columns."""

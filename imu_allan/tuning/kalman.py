@@ -11,12 +11,11 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 from imu_allan.arguments import drift_model_of
+from imu_allan.arrays import Array
 from imu_allan.result import AxisResult
 from imu_allan.tuning.state_space import space_of, StateSpace
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True, eq=False)

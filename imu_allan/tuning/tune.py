@@ -24,6 +24,7 @@ from functools import lru_cache
 from typing import Literal
 
 from imu_allan.arguments import drift_model_of, positive_number, positive_time
+from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
@@ -32,9 +33,7 @@ from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.state_space import above_band
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Bias = Literal['random_walk', 'gauss_markov']
 
 _KEPT = 256

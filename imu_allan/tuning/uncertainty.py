@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from imu_allan.arguments import drift_model_of
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
@@ -13,10 +14,8 @@ from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, Interval
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import polygamma
-
-Array = NDArray[np.float64]
 
 _USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
 """

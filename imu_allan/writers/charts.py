@@ -10,6 +10,7 @@ at a time: the worst one, until the reader chooses another.
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 
+from imu_allan.arrays import Array
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
@@ -19,9 +20,6 @@ from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spok
 from imu_allan.writers import curves
 from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -302,8 +300,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                         ' '.join([text, *shades]), (height, height), draw, known)
 
 
-def _shade(panel: Panel, timeline: Timeline, scale: float,
-           axes: Mapping[str, AxisResult]) -> None:
+def _shade(panel: Panel, timeline: Timeline, scale: float, axes: Mapping[str, AxisResult]) -> None:
     """Shade excluded spans, and mark where the separately fitted segments begin."""
     for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
                               (timeline.gaps, 'gap', 'gap')):

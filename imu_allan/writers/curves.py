@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple, TypeVar
 
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
 from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
@@ -19,7 +20,6 @@ from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Kind = TypeVar('Kind')
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
@@ -19,12 +20,10 @@ from imu_allan.writers import curves
 from imu_allan.writers.figure_style import COLOURS, MARKERS, write_in_a_row
 from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
@@ -78,8 +77,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                                                  'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
-def draw_terms(panel: 'Axes', axis: AxisResult,
-               truth: Mapping[str, float] | None = None) -> None:
+def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | None = None) -> None:
     """Draw the line of each term, its slope, and a ring where it is read; `truth` is in SI."""
     curve = axis.curve
     if not curve.tau_s:

@@ -179,8 +179,7 @@ def render(figure: 'Figure', format: str = 'png',  # noqa: A002
     return content.getvalue()
 
 
-def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult]
-               ) -> None:
+def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult]) -> None:
     """Write why a sensor has no curves, in place of its panels."""
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',

@@ -16,10 +16,10 @@ from itertools import product
 from math import ceil, floor, inf, log10
 import re
 
+from imu_allan.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 LETTER = 0.56

@@ -16,13 +16,11 @@ A. Gelman, Bayesian Analysis 1 (2006): priors of a variance between groups.
 from dataclasses import dataclass
 from functools import lru_cache
 
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.evidence import evenly
 from imu_allan.noise.posterior.judgments import CHANGE_MEDIAN, CHANGE_SPREAD, STEADY_LEVEL
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
-
-Array = NDArray[np.float64]
 
 _TAUS = np.concatenate(([0.0], np.geomspace(0.003, 1.0, 40)))
 

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED, WIDEST
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
@@ -33,10 +34,7 @@ from imu_allan.noise.terms import TERMS as SYMBOLS
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
-
-Array = NDArray[np.float64]
 
 _ENDS = (0.025, 0.5, 0.975)
 """Probabilities of the quantiles that are the lower end, the value and the upper end."""
@@ -147,8 +145,7 @@ def drifts(model: Drawn) -> bool:
     return bool(model.row.has[0, [*SLOWER, PLAIN]].any() or model.trends)
 
 
-def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_], size: Array
-                ) -> tuple[Array, NDArray[np.bool_]]:
+def _amplitudes(posterior: Posterior, x: Array, has: Bools, size: Array) -> tuple[Array, Bools]:
     """
     Return the amplitudes of the terms in each draw, and whether they are present.
 
@@ -180,7 +177,7 @@ def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_], size: Ar
     return amplitude, there
 
 
-def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> Array:
+def _free_amplitudes(posterior: Posterior, x: Array, has: Bools) -> Array:
     """Return the amplitudes of the free terms in each draw, zero where absent."""
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
@@ -194,7 +191,7 @@ def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> 
     return size
 
 
-def _estimate(values: Array, there: NDArray[np.bool_], weight: Array, least: float,
+def _estimate(values: Array, there: Bools, weight: Array, least: float,
               seen: float = 0.0) -> Estimate:
     """Estimate presence, and the quantiles given presence; `seen` is the detection limit."""
     presence = float(weight[there].sum())

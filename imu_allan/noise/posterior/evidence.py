@@ -13,6 +13,7 @@ factors, importance sampling. R. E. Kass and A. E. Raftery, JASA 90 (1995): Lapl
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.judgments import LEAST_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
@@ -30,11 +31,7 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.shapes import cubic
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, gammaln, ndtri
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _LONGEST = np.full(SLOTS, 0.5)
 _LONGEST[AMPLITUDES] = 1.5
@@ -107,7 +104,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
         np.flatnonzero(other))
 
 
-def _leading(kind: Index, values: Array, loss: Array, gradient: Array) -> NDArray[np.bool_]:
+def _leading(kind: Ints, values: Array, loss: Array, gradient: Array) -> Bools:
     """
     Mark rows whose neighbour uphill in the nuisance is no better row of the same kind.
 
@@ -129,7 +126,7 @@ def _leading(kind: Index, values: Array, loss: Array, gradient: Array) -> NDArra
     return np.asarray(found)
 
 
-def _kinds(rows: Rows) -> Index:
+def _kinds(rows: Rows) -> Ints:
     """Give the same number to rows that differ only in their parameters."""
     _, found = np.unique(np.column_stack((
         rows.of, rows.edge, np.where(rows.has[:, LOW], rows.family, -1),
@@ -137,8 +134,7 @@ def _kinds(rows: Rows) -> Index:
     return found.ravel()
 
 
-def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, information: Array
-            ) -> NDArray[np.bool_]:
+def _merged(kind: Ints, has: Bools, x: Array, loss: Array, information: Array) -> Bools:
     """Mark rows within the standard errors of the best row of the same structure."""
     order = np.lexsort((loss, kind))
     leaders = order[np.searchsorted(kind[order], np.arange(kind.max() + 1))]
@@ -154,7 +150,7 @@ def _reach(information: Array) -> Array:
     return np.asarray(0.7 * np.maximum(1 / np.sqrt(known), 0.15))
 
 
-def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
+def inside(spectra: Spectra, rows: Rows) -> Bools:
     """Mark rows with all nuisances inside their ranges; at an end, a row is another model."""
     first, last = spectra.tables.ranges(rows.family)
     x = rows.x[:, NUISANCES]
@@ -162,7 +158,7 @@ def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     return np.asarray((found | ~rows.has[:, NUISANCES]).all(axis=1))
 
 
-def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
+def sees_pass_band(spectra: Spectra, rows: Rows) -> Bools:
     """
     Mark rows whose white noise is visible in the pass band of their low-pass.
 
@@ -220,7 +216,7 @@ class Draws:
     evidence: float
 
 
-def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
+def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
     """Draw `counts` times from each row by importance sampling, with fixed quasi-random points."""
     # Draw from a distribution that is wider than the Laplace approximation by this factor.
     wider = 1.15

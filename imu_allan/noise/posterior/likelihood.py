@@ -19,6 +19,7 @@ P. Whittle, Ark. Mat. 2 (1953). H. D. Patterson and R. Thompson, Biometrika 58 (
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.judgments import (
     EXPONENT_ODDS,
     EXPONENT_SPREAD,
@@ -42,12 +43,7 @@ from imu_allan.noise.posterior.shapes import (
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 PLAIN = len(TERMS)
 FREE = len(FREE_TERMS)
@@ -119,7 +115,7 @@ class Spectra:
     tables: Tables
     unexplained: Array
 
-    def select(self, of: Index) -> 'Spectra':
+    def select(self, of: Ints) -> 'Spectra':
         """Return a selection of the spectra."""
         each = {key: getattr(self, key)[of] for key in (
             'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products',
@@ -137,7 +133,7 @@ class Spectra:
         return replace(spectra, unexplained=unexplained_losses(self.frequency, dof, self.power))
 
 
-def half_octaves(frequency: Array) -> Index:
+def half_octaves(frequency: Array) -> Ints:
     """Return the half-octave of each band: 0 at the highest frequency, negative below."""
     return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1])), np.int64)
 
@@ -189,11 +185,11 @@ class Rows:
 
     """
 
-    of: Index
+    of: Ints
     x: Array
-    has: Mask
-    family: Index
-    edge: Index
+    has: Bools
+    family: Ints
+    edge: Ints
     prior: Array
     loss: Array
     hessian: Array
@@ -203,7 +199,7 @@ class Rows:
         """Return the number of rows."""
         return len(self.of)
 
-    def take(self, which: Index) -> 'Rows':
+    def take(self, which: Ints) -> 'Rows':
         """Return a selection of the rows."""
         return Rows(*[array[which] for array in vars(self).values()])
 
@@ -214,7 +210,7 @@ class Rows:
             *(vars(part).values() for part in parts), strict=True)))
 
 
-def batches(rows: Rows) -> list[Index]:
+def batches(rows: Rows) -> list[Ints]:
     """Split rows into batches of similar structure that fit into the cache."""
     key = rows.has[:, _COSTLY] @ (1 << np.arange(len(_COSTLY)))
     order = np.argsort(key, kind='stable')
@@ -229,7 +225,7 @@ def batches(rows: Rows) -> list[Index]:
 
 
 def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
-             ) -> tuple[Array, Array, Index]:
+             ) -> tuple[Array, Array, Ints]:
     """
     Return the expected power of rows, and its derivatives by the slots that occur in any of them.
 
@@ -281,7 +277,7 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     return np.maximum(body + 0.5 * behind, 1e-300), jacobian, used
 
 
-def _shared(of: Index) -> Index:
+def _shared(of: Ints) -> Ints:
     """Shorten an index that is the same for all rows to one entry, so that nothing is copied."""
     return of[:1] if (of == of[0]).all() else of
 
@@ -373,7 +369,7 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     return value, slope, bend
 
 
-def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
+def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Bools:
     """Mark rows that have left the range of a nuisance towards a maximum still farther out."""
     first, last = spectra.tables.ranges(rows.family)
     nuisance = x[:, NUISANCES]
@@ -382,7 +378,7 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mas
     return np.asarray((outwards & rows.has[:, NUISANCES]).any(axis=1))
 
 
-def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> float:
+def structure_prior(tables: Tables, gentle: float, has: Bools, family: int) -> float:
     """Return the log prior of a set of shapes, with the density of their nuisances."""
     total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
                 if has[slot] and slot != ALWAYS)

@@ -21,13 +21,11 @@ P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 
 
 from typing import NamedTuple
 
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.record.groups import Groups
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 class Solution(NamedTuple):

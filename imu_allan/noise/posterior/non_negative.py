@@ -12,10 +12,8 @@ C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, ch. 23.
 from collections.abc import Sequence
 from math import sqrt
 
+from imu_allan.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Array:

@@ -12,6 +12,7 @@ E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931): the cube root
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.evidence import sample
@@ -39,9 +40,6 @@ from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
     judged = [_judged(own) for own in sets]
     factors = np.stack([factor for *_, factor in judged])
     # Repeat the search for axes where a misfit reduces the weight of a group by a tenth or more.
-    misfitted: NDArray[np.bool_] = np.any(factors > 1.1, axis=1)
+    misfitted: Bools = np.any(factors > 1.1, axis=1)
     if misfitted.any():
         spectra = spectra.with_dof(spectra.dof / factors)
         found = refit(spectra, found)

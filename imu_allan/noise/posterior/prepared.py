@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
@@ -27,9 +28,6 @@ from imu_allan.noise.posterior.shapes import (
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERMS]
 """Column of the design for each term: its own, or that of the term in `like`."""

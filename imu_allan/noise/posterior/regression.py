@@ -17,11 +17,9 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from imu_allan.arrays import Array
 from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 RIDGE = 1e-10
 """Relative ridge: far above rounding, far below the residual of any two different regressors."""

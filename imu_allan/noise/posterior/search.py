@@ -8,6 +8,7 @@ All axes are searched together, so that each step is one batch.
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
 from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
 from imu_allan.noise.posterior.likelihood import (
@@ -24,9 +25,6 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.prepared import Start
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, LOW_PASSES
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
@@ -43,7 +41,7 @@ class Proposals:
 
     def __init__(self, spectra: Spectra, of: int) -> None:
         self._spectra, self._of = spectra, of
-        self._found: list[tuple[NDArray[np.bool_], int, int, Array, float]] = []
+        self._found: list[tuple[Bools, int, int, Array, float]] = []
 
     def add(self, slots: Sequence[int], x: Array, family: int = 0, edge: int | None = None,
             prior: float = 0.0) -> None:

@@ -12,12 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import NEIGHBOURS
 from imu_allan.noise import spectrum
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Maps frequencies in cycles per sample and a nuisance to power, up to a constant factor."""
 
@@ -176,23 +175,22 @@ class Table:
     last: Array
     step: Array
     rows: Array
-    start: NDArray[np.int64]
-    count: NDArray[np.int64]
+    start: Ints
+    count: Ints
 
-    def place(self, shape: NDArray[np.int64], x: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    def place(self, shape: Ints, x: Array) -> tuple[Ints, Array, Array]:
         """Locate values of nuisances: row, position within the step, scale of the derivative."""
         u = np.clip((x - self.first[shape]) / self.step[shape], 0, self.count[shape] - 1)
         i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
         return self.start[shape] + i, u - i, 1 / self.step[shape]
 
-    def select(self, shapes: NDArray[np.int64]) -> 'Table':
+    def select(self, shapes: Ints) -> 'Table':
         """Return a selection of the shapes, which shares `rows` with this table."""
         return replace(self, **{key: getattr(self, key)[shapes] for key in (
             'first', 'last', 'step', 'start', 'count')})
 
 
-def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool = True
-          ) -> tuple[Array, Array]:
+def cubic(rows: Array, at: Ints, t: Array, per: Array, slopes: bool = True) -> tuple[Array, Array]:
     """Interpolate rows and their derivatives by the nuisance, both of shape (n, groups)."""
     powers = np.zeros((len(t), 2 if slopes else 1, 4))
     powers[:, 0] = t[:, None] ** np.arange(4)
@@ -218,7 +216,7 @@ class Tables:
     low_pass: Table
     high_pass: Table
 
-    def ranges(self, family: NDArray[np.int64]) -> tuple[Array, Array]:
+    def ranges(self, family: Ints) -> tuple[Array, Array]:
         """Return the ends of all nuisances, given the low-passes `family`, each (n, nuisances)."""
         return self._ranges[0, family], self._ranges[1, family]
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import (
     batches,
@@ -38,9 +39,6 @@ from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.noise.trends.waveforms import cycle, legendre, step, warming
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _SLOWEST = 128
 """Number of the slowest coefficients of the record that are searched for trends."""
@@ -405,8 +403,7 @@ Candidate = tuple[_Search, tuple[Found, ...]]
 """A search, and a set of trends that is worth fitting."""
 
 
-def _fitted(spectra: Spectra, candidates: Sequence[Candidate]
-            ) -> list[tuple[_Search, TrendSet]]:
+def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> list[tuple[_Search, TrendSet]]:
     """Fit the noise models with their candidates, in one batch per number of columns."""
     widths = [sum(one.width for one in found) for _, found in candidates]
     fitted = []

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
 from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,13 +26,13 @@ class Bins:
     # (bins,): squared coefficient of a unit ramp, negated where only power is known
     ramp: Array
     # (bins,): whether a bin is a single coefficient of a whole-record part
-    whole: NDArray[np.bool_]
+    whole: Bools
     step: Array    # (bins,): samples averaged into one point
     length: Array    # (bins,): points of the block
     interpolated: Array    # (bins,): share of the samples that are interpolated
     # (bins,): section of a bin, and its DCT index there
-    section: NDArray[np.int64]
-    index: NDArray[np.int64]
+    section: Ints
+    index: Ints
 
     @property
     def of_ramp(self) -> Array:
@@ -47,7 +45,7 @@ class Bins:
         return self.coefficient * self.of_ramp
 
     @cached_property
-    def band(self) -> NDArray[np.int64]:
+    def band(self) -> Ints:
         """Return the number of the narrow band of each bin, which is the same for all axes."""
         # Keep the 48 slowest coefficients single, because they distinguish the slow terms.
         single = self.whole & (self.index <= 48)

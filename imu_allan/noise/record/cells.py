@@ -10,12 +10,11 @@ in time is unknown, are never adjacent.
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Keys = NDArray[np.int64]
+Keys = Ints
 
 RUN_SHIFT = 44
 """Bits of a place, enough for 500 years at 1 kHz."""
@@ -32,7 +31,7 @@ class Cells:
     keys: Keys    # (n,): strictly increasing
     # (axes, n): sum of the samples in each cell
     sums: Array = field(metadata=AXES_FIRST)
-    counts: NDArray[np.int64]    # (n,): number of samples in each cell
+    counts: Ints    # (n,): number of samples in each cell
 
     def __len__(self) -> int:
         """Return the number of cells."""
@@ -43,7 +42,7 @@ class Cells:
         """Mean of each cell, shape (axes, n)."""
         return np.asarray(self.sums / self.counts)
 
-    def take(self, part: slice | NDArray[np.bool_]) -> 'Cells':
+    def take(self, part: slice | Bools) -> 'Cells':
         """Return a selection of the cells."""
         return Cells(self.keys[part], self.sums[:, part], self.counts[part])
 

@@ -10,12 +10,12 @@ the output and pairs of axes with equal samples are kept as well.
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, AXES_TWICE, MultiAxis
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
+Counts = Ints
 
 SAME, OPPOSITE = 1, -1     # sign of one axis relative to the other
 _KINDS = {SAME: 1, OPPOSITE: 2}

@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
@@ -19,8 +20,6 @@ from imu_allan.noise.record.signal_over_time import Signal
 from imu_allan.state import restored, State, state_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
 
 CHUNK = SHORTEST_SEGMENT
 """Samples that are processed at once, whole blocks of the spectrum: 0.8 MB for six axes."""
@@ -100,7 +99,7 @@ class Estimator(MultiAxis):
         return self.samples - self.interpolated
 
     @property
-    def constant(self) -> NDArray[np.bool_]:
+    def constant(self) -> Bools:
         """Whether each axis has been constant so far, shape (axes,)."""
         held = self._without_interpolated()
         return np.asarray(
@@ -112,8 +111,7 @@ class Estimator(MultiAxis):
         """Return the number of the current run, and the place of its next sample."""
         return self.run, self.first + self.held
 
-    def update(self, samples: ArrayLike, interpolated: Sequence[int] | NDArray[np.int64] = ()
-               ) -> None:
+    def update(self, samples: ArrayLike, interpolated: Sequence[int] | Ints = ()) -> None:
         """
         Add the next samples of the segment.
 

@@ -12,15 +12,12 @@ cells are treated as full.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_allan.noise.record.cells import Cells
+from imu_allan.arrays import Array
+from imu_allan.noise.record.cells import Cells, Keys
 from imu_allan.noise.spectrum import flicker, random_walk
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len, rfft
 from scipy.ndimage import uniform_filter1d
-
-Array = NDArray[np.float64]
-Keys = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,9 @@ whole record, since blocks keep only power.
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.bins import Bins
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 QUANTIZATION, WHITE, FLICKER, RANDOM_WALK = range(4)
 """Columns of a design: the four terms that have a spectrum."""
@@ -44,7 +42,7 @@ class Groups:
     among: Array | None = None
     # (groups,): index of the record of each group, if there are several, each with its own
     # regressors; None for one record
-    record: NDArray[np.int64] | None = None
+    record: Ints | None = None
 
     @property
     def records(self) -> int:
@@ -55,12 +53,12 @@ class Groups:
         """Return the groups up to a frequency, inclusive."""
         return self.select(self.frequency <= frequency_hz)
 
-    def select(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
+    def select(self, which: Bools | Ints) -> 'Groups':
         """Return a selection of the groups, by mask or by index."""
         return replace(self, **{name: part[which] for name, part in vars(self).items()
                                 if part is not None})
 
-    def half_octaves(self) -> tuple[NDArray[np.int64], Array]:
+    def half_octaves(self) -> tuple[Ints, Array]:
         """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
         _, octave = np.unique(np.floor(2 * np.log2(self.frequency)), return_inverse=True)
         return octave.astype(np.int64), np.bincount(octave, self.dof).astype(np.float64)
@@ -86,7 +84,7 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
 
 
-def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
+def grouped(bins: Bins, axis: int, keep: Bools | None = None,
             regressors: Array | None = None, *, known: Groups | None = None) -> Groups:
     """
     Average the bins of one axis over bands of an eighth of an octave.
@@ -117,7 +115,7 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
 class _Bands:
     """Weighted means of bins over bands, in order of frequency."""
 
-    def __init__(self, bins: Bins, keep: NDArray[np.bool_] | None) -> None:
+    def __init__(self, bins: Bins, keep: Bools | None) -> None:
         self._weight = bins.dof if keep is None else bins.dof * keep
         self._band = bins.band
         dof: Array = np.bincount(self._band, self._weight).astype(np.float64)
@@ -128,7 +126,7 @@ class _Bands:
         self._some, self.dof, self.frequency = (
             self._some[order], self.dof[order], self.frequency[order])
 
-    def mean(self, values: Array, at: NDArray[np.int64] | slice = slice(None)) -> Array:
+    def mean(self, values: Array, at: Ints | slice = slice(None)) -> Array:
         """Average over bands, weighted by degrees of freedom; values are zero except `at` bins."""
         total = np.bincount(self._band[at], self._weight[at] * values, self._count)
         return np.asarray(total[self._some] / self.dof)

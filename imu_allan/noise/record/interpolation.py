@@ -11,13 +11,11 @@ gives the expected power of each coefficient for any pattern: random, bursty or 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import NEIGHBOURS
 from imu_allan.state import Record
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, dst
-
-Array = NDArray[np.float64]
 
 LAGS = 256
 """Number of lags: even with two of three samples lost, there is no covariance beyond about 100."""
@@ -97,7 +95,7 @@ class InterpolationSums(Record):
         return Interpolation(share, covariance)
 
 
-def shared_noise(interpolated: NDArray[np.int64], samples: int) -> Array:
+def shared_noise(interpolated: Ints, samples: int) -> Array:
     """
     Sum the covariances that interpolation adds to white noise.
 
@@ -113,7 +111,7 @@ def shared_noise(interpolated: NDArray[np.int64], samples: int) -> Array:
     if not len(received):
         return total
 
-    def enter(distance: NDArray[np.int64], noise: Array) -> None:
+    def enter(distance: Ints, noise: Array) -> None:
         total[:] += np.bincount(np.minimum(distance, LAGS), noise, LAGS + 1)[:LAGS]
 
     behind = np.searchsorted(received, interpolated)

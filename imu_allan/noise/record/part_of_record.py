@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+from imu_allan.arrays import Array
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.groups import grouped, Groups, stacked
@@ -25,9 +26,6 @@ from imu_allan.noise.record.segments import (
     TRANSFORMS,
 )
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
+from imu_allan.arrays import Array
 from imu_allan.noise.record.cells import (
     Cells,
     cells_of,
@@ -34,10 +35,7 @@ from imu_allan.noise.record.multi_axis import AXES_FIRST, MultiAxis
 from imu_allan.noise.record.segments import BLOCK, Segments
 from imu_allan.state import Record
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
-
-Array = NDArray[np.float64]
 
 STAGE_OCTAVES = 6
 """The points of a stage are means of 2**6 points of the previous stage."""

@@ -18,11 +18,9 @@ D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measure
 
 from dataclasses import dataclass, field
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, MultiAxis
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 OVERLAP_OCTAVE = 3
 """8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
@@ -41,7 +39,7 @@ class Pyramid(MultiAxis):
     # ``2**octave``, in squared sample units
     sums: Array = field(init=False, metadata=AXES_SECOND)
     # (octaves,): number of differences in each sum
-    counts: NDArray[np.int64] = field(init=False)
+    counts: Ints = field(init=False)
     # (axes, n): the last samples
     newest: Array = field(init=False, metadata=AXES_FIRST)
     # Parity of the number of sums of `OVERLAP` samples, and of the sums of each later stage

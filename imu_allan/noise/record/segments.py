@@ -14,12 +14,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
-
-Array = NDArray[np.float64]
 
 SEGMENTS = 16
 """Most segments: quarters of a record consist of whole segments, and each segment still has many
@@ -44,9 +42,9 @@ class Layout(NamedTuple):
     # DCT indices from `first` up to, but not including, `last`
     first: int
     last: int
-    starts: NDArray[np.int64]    # (bands,): first coefficient of each band, minus `first`
-    bands: NDArray[np.int64]    # (bands,): numbers of the bands
-    counts: NDArray[np.int64]    # (bands,): number of coefficients in each band
+    starts: Ints    # (bands,): first coefficient of each band, minus `first`
+    bands: Ints    # (bands,): numbers of the bands
+    counts: Ints    # (bands,): number of coefficients in each band
 
     def means(self, values: Array) -> Array:
         """Average over the coefficients of each band, along the first dimension."""
@@ -84,7 +82,7 @@ class Segments(MultiAxis):
     # sample units
     power: Array = field(init=False, metadata=AXES_FIRST)
     # (SEGMENTS, bands): number of coefficients added
-    dof: NDArray[np.int64] = field(init=False)
+    dof: Ints = field(init=False)
 
     def begin(self) -> None:
         """Initialize empty segments."""

@@ -11,11 +11,9 @@ borders of the columns depend only on the places, not on how the samples arrived
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 COLUMNS = 512
 """Most columns: finer than a figure as wide as a page shows, and 60 KB of JSON for six axes."""
@@ -25,7 +23,7 @@ class Columns(NamedTuple):
     """Result of `Signal.columns`."""
 
     width: int    # places of the grid in a column
-    counts: NDArray[np.int64]    # (columns,): samples in each column; zero in a gap
+    counts: Ints    # (columns,): samples in each column; zero in a gap
     # (axes, columns): NaN in a gap
     low: Array
     mean: Array
@@ -74,7 +72,7 @@ class Signal(MultiAxis):
 
     width: int = 1    # places of the grid in a column
     place: int = 0    # of the next sample
-    counts: NDArray[np.int64] = field(init=False)    # (COLUMNS,): samples in each column
+    counts: Ints = field(init=False)    # (COLUMNS,): samples in each column
     # (axes, COLUMNS): sums and extremes, which is all that is needed to merge columns
     sums: Array = field(init=False, metadata=AXES_FIRST)
     low: Array = field(init=False, metadata=AXES_FIRST)

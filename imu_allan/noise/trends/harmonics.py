@@ -20,14 +20,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.regression import RIDGE
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 KNOWN = 13.8
 """Chi-square above which a harmonic of known frequency is significant (at 0.1 %)."""
@@ -114,8 +112,7 @@ def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, m
     return min(2 * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
 
 
-def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int
-           ) -> Array:
+def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Array:
     """Return the chi-square of each harmonic of a cycle for given noise, shape (harmonics,)."""
     part = _Slow(record, variance, frequency_hz, harmonics)
     sizes, errors, _ = part.regressed(part.waves)

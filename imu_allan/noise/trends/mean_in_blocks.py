@@ -10,14 +10,13 @@ not small compared with the noise are not used.
 
 from collections.abc import Callable, Sequence
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.cells import end_to_end
 from imu_allan.noise.record.periodogram import longest_blocks, Periodogram, SpectrumSection
 from imu_allan.noise.record.segments import layout, TRANSFORMS
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Waveform = Callable[[Array], Array]
 """Maps times, in seconds from the beginning of the record, to values."""
 
@@ -56,7 +55,7 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
     return np.concatenate(found), np.concatenate(bounds)
 
 
-def is_negligible(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
+def is_negligible(leak: Array, bound: Array, noise: Array) -> Bools:
     """Mark the bins whose leakage is small compared with their noise."""
     # Leakage with only a bound is not subtracted, so it must be much smaller.
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
@@ -106,8 +105,7 @@ def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tup
     return slope[:-1], slope[1:]
 
 
-def _of_slopes(length: int, step: float, index: NDArray[np.int64], before: Array, after: Array
-               ) -> Array:
+def _of_slopes(length: int, step: float, index: Ints, before: Array, after: Array) -> Array:
     """Return the mean power of coefficients over blocks with given slopes at their ends."""
     sign = np.where(index % 2, -1.0, 1.0)
     square, both = float(np.mean(before**2 + after**2)), float(np.mean(2 * before * after))

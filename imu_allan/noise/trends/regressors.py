@@ -12,15 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.trends.mean_in_blocks import is_negligible, leaks, Waveform
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class RecordSpectrum:
     bins: Bins    # of these sections
     axis: int
     dt: float    # sample interval in seconds
-    keep: NDArray[np.bool_] | None = None    # (bins,): False for bins of a line
+    keep: Bools | None = None    # (bins,): False for bins of a line
     # Regressors of every fit, in order after the ramp
     trends: tuple[Waveform, ...] = ()
     # Whether to keep bands without bins, at zero weight, so that all axes have the same bands
@@ -62,7 +60,7 @@ class RecordSpectrum:
         return grouped(*self._kept, *self._columns)
 
     @cached_property
-    def _kept(self) -> tuple[Bins, int, NDArray[np.bool_] | None]:
+    def _kept(self) -> tuple[Bins, int, Bools | None]:
         """Return the bins, the axis, and a mask of the bins to use."""
         if not self.aligned or self.keep is None:
             return self.bins, self.axis, self.keep

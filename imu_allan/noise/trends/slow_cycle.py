@@ -11,6 +11,7 @@ significant, and whether they form a cycle. A weak cycle is fitted like any othe
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
@@ -28,9 +29,6 @@ from imu_allan.noise.trends.harmonics import (
 )
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _COMB = 8
 """Harmonics that are tested together, as all of them may have passed for a random walk."""

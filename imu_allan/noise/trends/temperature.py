@@ -4,11 +4,9 @@
 
 from dataclasses import dataclass
 
+from imu_allan.arrays import Array
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

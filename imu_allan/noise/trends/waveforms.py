@@ -4,9 +4,6 @@
 
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def legendre(order: int, duration_s: float) -> Waveform:

@@ -62,8 +62,7 @@ class Verdict:
     reason: str
 
 
-def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
-          ) -> list[Verdict]:
+def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0) -> list[Verdict]:
     """Compare a result with a specification; nothing passes that is shorter than `shortest_s`."""
     verdicts = [_verdict(result, specification, axis, key, limit)
                 for axis, key, limit in _limits(specification)]

@@ -163,8 +163,7 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
     return real(value), remarks
 
 
-def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
-           ) -> tuple[Scale, str]:
+def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]) -> tuple[Scale, str]:
     """Return the scaling of a number by its formula, and the resulting unit."""
     # The power, a factor, and the power of the rate.
     scalings = {

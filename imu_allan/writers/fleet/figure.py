@@ -10,6 +10,7 @@ coefficients of all units side by side.
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from imu_allan.arrays import Array
 from imu_allan.errors import printable, shorten
 from imu_allan.fleet.names import distinct_labels
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
@@ -26,14 +27,11 @@ from imu_allan.writers.figure_style import (
 )
 from imu_allan.writers.fleet.findings import Fleet
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-
-Array = NDArray[np.float64]
 
 _MOST_CURVES = 200
 """Most grey curves to draw; more are indistinguishable and enlarge a vector file."""
@@ -100,8 +98,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
     return named
 
 
-def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
-                 ) -> tuple[Array, Array, Array]:
+def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array) -> tuple[Array, Array, Array]:
     """Return the 5, 50 and 95 % percentiles of the curves at each averaging time."""
     rows = [np.interp(np.log(tau), np.log(times[adev > 0]), np.log(adev[adev > 0]),
                       left=np.nan, right=np.nan) for times, adev in curves]
