@@ -87,9 +87,9 @@ def _real(folder: str) -> str | None:
 
 def exit_on_sigterm() -> None:
     """Let SIGTERM end this process by SystemExit, so that unpacked files are removed."""
-    def before() -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    def before(number: int) -> None:
+        signal.signal(number, signal.SIG_IGN)
         # After this time the kernel ends the process.
         signal.alarm(20)
 
-    raise_at_signal(signal.SIGTERM, SystemExit, before)
+    raise_at_signal([signal.SIGTERM], SystemExit, before)

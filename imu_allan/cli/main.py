@@ -19,7 +19,7 @@ from typing import Any
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import require_apart, Shown
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, EXIT_INTERRUPTED
+from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, exit_status
 from imu_allan.version import __version__
 
 
@@ -158,7 +158,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         drop_stdout()
         return EXIT_BROKEN_PIPE
     except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+        return exit_status()
     except OSError as error:
         if error.filename is None and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             # Functions that write files name them in errors, so this is standard output.

@@ -172,15 +172,16 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(recording, verb):
     assert process.returncode == 141
 
 
-def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_command_without_a_word_and_leaves_nothing_behind(tmp_path, number):
     pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
                                        'mcap')
     with subprocess.Popen([*COMMAND, 'simulate', 'consumer_mems', '--duration', '30d', '--output',
                            str(tmp_path / 'simulated')], stderr=subprocess.PIPE) as process:
         wait_until(lambda: any(tmp_path.glob('.simulated*/*')))
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         assert process.stderr.read() == b''
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     assert list(tmp_path.iterdir()) == []
 
 
