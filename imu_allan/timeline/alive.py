@@ -76,6 +76,15 @@ class Content(Record):
         # Single axes may rest within a coarse step, but a frozen sensor stops all of them.
         return len(moving) >= min(3, sum(count > 0 for count in self.changed))
 
+    def _alone_is_coarse(self, samples: Floats) -> bool:
+        """Return whether only one axis changes, and repeats its values by chance."""
+        alone = np.flatnonzero(self.changed)
+        steps = np.abs(np.diff(np.clip(samples[:, alone[0]], -LARGEST, LARGEST)))
+        made = steps[steps > 0]
+        # At the limit, the noise is two steps of the output, and repeats one value in eight.
+        return len(alone) == 1 and (
+            not len(made) or bool(np.median(made) < 2.5 * made.min()))
+
     def check(self) -> None:
         """Reject values of another number of axes."""
         if {len(self.last), len(self.noise)} - {0, 6}:
@@ -136,7 +145,7 @@ class Content(Record):
                         zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
         self.repeats += int(np.count_nonzero(same[:consumed] & ~long[:consumed]))
         self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
-        if not self.is_noisy:
+        if not self.is_noisy or self._alone_is_coarse(known):
             return Repeats(none, none, wild)
         started = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True

@@ -213,11 +213,13 @@ def test_a_frozen_sensor_is_left_out_and_reported(share, where):
             'since_s': pytest.approx(messages.header[first], abs=1e-6)}
 
 
-@pytest.mark.parametrize(('step', 'lost'), [(5.0, 0.0), (1.5, 0.2), (3.0, 0.05)])
-def test_a_coarse_output_is_neither_frozen_nor_at_the_end_of_its_range(step, lost):
+@pytest.mark.parametrize(('step', 'lost', 'axes'), [
+    (5.0, 0.0, 6), (1.5, 0.2, 6), (3.0, 0.05, 6), (1.0, 0.0, 1), (3.0, 0.0, 1)])
+def test_a_coarse_output_is_neither_frozen_nor_at_the_end_of_its_range(step, lost, axes):
     messages, _, rng = gyro()
     messages.samples += rng.uniform(-5, 5, 6) * SIGMA
     messages.samples = np.rint(messages.samples / (step * SIGMA)) * step * SIGMA
+    messages.samples[:, axes:] = np.nan
     kept = lose(messages, lost, rng)
     result = characterized(kept)
     assert codes(result).isdisjoint(
