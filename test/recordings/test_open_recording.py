@@ -77,7 +77,8 @@ BARE = encode_imu(1, np.zeros(6), 'imu')
     ([('/a', 1, BARE), ('/c', 1, b'', 'std_msgs/msg/Bool')], 'c',
      'topic /c is of type std_msgs/msg/Bool, not sensor_msgs/msg/Imu'),
     ([('/a',)], 'a', 'topic /a has no messages; record it while the IMU driver runs'),
-    ([('/a', 1, b'')], None, 'topic /a holds no readable message; --topic names another'),
+    ([('/a', 1, b'')], None, 'topic /a holds no readable message (0 bytes are too few for a '
+     'sensor_msgs/Imu message (312 at least)); --topic names another'),
     ([('/a', 1, b'{}', bags.IMU, '', ('json', 'jsonschema'))], None,
      'no topic of type sensor_msgs/msg/Imu; it holds /a (sensor_msgs/msg/Imu encoded as json)')])
 def test_a_topic_that_is_not_clear_is_one_line(tmp_path, topics, topic, reason):

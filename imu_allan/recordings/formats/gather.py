@@ -30,7 +30,8 @@ _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel, which equal records share."""
 OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
-_DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
+_DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL), *range(0x80, 0x100)})
+"""Records beside messages: descriptions, and private ones of a program, to be passed over."""
 
 
 def gather(
@@ -40,7 +41,7 @@ def gather(
     """
     Gather the messages of the channels `wanted`; also return the bytes of complete records.
 
-    `describe` is called with opcode and body of each Schema and Channel record, and may add to
+    `describe` is called with opcode and body of each record that is no message, and may add to
     `wanted`. `index` returns the offsets of all messages, as the file declares them, in any order.
     Messages are copied only when a batch is requested.
     """
@@ -155,7 +156,7 @@ def _verified(
 def _only_descriptions(
     buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object],
 ) -> bool:
-    """Return whether only Schema and Channel records lie between two messages."""
+    """Return whether only whole records lie between two messages."""
     while at < stop:
         opcode, length = OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
         if opcode not in _DESCRIPTIONS:

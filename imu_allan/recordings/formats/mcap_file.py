@@ -148,7 +148,8 @@ class McapRecording(ChunkedRecording):
         """Store a schema or channel record; return the id of a new channel."""
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
-        if number in known or len(body) > LARGEST_DESCRIPTION:
+        if (opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or number in known
+                or len(body) > LARGEST_DESCRIPTION):
             return None
         self._described += 1
         # There are 65,536 ids each for channels and schemas.

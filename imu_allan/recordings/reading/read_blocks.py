@@ -79,8 +79,12 @@ def _with_progress(
     except OSError as error:
         raise unreadable_error(recording.path, error, 'reading failed') from error
     if empty:
+        why = next((f' ({remark.values["first"]})' for remark in recording.remarks
+                    if remark.code == 'malformed_messages'
+                    and remark.values.get('topic') == printable(topic)), '')
         what = ('no line of samples: see what it holds with imu_allan info' if topic == NO_TOPIC
-                else f'topic {printable(topic)} holds no readable message; --topic names another')
+                else f'topic {printable(topic)} holds no readable message{why}; --topic names '
+                'another')
         raise ImuAllanError(f'{printable(recording.path)}: {what}')
     if progress is not None:
         progress(recording.size_bytes)
