@@ -27,39 +27,39 @@ QUOTES = ' \t\r\n"'
 
 _SENSORS = {
     'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
-            r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro|gyr|w_rs_s|omega'
+            r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
             r'|drehrate|winkelgeschwindigkeit',
     'accel': r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
-             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accel|acc|a_rs_s|gf|accel_ln'
-             r'|beschleunigung'}
+             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|accel|acc|a_rs_s|gf'
+             r'|accel_ln|beschleunigung'}
 _SECOND_CHOICE = {
     'gyro': r'un_?comp_?(?:ang_?rate|gyro)',
     'accel': r'lin(?:ear)?_?acc(?:eleration)?|un_?comp_?acc(?:el)?|accel_wr'}
 _SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])')
 """These are taken if no column has one of the above: gravity may be removed, or noise higher."""
-_OF = r'(?:.*[/.])?(?:(?:imu|sensor)\d*[._/])?'
+_OF = r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
 """Prefix of a name: the path to it, or the device it belongs to."""
 _AXES = [(sensor, choice, re.compile(
-    rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
+    rf'{_OF}(?:(?:{words})[/._-]{{0,2}}(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
     rf'|(?P<first>[xyz])[._-](?:{words}))'))
     for choice, names in enumerate((_SENSORS, _SECOND_CHOICE)) for sensor, words in names.items()]
 _NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
              for sensor, words in _SENSORS.items()}
 _UNITS = {
-    'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?s|rad_?per_?s(?:ec)?',
+    'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
 _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
 """A unit at the end of a name, as in ``gx_dps``."""
+_IN = r'(?:_([mun]?s(?:ec)?))?'
 _CLOCKS = tuple(re.compile(form) for form in (
-    r'(?:[#%_]*(?:time|time_?stamp|stamp|t|zeit|temps|tiempo|tempo)(?:_(s|ms|us|ns))?'
+    rf'(?:[#%_]*(?:time|time_?stamp|stamp|zeit|temps|tiempo|tempo){_IN}'
     r'|(?:.*[/.])?header[./]stamp|millis|micros|timestamp_unix)',
-    r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
-    r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
-    r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?|(ms|us)',
-    r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
-    r'|epoch?(?:_(s|ms|us|ns))?|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
+    rf'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine|[#%_]*t{_IN}',
+    rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}|(ms|us)',
+    rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}'
+    r'|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the
-day."""
+day. The T of an autopilot is a temperature."""
 _UNIT_OF_CLOCK = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
                   'timestartup': 'ns'}
 """Units that names imply: ``rostopic echo -p``, Arduino's clocks, VectorNav."""

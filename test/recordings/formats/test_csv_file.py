@@ -343,6 +343,10 @@ def fields(form: str) -> str:
      [2_500_000_000]),
     ('TimeStartup,UncompAccelX,UncompGyroX,Temp,AccelX,AccelY,AccelZ,AngularRateX,AngularRateY,'
      'AngularRateZ\n2500000001,7,8,25,4,5,6,1,2,3\n', [2_500_000_001]),
+    ('timestamp,TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2.5,7,0,1,2,3,4,5,6,25\n',
+     [2_500_000_000]),
+    ('time_usec,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_m_s2[0],'
+     'accelerometer_m_s2[1],accelerometer_m_s2[2]\n2500000,1,2,3,5000,4,5,6\n', [2_500_000_000]),
     ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
      '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
     *((f'00:00:01.000 -> Ready\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
@@ -356,7 +360,8 @@ def fields(form: str) -> str:
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast', 'shimmer',
-        'phyphox in German', 'other languages', 'vectornav', 'vectornav, not compensated',
+        'phyphox in German', 'other languages', 'vectornav', 'ardupilot', 'px4',
+        'vectornav, not compensated',
         *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
@@ -376,6 +381,8 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('gx [deg/s/131],gy [deg/s/131],gz [deg/s/131],ax [g/2048],ay [g/2048],az [g/2048]',
      (pi / 180 / 131, 9.80665 / 2048)),
     ('wx,wy,wz,gFx,gFy,gFz,ax,ay,az', (1.0, 9.80665)),
+    ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
+     (pi / 180, 1.0)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
     numbers = ','.join(map(str, range(1, header.count(',') + 2)))
