@@ -76,7 +76,7 @@ class Content(Record):
         # Single axes may rest within a coarse step, but a frozen sensor stops all of them.
         return len(moving) >= min(3, sum(count > 0 for count in self.changed))
 
-    def _alone_is_coarse(self, samples: Floats) -> bool:
+    def _alone_is_coarse(self, samples: Array) -> bool:
         """Return whether only one axis changes, and repeats its values by chance."""
         alone = np.flatnonzero(self.changed)
         steps = np.abs(np.diff(np.clip(samples[:, alone[0]], -LARGEST, LARGEST)))
