@@ -164,7 +164,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     axes: dict[str, tuple[int, int, float]] = {}
     for column, meaning in sorted(meanings.items()):
         if meaning in axes:
-            raise ImuAllanError(f'two columns named {meaning}')
+            raise _both(meaning, axes[meaning][0], column)
         if meaning != 'time':
             axes[meaning] = column, list(AXES).index(meaning), _factor(
                 names[column], units[column], meaning, options)
@@ -206,7 +206,7 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
     def rank(column: int) -> tuple[bool, int]:
         # Text in place of a unit may describe a date format; such a column ranks last.
         try:
-            _converted('', units[column] or 's', 's')
+            convert(1.0, (units[column] or 's').strip(), 's')
         except ImuAllanError:
             return True, 0
         return False, -1 if column == own_stamp else (_clock_named(times[column]) or (0,))[0]
@@ -215,11 +215,11 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
     if not ranks:
         return None
     if [place for place, _ in ranks[:2]] == [(False, 0)] * 2:
-        raise ImuAllanError('two time columns')
+        raise _both('time', ranks[0][1], ranks[1][1])
     time = ranks[0][1]
     unit = units[time]
     if unit is not None:
-        _converted(times[time], unit, 's')
+        _converted(times[time], unit, 's', 'time=NAME ms')
     return Clock(time, unit and unit.strip())
 
 
@@ -467,14 +467,21 @@ def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
     if spelled == 'G' and axis.startswith('accel'):
         spelled = 'g'
-    return _converted(name, spelled, RAD_PER_S if axis.startswith('gyro') else M_PER_S2)
+    return _converted(name, spelled, *((RAD_PER_S, f'{axis}=NAME deg/s') if axis[0] == 'g' else
+                                       (M_PER_S2, f'{axis}=NAME g')))
 
 
-def _converted(name: str, unit: str, si_unit: str) -> float:
+def _converted(name: str, unit: str, si_unit: str, example: str) -> float:
     try:
         return convert(1.0, unit.strip(), si_unit)
     except ImuAllanError as error:
-        raise ImuAllanError(f'column {printable(name)}: {printable(error)}') from error
+        raise ImuAllanError(f'column {printable(name)}: {printable(error)}; --columns gives '
+                            f"another unit, as in '{example}'") from error
+
+
+def _both(meaning: str, column: int, other: int) -> ImuAllanError:
+    return ImuAllanError(f'columns {column + 1} and {other + 1} are both {meaning}; --columns '
+                         f'names those to read, such as {meaning}={column + 1}')
 
 
 # ------------------------------------------------------------------------------------------- cells

@@ -210,10 +210,15 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
     (b'\x1f\x8b\x08\x00',
      'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
-    ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
-    ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
+    ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s; '
+     "--columns gives another unit, as in 'gyro_x=NAME deg/s'"),
+    *((f'{header}\n0,5,6\n', f'columns {both} are both {meaning}; --columns names those to read, '
+       f'such as {meaning}={both[0]}') for header, both, meaning in (
+           ('time_s,imu0_gyro_x,imu1_gyro_x', '2 and 3', 'gyro_x'),
+           ('time,timestamp,gyro_x', '1 and 2', 'time'))),
     ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
-     'column accel_z: LSB cannot be turned into m/s^2'),
+     'column accel_z: LSB cannot be turned into m/s^2; --columns gives another unit, as in '
+     "'accel_z=NAME g'"),
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
     ('gyro_x,' * 200_000, 'line 1 is longer than 1 MiB: it is no table of samples'),
@@ -512,7 +517,8 @@ THERE = 'there are time_s, time_ms, gx_dps, w0'
     ({'roll': 'w0'}, '--columns roll: not time or one of gyro_x, gyro_y, gyro_z, accel_x, '
                      'accel_y, accel_z'),
     ({'gyro_x': 'w0', 'gyro_y': 'w0'}, '--columns: column w0 is named twice'),
-    ({'gyro_x': 'w0', 'time': 'gx_dps'}, 'column gx_dps: deg/s cannot be turned into s')])
+    ({'gyro_x': 'w0', 'time': 'gx_dps'}, 'column gx_dps: deg/s cannot be turned into s; '
+     "--columns gives another unit, as in 'time=NAME ms'")])
 def test_a_column_that_is_not_there_or_something_else_is_refused(path, columns, reason):
     assert refusal(path, 'time_s,time_ms,gx_dps,w0' + '\n0.01,10,1,2' * 9,
                    options=named(**columns)) == reason
