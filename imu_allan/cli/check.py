@@ -107,7 +107,7 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.terminal import console_of
+    from imu_allan.writers.terminal import console_of, wrapped
     from imu_allan.writers.words import for_display, in_full
     from rich.measure import Measurement
 
@@ -125,22 +125,22 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
                          (args.certificate, datasheet.certificate_html)):
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
-    console, table = console_of(), datasheet.verdict_table(
-        verdicts, specification.name or args.spec)
-    unbroken = Measurement.get(console, console.options.update(width=1000), table).maximum
-    if unbroken > console.width:
-        # Rather than break intervals and units, leave out what two other columns show.
-        table.columns = [column for column in table.columns if column.header != 'ratio']
+    console = console_of()
+    # Rather than break intervals and units, leave out what other columns show.
+    for left_out in ((), ('ratio',), ('ratio', 'measured')):
+        table = datasheet.verdict_table(verdicts, specification.name or args.spec, left_out)
+        unbroken = Measurement.get(console, console.options.update(width=1000), table).maximum
+        if unbroken <= console.width:
+            break
     console.print(table)
     # A wrong unit or lost samples may be what fails or passes.
-    for _, text in in_full([found for found in for_display(result.warnings)
-                            if found.severity == 'act'], together=True):
-        print(text)
+    act = [found for found in for_display(result.warnings) if found.severity == 'act']
     outcome = datasheet.overall(verdicts)
-    print(f'{outcome}: {printable(source)} against '
-          f'{printable(specification.name or args.spec)}')
-    for number, sentence in enumerate(datasheet.reasons(verdicts)[0], 1):
-        print(f'  ({number}) {sentence}')
+    console.print(*wrapped([text for _, text in in_full(act, together=True)], console.width),
+                  f'{outcome}: {printable(source)} against '
+                  f'{printable(specification.name or args.spec)}',
+                  *wrapped([f'  ({number}) {sentence}' for number, sentence in enumerate(
+                      datasheet.reasons(verdicts)[0], 1)], console.width, indent=6), sep='\n')
     sys.stdout.flush()
     return outcome
 

@@ -305,10 +305,12 @@ def _uneven_stamps(f: Any) -> str:
 
 
 def _two_rates(f: Any) -> str:
-    each = ' and '.join(f'the {_sensor(sensor)} from {topic} at {rate_hz or 0:.6g} Hz'
-                        for sensor, topic, rate_hz in zip(
-                            f.sensors, f.topics, f.rates_hz, strict=True))
-    return f'{each}; rate, gaps and faults are those of the {_sensor(f.sensors[0])}'
+    rates = [f'{rate_hz or 0:.6g} Hz' for rate_hz in f.rates_hz]
+    same = len({*rates}) < len(rates)
+    each = ' and '.join(f'the {_sensor(sensor)} from {topic}{"" if same else f" at {rate}"}'
+                        for sensor, topic, rate in zip(f.sensors, f.topics, rates, strict=True))
+    return (f'{each}{f", both at {rates[0]}" if same else ""}; rate, gaps and faults are those of '
+            f'the {_sensor(f.sensors[0])}')
 
 
 def _ignored_columns(f: Any) -> str:
@@ -787,7 +789,7 @@ WORDS: Mapping[str, Words] = {
         do='--accel :g says so, --accel :m/s^2 takes the numbers as they are',
         live='set accel_unit to g or to m/s^2'),
     'two_rates': Words(
-        'two rates', 'Gyroscope and accelerometer come at rates of their own.',
+        'separate sensors', 'Gyroscope and accelerometer come each at its rate.',
         'By topics, or repeated values.',
         says=_two_rates),
     'repeated_half': Words(

@@ -46,8 +46,9 @@ def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
     return table
 
 
-def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
-    """Wrap texts at words, indent continuation lines, and keep numbers with their units."""
+def wrapped(texts: Iterable[str], width: int, style: str = 'default', indent: int = 2
+            ) -> 'Iterator[Text]':
+    """Wrap texts at words, indent continuation lines, and keep intervals and units whole."""
     import re
     from textwrap import wrap
 
@@ -56,8 +57,8 @@ def wrapped(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterat
     for text in texts:
         # Lines are not broken at a no-break space.
         joined = re.sub(r'(?<=\d) (?=[%A-Za-z])|(?<=\d h) (?=\d)|(?<=\d min) (?=\d)|'
-                        r'(?<= [BK]:) (?=\d)', '\xa0', text)
-        for line in wrap(joined, width, subsequent_indent='  ', break_on_hyphens=False):
+                        r'(?<= [BK]:) (?=\d)|(?<=\d) (?=\.\. )|(?<=\d \.\.) ', '\xa0', text)
+        for line in wrap(joined, width, subsequent_indent=' ' * indent, break_on_hyphens=False):
             yield Text(line.replace('\xa0', ' '), style=style)
 
 

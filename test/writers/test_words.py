@@ -185,7 +185,8 @@ SAID = [
     finding('gaps_not_listed', gaps=1999, gaps_s=199.9, listed=1000),
     finding('held_values', share=0.5), finding('late_start', messages=4500),
     of_all('axis_late_start', 'late', [10, 20, 20], messages=15_000), finding('unit_g'),
-    finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, 250.0]),
+    *(finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, rate])
+      for rate in (250.0, 400.0001)),
     finding('repeated_half', topic=IMU, half=None), finding('repeated_half', topic=IMU,
                                                             half='accel'),
     finding('chosen_topic', topics=3, chosen=['GYR', 'ACC'], reason='at random', others=['IMU']),

@@ -37,23 +37,32 @@ _LONGEST = 110
 """Characters that fit on a line of the sheet."""
 
 
-def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
+def verdict_table(verdicts: Sequence[Verdict], title: str = '', left_out: Sequence[str] = ()
+                  ) -> 'Table':
     """Return the verdicts as a table for a terminal, with the numbers of their `reasons`."""
     from rich.text import Text
 
-    table = bare_table('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
-                       'verdict')
+    headings = [heading for heading in (
+        'axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio', 'verdict')
+        if heading not in left_out]
+    table = bare_table(*headings)
     table.title_justify = 'left'
     if title:
         table.title = Text(printable(title), style='bold')
-    for place in (5, 7):
-        table.columns[place].justify = 'left'
+    for column in table.columns:
+        if column.header in ('unit', 'verdict'):
+            column.justify = 'left'
     for verdict, number in zip(verdicts, reasons(verdicts)[1], strict=True):
-        table.add_row(verdict.axis, verdict.symbol, *figures(verdict),
-                      Text(unit_of(verdict.specified)),
-                      '' if verdict.ratio is None else f'{verdict.ratio:.3g}',
-                      Text(verdict.verdict if number is None else
-                           f'{verdict.verdict} ({number})', style=_MARKS[verdict.verdict][2]))
+        measured, interval, limit = figures(verdict)
+        if 'measured' in left_out:
+            interval = interval.replace(' .. ', '..') or measured
+        cells: dict[str, str | Text] = {
+            'axis': verdict.axis, 'term': verdict.symbol, 'measured': measured,
+            '95 % interval': interval, 'limit': limit, 'unit': Text(unit_of(verdict.specified)),
+            'ratio': '' if verdict.ratio is None else f'{verdict.ratio:.3g}',
+            'verdict': Text(verdict.verdict if number is None else f'{verdict.verdict} ({number})',
+                            style=_MARKS[verdict.verdict][2])}
+        table.add_row(*(cells[heading] for heading in headings))
     return table
 
 
