@@ -8,6 +8,7 @@ Each `see_` method receives the current state and compares it with the previous 
 
 from collections.abc import Sequence
 
+from imu_allan.finding import Finding
 from imu_allan.node.diagnostics import (
     Condition,
     Facts,
@@ -21,7 +22,7 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
-from imu_allan.writers.words import for_display, message_of
+from imu_allan.writers.words import for_display, message_of, title_of
 
 PAUSE_S = 1.0
 """Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
@@ -30,6 +31,10 @@ REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
 PROGRESS_S = 60.0
 """Time between progress lines at first: about as often as a waiting user looks."""
+
+_SAID_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
+                             'clock_jumps'})
+"""Codes of findings that progress lines, or conditions of their own, report."""
 
 
 class Announcements:
@@ -48,9 +53,9 @@ class Announcements:
         # When the first samples of the run were reported.
         self.began: float | None = None
         self._progress_at = 0.0
-        # Progress lines, or conditions of their own, report these.
-        self._said_codes = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
-                            'clock_jumps'}
+        # Codes of the latest findings, and findings that were reported, by code.
+        self._found: dict[str, set[str]] = {}
+        self._said: dict[str, Finding] = {}
         for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
             self._reported.pop(name, None)
         self._observable: set[tuple[str, str]] = set()
@@ -84,8 +89,7 @@ class Announcements:
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
                            f'{summary.clock or "no"} stamps')
-        for remark in for_display(summary.remarks):
-            self._say_once(remark.code, message_of(remark, live=True))
+        self._see_findings('timeline', for_display(summary.remarks))
         self._see(timeline_conditions(facts, summary))
 
     def see_result(self, result: Result) -> None:
@@ -109,8 +113,7 @@ class Announcements:
             else:
                 self._log.warning(f'no longer observable: {what} of {"; ".join(axes)}: the longer '
                                   'record is explained as well without it', f'gone {what}')
-        for remark in result.warnings:
-            self._say_once(remark.code, message_of(remark, live=True))
+        self._see_findings('result', result.warnings)
 
     def see_standing(self, facts: Facts) -> None:
         """Report each standard whose verdict has changed."""
@@ -133,11 +136,17 @@ class Announcements:
         self._progress_at = now + (PROGRESS_S if now - self.began < 600.0 else 3600.0)
         self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
-    def _say_once(self, code: str, text: str) -> None:
-        # While the queue overruns, any other fault of the samples may be caused by that.
-        if not self._overrun and code not in self._said_codes:
-            self._said_codes.add(code)
-            self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
+    def _see_findings(self, source: str, findings: Sequence[Finding]) -> None:
+        """Report new findings, and those that few samples showed by chance and more do not."""
+        self._found[source] = {found.code for found in findings}
+        for code in self._said.keys() - set().union(*self._found.values()):
+            self._log.info(f'no longer found: {title_of(self._said.pop(code))}')
+        for found in findings:
+            # While the queue overruns, any other fault of the samples may be caused by that.
+            if (not self._overrun and found.code not in self._said.keys() | _SAID_ELSEWHERE
+                    and self._log.warning(message_of(found, live=True),
+                                          f'{found.code} {self._topic}', REPEAT_S)):
+                self._said[found.code] = found
 
 
 def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -> str:

@@ -251,7 +251,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
     # These findings already say which messages are rejected.
     rejected = 0 if {code for code, _ in remarks} & {
-        'several_frames', 'several_publishers', 'rate_changed'} else facts.recent['rejected']
+        'several_frames', 'several_publishers', 'rate_changed'} else facts.recent['unusable']
     return [
         Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
         Condition('probation', facts.on_probation, OK,
@@ -273,7 +273,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         Condition('rejected', rejected > 0, WARN,
                   f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
                   'absent',
-                  f'no message is rejected any more; {_were(summary.timeline.rejected)} in all')]
+                  f'no message is rejected any more; {_were(unusable(summary))} in all')]
 
 
 def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
@@ -291,7 +291,14 @@ def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
     timeline = summary.timeline
     return {'missing': timeline.missing, 'duplicates': timeline.duplicates,
             'out_of_order': timeline.out_of_order, 'rejected': timeline.rejected,
-            'clock_jumps': summary.clock_jumps}
+            'unusable': unusable(summary), 'clock_jumps': summary.clock_jumps}
+
+
+def unusable(summary: TimelineSummary) -> int:
+    """Return the number of rejected messages, without those that a finding counts."""
+    return summary.timeline.rejected - sum(
+        int(remark.values['messages']) for remark in summary.remarks
+        if remark.code in ('spikes', 'frozen', 'late_start'))
 
 
 def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:

@@ -71,6 +71,24 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
         assert node.lines.count(line) == 1, node.log  # type: ignore[arg-type]
 
 
+def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_no_nan(
+        ros: Ros) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 1.0}, constants={'reports.LOOK_S': 0.2})
+    driver = Driver(ros).wait_for_node()
+    for count in np.random.default_rng(1).integers(3, 14, 40):
+        driver.publish(int(count))
+        driver.next += 1
+    ros.until(lambda: Varying('<number> % of the samples are missing and interpolated. -> set a '
+                              'deeper queue or reliable delivery with qos_overrides')
+              in node.lines)
+    driver.send(message(driver.next, 1.0))
+    driver.next += 1
+    driver.publish(6000)
+    outliers = Varying('1 single message holds outliers, <words>')
+    ros.until(lambda: 'no longer found: many missing' in node.lines and outliers in node.lines)
+    assert not [line for line in node.lines if 'rejected' in line]
+
+
 @pytest.mark.parametrize(('size', 'filled', 'works'), [
     ('1m', '500k', True), ('16k', '16k', False)])
 def test_where_shared_memory_is_short_samples_come_over_the_network(

@@ -187,7 +187,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result: Res
 def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
         heard: Any) -> None:
     announcements = Announcements(Log(heard), '/imu')
-    counts = {'malformed': 1, 'lost': 3, 'rejected': 1, 'clock_jumps': 1}
+    counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
                 temperature_topic='/warmth', temperature_missing=True)
     moving = summary(moving=True, clock_jumps=1)
