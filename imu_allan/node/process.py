@@ -94,11 +94,11 @@ def _do_without_shared_memory(program: str) -> None:
 def _stopped_by(stop: StopRequest) -> Iterator[None]:
     # rclpy's own handlers raise KeyboardInterrupt anywhere, even half-way through an update, and
     # shut the context down before a last result can be published.
-    # Signals that are ignored at the start, such as SIGHUP under nohup, stay ignored.
-    # SIGHUP comes when the terminal closes, for example because an SSH session drops.
+    # SIGHUP comes when the terminal closes, for example because an SSH session drops; under nohup
+    # it stays ignored. A script has what it starts with & ignore SIGINT, but nodes of ROS end.
     stopping = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT
     before = {number: signal.signal(number, stop.receive) for number in stopping
-              if signal.getsignal(number) is not signal.SIG_IGN}
+              if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield
     finally:

@@ -161,11 +161,14 @@ def start_at_home(ros: Ros, **parameters: Any) -> Process:
 
 def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
         ros: Ros) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # A script has what it starts with & ignore SIGINT: that ends the node all the same.
+    before = {number: signal.signal(number, signal.SIG_IGN)
+              for number in (signal.SIGHUP, signal.SIGINT)}
     try:
         node = start_at_home(ros, state_file='')
     finally:
-        signal.signal(signal.SIGHUP, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     driver = Driver(ros).wait_for_node()
     node.popen.send_signal(signal.SIGHUP)
     driver.publish(2000)
