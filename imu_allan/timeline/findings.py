@@ -90,7 +90,7 @@ def _facts(memory: Memory) -> Facts:
     counts, decision = memory.counts, memory.decision
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     facts = (decision.remarks | _content_facts(counts, memory.content)
-             | _clock_facts(counts, decision))
+             | _clock_facts(memory))
     clock = 'time' if counts.one_clock else decision.clock
     if counts.clock_jumps:
         facts['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
@@ -176,11 +176,13 @@ def _content_facts(counts: Counts, content: Content) -> Facts:
     return facts
 
 
-def _clock_facts(counts: Counts, decision: Decision) -> Facts:
-    """Compare the speeds of both clocks, without any jumps."""
+def _clock_facts(memory: Memory) -> Facts:
+    """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
+    counts = memory.counts
     # With fewer messages, the lag of the receive stamps hides any difference.
-    if (decision.clock != 'header' or counts.one_clock or counts.header.last_ns is None
-            or counts.receive.last_ns is None or counts.messages < 256):
+    if ((memory.options.clock, memory.decision.clock) != ('auto', 'header') or counts.one_clock
+            or counts.header.last_ns is None or counts.receive.last_ns is None
+            or counts.messages < 256):
         return {}
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND
     receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND

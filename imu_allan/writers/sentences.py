@@ -521,8 +521,8 @@ WORDS: Mapping[str, Words] = {
         'Header and receive stamps last differently long.',
         says=lambda f: f'header stamps run {f.ratio:.3g} times as fast as receive stamps, as in '
                        'a replay or a simulation',
-        do='if they are wrong, --clock receive uses the other clock',
-        live='check the clock of the driver',
+        do='--clock header or --clock receive says which is right',
+        live='check the clock of the driver, or set clock to header if it is right',
         brief=lambda f: f'one of two clocks runs {f.ratio:.3g} times as fast'),
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',

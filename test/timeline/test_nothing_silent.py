@@ -364,6 +364,8 @@ def test_clocks_of_different_speed_are_reported(speed, back_s):
     assert ('clock_jumps' in codes(summary)) == (back_s > 0)
     assert [one.values for one in summary.remarks if one.code == 'clock_speed'] == (
         [{'ratio': pytest.approx(ratio, rel=5e-3)}] if speed != 1 else [])
+    # Whoever chooses a clock knows that it is right, as that of a replay or a simulation.
+    assert 'clock_speed' not in codes(run(messages.block(), clock='header')[0])
 
 
 @cache
