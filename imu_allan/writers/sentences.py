@@ -522,7 +522,7 @@ WORDS: Mapping[str, Words] = {
         says=lambda f: f'header stamps run {f.ratio:.3g} times as fast as receive stamps, as in '
                        'a replay or a simulation',
         do='--clock header or --clock receive says which is right',
-        live='check the clock of the driver, or set clock to header if it is right',
+        live='mend the clock of the driver, or set clock to header',
         brief=lambda f: f'one of two clocks runs {f.ratio:.3g} times as fast'),
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
