@@ -14,17 +14,16 @@ from imu_allan.cli.main import command_parser
 HEAD = """\
 # Every option of the command
 
-Made from the command's own help by `docs/make_commands.py`. Results go to stdout, messages to
-stderr. A known error is one line; a traceback means a bug.
+Results go to stdout, messages to stderr. A traceback means a bug.
 
 | exit status | |
 | --- | --- |
 | 0 | done |
-| 1 | a known error |
+| 1 | a known error, in one line |
 | 2 | wrong usage |
 | 3 | `check` found a limit that is not met |
 | 4 | `check` cannot tell |
-| 130 | after Ctrl-C |
+| 130, 143 | after Ctrl-C, SIGTERM |
 """
 READERS = 'Options of every verb that reads a recording'
 BOTH = 'Options of analyze and check'

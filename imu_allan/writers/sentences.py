@@ -789,7 +789,7 @@ WORDS: Mapping[str, Words] = {
         do='--accel :g says so, --accel :m/s^2 takes the numbers as they are',
         live='set accel_unit to g or to m/s^2'),
     'two_rates': Words(
-        'separate sensors', 'Gyroscope and accelerometer come each at its rate.',
+        'separate sensors', 'Gyroscope and accelerometer each have their own rate.',
         'By topics, or repeated values.',
         says=_two_rates),
     'repeated_half': Words(
