@@ -92,7 +92,7 @@ def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | No
     outcome, sentences = summary(verdicts)
     if decided is None:
         about = sentences or ['no limit is broken so far']
-        return Finding('specification', 'warn', f'nothing is certain yet: {"; ".join(about)}')
+        return Finding('specification', 'warn', f'not certain yet: {"; ".join(about)}')
     if outcome != 'fail':
         # An IMU that has passed may break a limit later; until then the verdict holds.
         outcome, sentences = summary(decided.verdicts)
