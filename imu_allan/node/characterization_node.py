@@ -47,6 +47,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
@@ -339,6 +340,9 @@ class CharacterizationNode(AnyExecutorNode):
             if self._ended:
                 return True
             self._ended = True
+            if not self.context.ok():
+                # A name that is not on /rosout, about which rcl would complain at every line.
+                self._log.logger = get_logger(self.get_fully_qualified_name())
             # Every step is attempted, even if an earlier one has failed.
             done = [self._attempt(step) for step in (
                 lambda: self._catch_up(time.monotonic()),
