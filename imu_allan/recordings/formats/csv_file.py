@@ -35,6 +35,7 @@ from imu_allan.recordings.formats.csv_header import (
     names_columns,
     QUOTES,
     read_header,
+    require_time,
     with_units_below,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
@@ -283,7 +284,9 @@ class CsvRecording(FileRecording):
                 cell for cell in columns.ignored if cell != names[dated[0]].strip()))
         if (clock := columns.clock) is not None:
             if clock.column in dated:
+                # Such a column may have a pattern such as hh:mm:ss in place of a unit.
                 clock = replace(clock, unit='ns')
+            require_time(names[clock.column].strip(QUOTES), clock.unit)
             times = _column(rows, clock.column)
             if rows and not times:
                 # Another topic of the table may have begun long before, so this column starts

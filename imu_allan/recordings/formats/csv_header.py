@@ -30,11 +30,11 @@ _SENSORS = {
             r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
             r'|drehrate|winkelgeschwindigkeit',
     'accel': r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
-             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|accel|acc|a_rs_s|gf'
+             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc|a_rs_s|gf'
              r'|accel_ln|beschleunigung'}
 _SECOND_CHOICE = {
     'gyro': r'un_?comp_?(?:ang_?rate|gyro)',
-    'accel': r'lin(?:ear)?_?acc(?:eleration)?|un_?comp_?acc(?:el)?|accel_wr'}
+    'accel': r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr'}
 _SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])')
 """These are taken if no column has one of the above: gravity may be removed, or noise higher."""
 _OF = r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
@@ -54,7 +54,8 @@ _IN = r'(?:_([mun]?s(?:ec)?))?'
 _CLOCKS = tuple(re.compile(form) for form in (
     rf'(?:[#%_]*(?:time|time_?stamp|stamp|zeit|temps|tiempo|tempo){_IN}'
     r'|(?:.*[/.])?header[./]stamp|millis|micros|timestamp_unix)',
-    rf'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine|[#%_]*t{_IN}',
+    rf'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine|[#%_]*t{_IN}'
+    r'|time(?:stamp)?([mun]s)',
     rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}|(ms|us)',
     rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}'
     r'|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
@@ -218,8 +219,6 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
         raise _both('time', ranks[0][1], ranks[1][1])
     time = ranks[0][1]
     unit = units[time]
-    if unit is not None:
-        _converted(times[time], unit, 's', 'time=NAME ms')
     return Clock(time, unit and unit.strip())
 
 
@@ -247,9 +246,9 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     if (columns.headless or delimiter is None or len(names) != len(units)
             or any(map(is_number, units))):
         return None
-    # A pattern such as hh:mm:ss is no unit, and the brackets of m/(s^2) belong to it.
+    # The brackets of m/(s^2) belong to it.
     bare = [match[1] if (match := re.fullmatch(r'[\[(](.*)[\])]', plain)) else plain.strip('-')
-            for plain in (unit.strip(' "\r') * (':' not in unit) for unit in units)]
+            for plain in (unit.strip(' "\r') for unit in units)]
     of_axes = [bare[axis[0]] for axis in columns.axes]
     if not any(of_axes) or any(unit and unit in names[axis[0]]
                                for unit, axis in zip(of_axes, columns.axes, strict=True)):
@@ -469,6 +468,12 @@ def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -
         spelled = 'g'
     return _converted(name, spelled, *((RAD_PER_S, f'{axis}=NAME deg/s') if axis[0] == 'g' else
                                        (M_PER_S2, f'{axis}=NAME g')))
+
+
+def require_time(name: str, unit: str | None) -> None:
+    """Raise an error unless a unit of times is one, or is to be inferred."""
+    if unit is not None:
+        _converted(name, unit, 's', 'time=NAME ms')
 
 
 def _converted(name: str, unit: str, si_unit: str, example: str) -> float:

@@ -348,6 +348,10 @@ def fields(form: str) -> str:
      [2_500_000_000]),
     ('TimeStartup,UncompAccelX,UncompGyroX,Temp,AccelX,AccelY,AccelZ,AngularRateX,AngularRateY,'
      'AngularRateZ\n2500000001,7,8,25,4,5,6,1,2,3\n', [2_500_000_001]),
+    ('timestamp,ACCL_x,Acel_y,accl z,GYRO_x,GYRO_y,GYRO_z,LinearAccel_x\n'
+     'ISO8601,m/s²,m/s²,m/s²,rad/s,rad/s,rad/s,m/s²\n1970-01-01T00:00:02.5Z,4,5,6,1,2,3,7\n',
+     [2_500_000_000]),
+    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2500000,0,1,2,3,4,5,6,25\n', [2_500_000_000]),
     ('timestamp,TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2.5,7,0,1,2,3,4,5,6,25\n',
      [2_500_000_000]),
     ('time_usec,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_m_s2[0],'
@@ -365,7 +369,8 @@ def fields(form: str) -> str:
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast', 'shimmer',
-        'phyphox in German', 'other languages', 'vectornav', 'ardupilot', 'px4',
+        'phyphox in German', 'other languages', 'vectornav', 'dates',
+        'ardupilot', 'mavlogdump', 'px4',
         'vectornav, not compensated',
         *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
