@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.node import sequential
+from imu_allan.node import shown_terms
 from imu_allan.node.results import FIT_GROWTH
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
@@ -46,7 +46,7 @@ def looks(terms: dict[str, float], seed: int, fit_growth: float) -> Iterator[Res
                         for axis in range(len(AXES))], axis=1)
     stamps = 1_700_000_000 * 10**9 + np.rint(np.arange(len(samples)) / RATE_HZ * 1e9).astype(int)
     imu, published, known = (Characterization(kind='topic', topic='/imu'),
-                             sequential.SequentialLooks(), 0)
+                             shown_terms.ShownTerms(), 0)
     for length in lengths_s(fit_growth):
         new = slice(known, int(length * RATE_HZ))
         known = new.stop
@@ -82,10 +82,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--seeds', default='0:11', metavar='FIRST:END')
     parser.add_argument('--fit-growth', type=float, default=FIT_GROWTH)
-    parser.add_argument('--growth', type=float, default=sequential.GROWTH)
-    parser.add_argument('--probable', type=float, default=sequential.PROBABLE)
+    parser.add_argument('--growth', type=float, default=shown_terms.GROWTH)
+    parser.add_argument('--probable', type=float, default=shown_terms.PROBABLE)
     given = parser.parse_args()
-    sequential.GROWTH, sequential.PROBABLE = given.growth, given.probable
+    shown_terms.GROWTH, shown_terms.PROBABLE = given.growth, given.probable
     first, end = map(int, given.seeds.split(':'))
     for number, (name, terms) in enumerate(MODELS.items()):
         total: Counter[str] = Counter()

@@ -15,6 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+Half = Literal['gyro', 'accel']
+"""The sensors of an IMU, each of which may have its own topic and rate."""
 NEIGHBOURS = 8
 """A short gap is filled with the mean of this many samples on each side."""
 
@@ -60,7 +62,7 @@ class ImuBlock:
                         self.absent[rows], self.frame_id,
                         None if self.numbers is None else self.numbers[rows])
 
-    def only(self, half: Literal['gyro', 'accel']) -> ImuBlock:
+    def only(self, half: Half) -> ImuBlock:
         """Return the block with the other sensor declared as not provided."""
         absent = self.absent.copy()
         absent[:, 1 if half == 'gyro' else 0] = True

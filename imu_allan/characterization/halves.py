@@ -4,24 +4,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
+from imu_allan.block import Half
 from imu_allan.finding import finding
 from imu_allan.result import Result
 
 
 @dataclass(frozen=True)
 class HalfResult:
-    """The result of one of the two sensors."""
+    """The result of one of the two sensors, or of both if `half` is None."""
 
-    half: Literal['gyro', 'accel']
+    half: Half | None
     topic: str
     result: Result
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor in words."""
-        return 'gyroscope' if self.half == 'gyro' else 'accelerometer'
 
 
 def united(parts: Sequence[HalfResult]) -> Result:
@@ -30,7 +25,10 @@ def united(parts: Sequence[HalfResult]) -> Result:
 
     `parts`: the gyroscope first. Returns: a result in which each axis has its own rate. Rate, gaps
     and faults of the whole are those of the first part with axes, as its remark `two_rates` says.
+    The only result is returned as it is.
     """
+    if len(parts) == 1:
+        return parts[0].result
     axes = {name: replace(axis, sample_rate_hz=part.result.timeline.sample_rate_hz)
             for part in parts for name, axis in part.result.axes.items()
             if name.startswith(f'{part.half}_')}

@@ -17,7 +17,7 @@ from imu_allan.node.diagnostics import (
     waiting_for,
 )
 from imu_allan.node.log import Log
-from imu_allan.node.sequential import rest_s
+from imu_allan.node.shown_terms import rest_s
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
@@ -115,18 +115,18 @@ class Announcements:
                                   'record is explained as well without it', f'gone {what}')
         self._see_findings('result', result.warnings)
 
-    def see_standing(self, facts: Facts) -> None:
+    def see_comparisons(self, facts: Facts) -> None:
         """Report each standard whose verdict has changed."""
-        for finding in facts.findings:
-            if self._levels.get(finding.standard) == finding.level:
+        for found in facts.comparisons:
+            if self._levels.get(found.standard) == found.level:
                 continue
-            self._levels[finding.standard] = finding.level
-            text = f'{finding.standard}: {finding.message}'
-            if finding.level == 'ok':
+            self._levels[found.standard] = found.level
+            text = f'{found.standard}: {found.message}'
+            if found.level == 'ok':
                 self._log.info(text)
             else:
-                say = self._log.error if finding.level == 'error' else self._log.warning
-                say(text, f'{finding.standard} {finding.level}', REPEAT_S)
+                say = self._log.error if found.level == 'error' else self._log.warning
+                say(text, f'{found.standard} {found.level}', REPEAT_S)
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
         """Report the progress of the run, every minute at first and every hour later."""

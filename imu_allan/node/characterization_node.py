@@ -18,6 +18,7 @@ from threading import RLock
 import time
 from typing import Any
 
+from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.callers import Callers, REQUESTS
@@ -34,7 +35,7 @@ from imu_allan.node.rclpy_inside import AnyExecutorNode
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
-from imu_allan.node.run import Half, Run, Setup
+from imu_allan.node.run import Run, Setup
 from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
 from imu_allan.node.storage import Storage

@@ -7,7 +7,6 @@ A file is the line ``imu_allan.state/VERSION``, the SHA-256 of the rest, and Num
 format without pickles. It is replaced atomically, so a reader finds the old state or the new.
 """
 
-from collections.abc import Mapping
 import contextlib
 from datetime import datetime, timezone
 import fcntl
@@ -17,17 +16,15 @@ import os
 from pathlib import Path
 import re
 import stat
-from typing import Any, IO
+from typing import IO
 import zipfile
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import at_home
+from imu_allan.state import State
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.output_path import resolved
 import numpy as np
-from numpy.typing import NDArray
-
-State = Mapping[str, NDArray[Any]]
 
 VERSION = 6
 """Version of the layout, raised when other versions of the program would misread the file."""
@@ -65,7 +62,7 @@ def encode_state(state: State) -> bytes:
     return _NAME + b'%d\n' % VERSION + hashlib.sha256(payload).digest() + payload
 
 
-def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
+def decode_state(data: bytes) -> State:
     """Return the arrays from the content of a state file."""
     if not data.startswith(_NAME):
         # An interrupted copy may have left the beginning of the name, or nothing.
@@ -160,7 +157,7 @@ class StateFile:
                 if leftover.fullmatch(path.name):
                     path.unlink()
 
-    def load(self) -> dict[str, NDArray[Any]] | None:
+    def load(self) -> State | None:
         """Read the last saved state; return None if there is no file."""
         try:
             with _open_plain(self.path, os.O_RDONLY) as file:

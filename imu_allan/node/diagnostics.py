@@ -14,8 +14,8 @@ from typing import NamedTuple
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.node.result_messages import key_values, remark_values
-from imu_allan.node.sequential import rest_s
-from imu_allan.node.standards import Finding
+from imu_allan.node.shown_terms import rest_s
+from imu_allan.node.standards import Comparison
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
@@ -121,7 +121,7 @@ class Facts:
     temperature_c: float | None = None
     temperature_missing: bool = False  # the topic has had no publisher for a while
     temperature_silent_s: float = 0.0  # 0 unless far longer than the usual pause
-    findings: list[Finding] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
 
 
 def diagnostics_message(node_name: str, stamp: Time,
@@ -147,8 +147,8 @@ def diagnostics_message(node_name: str, stamp: Time,
                   'checkpoint_age_s': None if facts.checkpointed_at is None else
                   time.monotonic() - facts.checkpointed_at})]
     levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
-    parts += [(finding.standard, both, (levels[finding.level], finding.message), {})
-              for finding in facts.findings]
+    parts += [(one.standard, both, (levels[one.level], one.message), {})
+              for one in facts.comparisons]
     for name, topic, (level, message), values in parts:
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message, hardware_id=topic,

@@ -14,14 +14,13 @@ import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import batches_of, blocks_from_messages, MalformedImu
+from imu_allan.cdr import batches_of, blocks_from_messages, OnMalformed
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 import numpy as np
 from numpy.typing import NDArray
 
 IMU = 'sensor_msgs/msg/Imu'
-OnMalformed = Callable[[int, MalformedImu], None]
 Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
 
 

@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping
 from concurrent.futures import Future
+from dataclasses import dataclass
 import time
 from typing import Any
 
@@ -13,7 +14,7 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.publications import Publications
 from imu_allan.node.result_messages import Filter, result_messages
 from imu_allan.node.run import Run
-from imu_allan.node.standards import Finding, Standards
+from imu_allan.node.standards import Comparison, Standards
 from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from sensor_msgs.msg import CompressedImage
@@ -21,8 +22,17 @@ from sensor_msgs.msg import CompressedImage
 FIT_GROWTH = 0.2
 """The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
 
-_Fitted = tuple[Result, list[Result], Mapping[str, Any], list[Finding], float, float]
-"""The result, results by lane, messages, findings against standards, seconds taken, and of CPU."""
+
+@dataclass(frozen=True)
+class _Fit:
+    """What a fit gives, and the time that it took."""
+
+    result: Result
+    of_lanes: list[Result]
+    messages: Mapping[str, Any]
+    comparisons: list[Comparison]
+    took_s: float
+    cpu_s: float
 
 
 class Results:
@@ -50,7 +60,7 @@ class Results:
     def begin_run(self) -> None:
         """Forget the results of the previous run."""
         self.latest = self._plotted = None
-        self._facts.findings = []
+        self._facts.comparisons = []
         self._next_fit = time.monotonic()
 
     def due(self, now: float) -> bool:
@@ -78,38 +88,39 @@ class Results:
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
         run.fitted = fed = run.fed
-        snapshot, name, looks = run.snapshot(), self._node_name, run.looks
+        snapshot, name, looks = run.snapshot(), self._node_name, run.datasheet_looks
         tested = None if to_the_end else run.backtests
         stamp = run.stamp_ns or time.time_ns()
 
-        def work() -> _Fitted:
+        def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
             of_lanes, fits = snapshot.fitted(tested)
             fitted = snapshot.as_one(of_lanes)
-            result = run.sequential.judged(fitted, more_comes=not to_the_end)
+            result = run.shown_terms.judged(fitted, more_comes=not to_the_end)
             messages = result_messages(result, name, _time(stamp), filter_of)
-            findings = standards.judge(
+            comparisons = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
-            return (result, of_lanes, messages, findings, time.monotonic() - started,
-                    time.thread_time() - busy)
+            return _Fit(result, of_lanes, messages, comparisons, time.monotonic() - started,
+                        time.thread_time() - busy)
 
-        def publish(future: 'Future[_Fitted]') -> None:
+        def publish(future: 'Future[_Fit]') -> None:
             if run.over:
                 return
             self._facts.fit_error = self._worker.failure('fit', future)
             if self._facts.fit_error:
                 return
-            self.latest, of_lanes, messages, findings, self._facts.fit_s, cpu_s = future.result()
-            self._facts.findings = findings
-            run.learn(of_lanes, fed if tested is None else None)
+            done = future.result()
+            self.latest, self._facts.fit_s = done.result, done.took_s
+            self._facts.comparisons = done.comparisons
+            run.learn(done.of_lanes, fed if tested is None else None)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too. An early
             # result is of little use: replace it when the record is three times as long.
             self._next_fit = began + max(FIT_GROWTH * run.duration_s,
-                                         min(100 * cpu_s, 2 * run.duration_s))
-            self._publications.publish(messages)
-            self._announcements.see_result(self.latest)
-            self._announcements.see_standing(self._facts)
+                                         min(100 * done.cpu_s, 2 * run.duration_s))
+            self._publications.publish(done.messages)
+            self._announcements.see_result(done.result)
+            self._announcements.see_comparisons(self._facts)
             self.draw_if_watched(run)
 
         self._worker.start('fit', work, publish)

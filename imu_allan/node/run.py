@@ -6,21 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 import secrets
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-from imu_allan.block import ImuBlock
+from imu_allan.block import Half, ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
+from imu_allan.characterization.stream import Backtests, Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.imu_type import IMU
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
-from imu_allan.node.sequential import rest_s, SequentialLooks
-from imu_allan.node.standards import Looks
-from imu_allan.noise.axis_fit import AxisFit
+from imu_allan.node.shown_terms import rest_s, ShownTerms
+from imu_allan.node.standards import DatasheetLooks
 from imu_allan.recordings.same_recording import Seen
-from imu_allan.result import Backtest, Result
+from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions
@@ -29,9 +29,6 @@ from numpy.typing import NDArray
 
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
-Half = Literal['gyro', 'accel']
-Backtests = Mapping[str, Backtest | None]
-Fits = Mapping[str, AxisFit | None]
 
 
 class LaneSnapshot(NamedTuple):
@@ -59,11 +56,9 @@ class Snapshot:
 
     def as_one(self, results: Sequence[Result]) -> Result:
         """Join the results of the lanes, in the form that all outputs show."""
-        if len(results) == 1:
-            return with_words(results[0])
         return with_words(united([
             HalfResult(lane.half, lane.characterization.topic or '', result)
-            for lane, result in zip(self.lanes, results, strict=True) if lane.half is not None]))
+            for lane, result in zip(self.lanes, results, strict=True)]))
 
     def result(self) -> Result:
         """Fit the snapshot and return the joint result."""
@@ -139,7 +134,8 @@ class Lane:
 class Run:
     """One lane, or one for the gyroscope and one for the accelerometer."""
 
-    def __init__(self, *lanes: Lane, looks: SequentialLooks | None = None, mark: str = '') -> None:
+    def __init__(self, *lanes: Lane, shown_terms: ShownTerms | None = None, mark: str = ''
+                 ) -> None:
         self.lanes = lanes
         # Makes its folder unique: another node may have begun with the same sample.
         self.mark = mark or secrets.token_hex(2)
@@ -149,8 +145,8 @@ class Run:
         # Whether another run has replaced it.
         self.over = False
         # Both are updated by the thread that fits.
-        self.looks = Looks()
-        self.sequential = SequentialLooks() if looks is None else looks
+        self.datasheet_looks = DatasheetLooks()
+        self.shown_terms = shown_terms or ShownTerms()
         self._backtests: Backtests | None = None
         self._tested = 0
 
@@ -237,7 +233,7 @@ class _Saved(Record):
 
     setup: Setup
     boot: str
-    looks: SequentialLooks
+    looks: ShownTerms
     lanes: list[_Kept]
     mark: str
 
@@ -250,7 +246,7 @@ def pack(run: Run, setup: Setup) -> State:
         waits = lane.unit is not None and lane.unit.waiting
         kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
                           None if lane.unit is None else lane.unit.decision))
-    saved = _Saved(setup, boot_id(), run.sequential, kept, run.mark)
+    saved = _Saved(setup, boot_id(), run.shown_terms, kept, run.mark)
     parts = {'run': state_of(saved)} | {
         f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
     return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
@@ -279,7 +275,7 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
         raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
-    return Run(*lanes, looks=saved.looks, mark=saved.mark)
+    return Run(*lanes, shown_terms=saved.looks, mark=saved.mark)
 
 
 def _go_on(lanes: list[Lane], setup: Setup, saved_boot: str) -> None:

@@ -24,7 +24,7 @@ Stream = Characterization | Mapping[str, Characterization]
 
 
 @dataclass(frozen=True)
-class Finding:
+class Comparison:
     """How the IMU compares with one standard."""
 
     standard: str
@@ -32,7 +32,7 @@ class Finding:
     message: str
 
 
-class Looks:
+class DatasheetLooks:
     """
     Looks at one run against its datasheet, rare enough for verdicts to be as certain as stated.
 
@@ -71,54 +71,54 @@ class Standards:
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
-    def judge(self, result: Result, stream: Stream, looks: Looks,
-              fits: Mapping[str, AxisFit | None] | None = None) -> list[Finding]:
+    def judge(self, result: Result, stream: Stream, looks: DatasheetLooks,
+              fits: Mapping[str, AxisFit | None] | None = None) -> list[Comparison]:
         """Compare a result with every standard."""
-        findings = []
+        comparisons = []
         if not result.axes:
-            return [Finding(name, 'warn', 'cannot tell yet: no axis has a result')
+            return [Comparison(name, 'warn', 'cannot tell yet: no axis has a result')
                     for name, given in (('specification', self._specification),
                                         ('reference', self._reference)) if given is not None]
         if self._specification is not None:
             verdicts = check(result, self._specification)
-            findings.append(_against_specification(verdicts, looks.decided(
+            comparisons.append(_against_specification(verdicts, looks.decided(
                 stream, self._specification, result, fits)))
         if self._reference is not None:
-            findings.append(_against_reference(result, self._reference))
-        return findings
+            comparisons.append(_against_reference(result, self._reference))
+        return comparisons
 
 
-def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | None) -> Finding:
+def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | None) -> Comparison:
     outcome, sentences = summary(verdicts)
     if decided is None:
         about = sentences or ['no limit is broken so far']
-        return Finding('specification', 'warn', f'not certain yet: {"; ".join(about)}')
+        return Comparison('specification', 'warn', f'not certain yet: {"; ".join(about)}')
     if outcome != 'fail':
         # An IMU that has passed may break a limit later; until then the verdict holds.
         outcome, sentences = summary(decided.verdicts)
     if outcome == 'pass':
-        return Finding('specification', 'ok', 'every limit of the specification is kept, certain '
-                       f'after {duration(decided.recorded_s)}')
-    return Finding('specification', 'error' if outcome == 'fail' else 'warn',
-                   '; '.join(sentences))
+        return Comparison('specification', 'ok', 'every limit of the specification is kept, '
+                          f'certain after {duration(decided.recorded_s)}')
+    return Comparison('specification', 'error' if outcome == 'fail' else 'warn',
+                      '; '.join(sentences))
 
 
-def _against_reference(result: Result, reference: Result) -> Finding:
+def _against_reference(result: Result, reference: Result) -> Comparison:
     shared = [axis for axis in AXES if axis in result.axes and axis in reference.axes]
     if not shared:
-        return Finding('reference', 'warn', 'cannot tell: the reference has none of these axes')
+        return Comparison('reference', 'warn', 'cannot tell: the reference has none of these axes')
     departures = [text for axis in shared for text in (
         *_density_departure(axis, result.axes[axis], reference.axes[axis]),
         *_bias_departure(axis, result, reference),
         *_line_departures(axis, result.axes[axis], reference.axes[axis]))]
     if departures:
-        return Finding('reference', 'warn', '; '.join(departures))
+        return Comparison('reference', 'warn', '; '.join(departures))
     compared = sum(result.axes[axis].coefficients['noise_density'].ci95 is not None
                    for axis in shared)
     if not compared:
-        return Finding('reference', 'warn', 'cannot tell yet: no noise density is observable')
-    return Finding('reference', 'ok', 'as in the reference: '
-                   f'{counted(compared, "axis", "axes")}')
+        return Comparison('reference', 'warn', 'cannot tell yet: no noise density is observable')
+    return Comparison('reference', 'ok', 'as in the reference: '
+                      f'{counted(compared, "axis", "axes")}')
 
 
 def _density_departure(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:

@@ -13,14 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from imu_allan.block import ImuBlock
+from imu_allan.block import Half, ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.recording import Recording
 import numpy as np
 from numpy.typing import NDArray
-
-Half = Literal['gyro', 'accel']
 
 _COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
 _ENOUGH = 64

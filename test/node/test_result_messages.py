@@ -25,8 +25,8 @@ from imu_allan.node.diagnostics import (
 from imu_allan.node.log import Log
 from imu_allan.node.result_messages import result_messages
 from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
-from imu_allan.node.sequential import SequentialLooks
-from imu_allan.node.standards import Finding, Looks, Standards
+from imu_allan.node.shown_terms import ShownTerms
+from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
 from imu_allan.result import Coefficient, GoodnessOfFit, Result, Timeline, Tone, TurnOnBias
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -253,7 +253,7 @@ def at(result: Result, seconds: float, observable: bool, wait_s: float | None = 
         axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, K: walk})})
 
 
-def published(looks: SequentialLooks, fit: Result) -> Coefficient:
+def published(looks: ShownTerms, fit: Result) -> Coefficient:
     return looks.judged(fit).axes['gyro_x'].coefficients[K]
 
 
@@ -282,7 +282,7 @@ TIMES = [10.0 * number for number in range(1, 24)]
 def test_of_repeated_looks_what_lasts_is_published(
         result: Result, fits: Sequence[Any], shown: list[bool], waits: dict[int, float | None]
         ) -> None:
-    looks = SequentialLooks()
+    looks = ShownTerms()
     found = [published(looks, at(result, *fit)) for fit in fits]
     assert [one.observable for one in found] == shown
     assert {at: found[at].observable_in_s for at in waits} == waits
@@ -294,11 +294,11 @@ def test_of_repeated_looks_what_lasts_is_published(
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result: Result) -> None:
     setup = Setup('/imu', TimelineOptions())
     run = new_run(setup)
-    published(run.sequential, at(result, 800.0, False))
+    published(run.shown_terms, at(result, 800.0, False))
     # As often as it is started anew: a run is one.
     for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
         run = unpack(decode_state(encode_state(pack(run, setup))), setup)
-        assert published(run.sequential, at(result, seconds, seconds > 900)
+        assert published(run.shown_terms, at(result, seconds, seconds > 900)
                          ).observable == observable
 
 
@@ -323,9 +323,9 @@ def above(limit: str) -> str:
 def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
-    run, looks, levels = characterized(), Looks(), []
+    run, looks, levels = characterized(), DatasheetLooks(), []
     assert standards.judge(run.result(), run, looks) == [
-        Finding('specification', 'warn', 'cannot tell yet: no axis has a result')]
+        Comparison('specification', 'warn', 'cannot tell yet: no axis has a result')]
     for block in simulated_blocks(parse_model(MODEL), 100.0, 3000, block_samples=300):
         run.update(block)
         [finding] = standards.judge(run.result(), run, looks)
@@ -340,7 +340,7 @@ def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_
     [result], fits = Run(Lane(noisy)).snapshot().fitted()
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
-        Finding('specification', 'error', Varying(above('1.3e-3')))]
+        Comparison('specification', 'error', Varying(above('1.3e-3')))]
 
 
 def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_figures(
@@ -348,15 +348,15 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
     save_result(run_of(MODEL).result(), tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
     again = run_of(MODEL, seed=1)
-    assert standards.judge(again.result(), again, Looks()) == [
-        Finding('reference', 'ok', 'as in the reference: 3 axes')]
+    assert standards.judge(again.result(), again, DatasheetLooks()) == [
+        Comparison('reference', 'ok', 'as in the reference: 3 axes')]
     shaken = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
                     '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
                     'mean: 0.01 rad/s}}').result()
     axes = dict(shaken.axes)
     axes['gyro_z'] = replace(axes['gyro_z'], tones=(Tone(31.0, 1e-3),))
-    assert standards.judge(replace(shaken, axes=axes), characterized(), Looks()) == [
-        Finding('reference', 'warn', Varying(
+    assert standards.judge(replace(shaken, axes=axes), characterized(), DatasheetLooks()) == [
+        Comparison('reference', 'warn', Varying(
             'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: '
             'bias <number> rad/s, <number> in the reference; gyro_z: a line at 31 Hz of 0.001 '
             'rad/s, none in the reference'))]

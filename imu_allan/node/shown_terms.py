@@ -25,9 +25,9 @@ With 0.9, 1 of 14 is wrong on the axes above: flicker taken for a random walk.""
 
 
 @dataclass
-class SequentialLooks(Record):
+class ShownTerms(Record):
     """
-    Successive looks at the results of one run, which continue after a restart.
+    The terms that successive results of one run have shown, also before a restart.
 
     Another thread may save them meanwhile, so attributes are replaced, never changed in place.
     """
