@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Serialization = Literal['cdr', 'ros1']
+IMU_TYPE = 'sensor_msgs/msg/Imu'
 
 _TEXT_LENGTH_AT = 12  # after encapsulation, sec and nanosec, of 4 bytes each
 _TEXT_AT = 16         # after its length, a uint32

@@ -19,6 +19,8 @@ from imu_allan.finding import Finding
 from imu_allan.json_of_dataclasses import ABOVE_ZERO, json_text, NOT_NEGATIVE, plain, typed
 
 SCHEMA = 'imu_allan.result/1'
+LISTED_SPANS = 1000
+"""Most gaps, and most spans of motion, that are listed; further ones are only counted."""
 
 Interval = tuple[float, float]
 Fault = Literal['constant', 'dead', 'saturated', 'zeroed', 'copied']

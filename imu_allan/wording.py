@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from math import floor, isfinite, log10
 
 from imu_allan.errors import printable
-from imu_allan.result import Inspection, Result, Timeline
+from imu_allan.result import Inspection, LISTED_SPANS, Result, Timeline
 
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
@@ -269,8 +269,7 @@ def faults_of(timeline: Timeline) -> list[str]:
                              (timeline.motion, 'segment of motion', 'segments of motion')):
         if spans:
             total = sum(span.duration_s for span in spans)
-            # At most 1000 are listed: `LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`,
-            # which this module may not import. A finding has the total number.
-            first = 'the first ' if len(spans) >= 1000 else ''
+            # A finding has the total number.
+            first = 'the first ' if len(spans) >= LISTED_SPANS else ''
             faults.append(f'{first}{counted(len(spans), one, many)} ({duration(total)})')
     return faults

@@ -8,7 +8,7 @@ from pathlib import Path
 import re
 
 import imu_allan
-from imu_allan.noise.posterior.shapes import FREE_TERMS, HIGH_PASSES, LOW_PASSES, TERMS
+from imu_allan.noise.posterior.shapes import FREE_SHAPES, HIGH_PASSES, LOW_PASSES, TERM_SHAPES
 from imu_allan.noise.posterior.trends import TRENDS
 import pytest
 
@@ -55,7 +55,7 @@ OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
 
 
 @pytest.mark.parametrize('shape', [
-    *(shape for shape in TERMS if shape.key != 'noise_density'), *FREE_TERMS, *LOW_PASSES,
+    *(shape for shape in TERM_SHAPES if shape.key != 'noise_density'), *FREE_SHAPES, *LOW_PASSES,
     *HIGH_PASSES, *TRENDS], ids=lambda shape: shape.key)
 def test_a_prior_is_that_of_the_code(shape):
     [prior] = re.findall(rf'^\| {re.escape(NAMES.get(shape.key, OTHERS))} \| ([\d.]+)', PAGE,

@@ -25,7 +25,7 @@ from imu_allan.characterization.findings import (
     tone_findings,
     with_start,
 )
-from imu_allan.characterization.power_ons import Mark, mark_of, MOST, spread_of_means
+from imu_allan.characterization.power_ons import Mark, mark_of, MOST_POWER_ONS, spread_of_means
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
@@ -174,7 +174,7 @@ class Characterization:
         if record is not None:
             marks = self._memory.power_ons
             marks.append(mark_of(record, marks))
-            del marks[:-MOST]
+            del marks[:-MOST_POWER_ONS]
         self._absorb(self._timeline.power_on)
 
     def summary(self) -> TimelineSummary:

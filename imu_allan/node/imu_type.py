@@ -14,13 +14,12 @@ import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import batches_of, blocks_from_messages, OnMalformed
+from imu_allan.cdr import batches_of, blocks_from_messages, IMU_TYPE, OnMalformed
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 import numpy as np
 from numpy.typing import NDArray
 
-IMU = 'sensor_msgs/msg/Imu'
 Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
 
 
@@ -29,7 +28,7 @@ def message_class(type_name: str) -> Any:
     found = re.fullmatch(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)', type_name)
     shown = printable(shorten(type_name, 80))
     if found is None:
-        raise ImuAllanError(f'{shown}: not the name of a message type, such as {IMU}')
+        raise ImuAllanError(f'{shown}: not the name of a message type, such as {IMU_TYPE}')
     try:
         return getattr(import_module(f'{found["package"]}.msg'), found['name'])
     except AttributeError:
@@ -69,7 +68,7 @@ def _field(name: str, kind: str) -> Field:
 def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             gyro_unit: str = '', accel_unit: str = '') -> Decode:
     """Return a function that decodes messages of a type."""
-    if type_name == IMU and not (gyro or accel or stamp or gyro_unit or accel_unit):
+    if type_name == IMU_TYPE and not (gyro or accel or stamp or gyro_unit or accel_unit):
         return blocks_from_messages
     # Imported late: most nodes read sensor_msgs/Imu and do not need these.
     from imu_allan.recordings.messages.imus_in import imu_messages

@@ -9,13 +9,13 @@ import secrets
 from typing import Any, NamedTuple
 
 from imu_allan.block import Half, ImuBlock
+from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.characterization.stream import Backtests, Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
-from imu_allan.node.imu_type import IMU
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.shown_terms import rest_s, ShownTerms
 from imu_allan.node.standards import DatasheetLooks
@@ -28,7 +28,6 @@ from imu_allan.writers.words import with_words
 from numpy.typing import NDArray
 
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
-
 
 
 class LaneSnapshot(NamedTuple):
@@ -198,7 +197,7 @@ class Setup:
 
     topic: str
     options: TimelineOptions
-    messages: str = IMU
+    messages: str = IMU_TYPE
     """How the messages are read: their type, and the fields and units that the user names."""
     accel_topic: str = ''
     """Topic of the accelerometer, if `topic` carries the gyroscope alone."""

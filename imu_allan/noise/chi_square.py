@@ -18,8 +18,6 @@ from scipy.special import gammaincc, gammainccinv, gammaincinv
 
 NORMAL95 = 1.96
 """Half-width of a normal 95 % interval in standard errors: the square root of `upper(0.05, 1)`."""
-NORMAL90 = 1.645
-"""The same for 90 %, or for 95 % on one side."""
 
 
 def survival(x: ArrayLike, dof: ArrayLike) -> Array:

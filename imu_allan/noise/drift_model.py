@@ -32,8 +32,6 @@ from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
 from numpy.typing import ArrayLike
 
-MOST_PROCESSES = 4
-"""Each process is a filter state and costs time; a fifth one improved no recording tried."""
 MISFIT = 0.1
 """Misfit that limits the weight of a half-octave; else one at the fast end would dominate."""
 _FEWEST_GROUPS = 8
@@ -215,7 +213,8 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
     if len(close):
         times, start = _joined(times, solution.theta, int(close[0]))
         times, solution = there(times, fitted(times, start))
-    while len(times) > MOST_PROCESSES:
+    # Each process is a filter state and costs time; a fifth one improved no recording tried.
+    while len(times) > 4:
         theta = solution.theta
         fewer = [(np.delete(times, i), np.delete(theta, 2 + i)) for i in range(len(times))]
         fewer += [_joined(times, theta, i) for i in range(len(times) - 1)]

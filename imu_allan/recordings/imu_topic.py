@@ -5,9 +5,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from imu_allan.cdr import MalformedImu
+from imu_allan.cdr import IMU_TYPE, MalformedImu
 from imu_allan.errors import printable
-from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
+from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
 
 
@@ -31,7 +31,7 @@ class ImuTopic:
 
     name: str
     count: int | None
-    messages: ImuMessages = BARE_IMU
+    messages: ImuMessages = ImuMessages(IMU_TYPE)  # noqa: RUF009
     source: str = ''
 
     @property

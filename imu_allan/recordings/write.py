@@ -11,7 +11,7 @@ import sqlite3
 from typing import Any, Literal
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
+from imu_allan.cdr import encode_imu_rows, IMU_TYPE
 from imu_allan.errors import ImuAllanError, printable
 from mcap.writer import CompressionType, Writer
 import numpy as np
@@ -20,8 +20,6 @@ import yaml
 
 Storage = Literal['mcap', 'sqlite3']
 Compression = Literal['', 'lz4', 'zstd']
-
-_IMU_TYPE = 'sensor_msgs/msg/Imu'
 
 
 def write_recording(
@@ -124,7 +122,7 @@ def _metadata(file: str, topic: str, storage: Storage, extent: _Extent) -> str:
         'topics_with_message_count': [{
             'topic_metadata': {
                 'name': topic,
-                'type': _IMU_TYPE,
+                'type': IMU_TYPE,
                 'serialization_format': 'cdr',
                 'offered_qos_profiles': [],
                 'type_description_hash': _imu_type()[1],
@@ -145,8 +143,8 @@ def _imu_type() -> tuple[str, str]:
     """Return the message definition and RIHS01 hash of sensor_msgs/msg/Imu."""
     from rosbags.typesys import get_typestore, Stores
     store = get_typestore(Stores.ROS2_JAZZY)
-    definition, _ = store.generate_msgdef(_IMU_TYPE, ros_version=2)
-    return definition, store.hash_rihs01(_IMU_TYPE)
+    definition, _ = store.generate_msgdef(IMU_TYPE, ros_version=2)
+    return definition, store.hash_rihs01(IMU_TYPE)
 
 
 def _messages(blocks: Iterable[ImuBlock], extent: _Extent) -> Iterator[tuple[int, bytes]]:
@@ -172,9 +170,9 @@ def _write_sqlite(
         database.execute(
             'INSERT INTO message_definitions(topic_type, encoding, encoded_message_definition, '
             'type_description_hash) VALUES (?, ?, ?, ?)',
-            (_IMU_TYPE, 'ros2msg', definition, digest))
+            (IMU_TYPE, 'ros2msg', definition, digest))
         database.execute(
-            "INSERT INTO topics VALUES (1, ?, ?, 'cdr', '', ?)", (topic, _IMU_TYPE, digest))
+            "INSERT INTO topics VALUES (1, ?, ?, 'cdr', '', ?)", (topic, IMU_TYPE, digest))
         database.executemany('INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
                              _messages(blocks, extent))
         database.execute(
@@ -194,7 +192,7 @@ def _write_mcap(
         # The chunk size of rosbag2's own MCAP storage.
         writer = Writer(out, chunk_size=786_432, compression=kind)
         writer.start('ros2', 'imu_allan')
-        schema = writer.register_schema(_IMU_TYPE, 'ros2msg', definition.encode())
+        schema = writer.register_schema(IMU_TYPE, 'ros2msg', definition.encode())
         channel = writer.register_channel(
             topic, 'cdr', schema, {'offered_qos_profiles': '', 'topic_type_hash': digest})
         for number, (stamp, message) in enumerate(_messages(blocks, extent)):

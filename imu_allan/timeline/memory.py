@@ -7,6 +7,7 @@ from math import sqrt
 from typing import Any, Literal
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Content, Presence
 from imu_allan.timeline.clock import SECOND, Stamps
@@ -21,8 +22,6 @@ Clock = Literal['header', 'receive']
 
 FASTEST_NS = 5e3
 """No IMU samples at more than 200 kHz."""
-LISTED_GAPS = 1000
-"""Gaps that are listed individually; further ones are only counted."""
 
 
 @dataclass
@@ -106,7 +105,7 @@ class Counts(Record):
         self.gaps += 1
         self.gaps_ns += round(duration_ns)
         self.longest_gap_ns = max(self.longest_gap_ns, round(duration_ns))
-        if len(self.listed_gaps) < LISTED_GAPS:
+        if len(self.listed_gaps) < LISTED_SPANS:
             self.listed_gaps.append((start_ns / SECOND, duration_ns / SECOND))
 
     def reject_frame(self, frame_id: str, messages: int) -> None:

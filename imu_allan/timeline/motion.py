@@ -13,14 +13,12 @@ from math import log
 
 from imu_allan.arrays import Bools
 from imu_allan.block import EvenBlock
+from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
-
-LISTED_SPANS = 1000
-"""Most spans that are listed individually."""
 
 _LATELY_S = 5.0
 """Motion is reported for this long, so that "moving" does not flicker as somebody walks by."""

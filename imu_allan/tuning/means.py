@@ -10,9 +10,6 @@ from imu_allan.noise.terms import AXES
 import numpy as np
 from numpy.typing import NDArray
 
-MOST = 32_768
-"""Most means kept: nine hours of seconds, 2 MB for six axes; then they are over two, four, ..."""
-
 
 class Means:
     """
@@ -73,6 +70,7 @@ class Means:
                 rows[:, start:end], self._run, block.first_index + start, self.cell))
             self._away = False
         self._away = not there[-1]
-        while len(self.series) > MOST:
+        # Nine hours of seconds, 2 MB for six axes; then means are over two, four, ... seconds.
+        while len(self.series) > 32_768:
             self.series = coarser(self.series, 1)
             self.cell *= 2

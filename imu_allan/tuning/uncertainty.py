@@ -155,7 +155,8 @@ def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
     # finite.
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
     sampling = np.log(dof / chi_square.lower(0.05, dof))
-    drift = np.hypot(sampling, 2 * chi_square.NORMAL90 * unsteadiness(axis))
+    # 95 % of a normal distribution lie below 1.645 standard errors.
+    drift = np.hypot(sampling, 2 * 1.645 * unsteadiness(axis))
     # White noise is known from the whole band, whatever the horizon.
     best = float(np.max(axis.curve.edf))
     noise = best / float(chi_square.lower(0.05, np.array([best]))[0])

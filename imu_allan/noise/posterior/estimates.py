@@ -26,11 +26,11 @@ from imu_allan.noise.posterior.shapes import (
     GENTLE,
     LOW_PASSES,
     SMOOTH_DRIFT,
-    TERMS,
+    TERM_SHAPES,
     WHITE,
 )
 from imu_allan.noise.posterior.trends import TrendKind, waveforms
-from imu_allan.noise.terms import TERMS as SYMBOLS
+from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
@@ -112,7 +112,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
     found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight,
                                   REPORTED if k == Q else OBSERVABLE, float(unit[k]))
-             for k, shape in enumerate(TERMS) if shape.key in SYMBOLS}
+             for k, shape in enumerate(TERM_SHAPES) if shape.key in TERMS}
     # Without its change over the record, which widens the interval but hides nothing.
     if low <= 0 or high / low > WIDEST:
         found[WHITE] = replace(found[WHITE], observable=False)

@@ -30,14 +30,14 @@ from imu_allan.noise.posterior.regression import mean, regressors, residual_powe
 from imu_allan.noise.posterior.shapes import (
     cubic,
     FLICKER,
-    FREE_TERMS,
+    FREE_SHAPES,
     GENTLE,
     HIGH_PASSES,
     LOW_PASSES,
     SMOOTH_DRIFT,
     Table,
     Tables,
-    TERMS,
+    TERM_SHAPES,
     WALK,
     WHITE,
 )
@@ -45,16 +45,16 @@ from imu_allan.noise.record.groups import Groups
 import numpy as np
 from scipy.special import digamma
 
-PLAIN = len(TERMS)
-FREE = len(FREE_TERMS)
+PLAIN = len(TERM_SHAPES)
+FREE = len(FREE_SHAPES)
 # After the amplitudes of the terms, and the amplitude and nuisance of each free term.
 LOW, HIGH = PLAIN + 2 * FREE, PLAIN + 2 * FREE + 1
 SLOTS = HIGH + 1
 """Parameters of a row: amplitudes of the terms, free terms, low-pass and high-pass corners."""
 AMPLITUDES = np.array([*range(PLAIN), *(PLAIN + 2 * k for k in range(FREE))])
 NUISANCES = np.array([*(PLAIN + 2 * k + 1 for k in range(FREE)), LOW, HIGH])
-OUTPUT = np.array([shape.at_output for shape in TERMS])
-KEYS = [shape.key for shape in TERMS]
+AT_OUTPUT = np.array([shape.at_output for shape in TERM_SHAPES])
+KEYS = [shape.key for shape in TERM_SHAPES]
 ALWAYS = KEYS.index(WHITE)
 """Slot of the white noise, which is in every model, even if it is too weak to be detected."""
 SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
@@ -62,7 +62,7 @@ SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
 GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
 """Standard deviation of the penalty on a nuisance beyond an end of its range."""
-_COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
+_COSTLY = np.array([*np.flatnonzero(AT_OUTPUT), *NUISANCES])
 """Slots that make a batch slower to compute."""
 
 
@@ -248,7 +248,7 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     for slot in terms:
         part = np.multiply(spectra.columns[of, slot], twice[:, slot, None],
                            out=jacobian[place[slot]])
-        total = behind if OUTPUT[slot] else body
+        total = behind if AT_OUTPUT[slot] else body
         total += part
     body *= 0.5
     for k, table in enumerate(spectra.free):
@@ -270,7 +270,7 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
         body *= response
         if slopes:
             for slot, number in place.items():
-                if slot < LOW and not (slot < PLAIN and OUTPUT[slot]):
+                if slot < LOW and not (slot < PLAIN and AT_OUTPUT[slot]):
                     jacobian[number] *= response
             for slot, _, slope in bends:
                 np.multiply(body, slope, out=jacobian[place[slot]])
@@ -380,12 +380,12 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Boo
 
 def structure_prior(tables: Tables, gentle: float, has: Bools, family: int) -> float:
     """Return the log prior of a set of shapes, with the density of their nuisances."""
-    total = sum(np.log(shape.density) for slot, shape in enumerate(TERMS)
+    total = sum(np.log(shape.density) for slot, shape in enumerate(TERM_SHAPES)
                 if has[slot] and slot != ALWAYS)
     # Neither flicker nor slow noise with another exponent.
     if not has[[KEYS.index(FLICKER), PLAIN]].any():
         total += has[SLOWER].sum() * np.log(WITHOUT_FLICKER)
-    for k, shape in enumerate(FREE_TERMS):
+    for k, shape in enumerate(FREE_SHAPES):
         if has[PLAIN + 2 * k]:
             total += np.log(shape.density)
             if shape.key == 'gauss_markov':

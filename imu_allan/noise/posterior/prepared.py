@@ -10,8 +10,8 @@ from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     AMPLITUDES,
+    AT_OUTPUT,
     KEYS,
-    OUTPUT,
     PLAIN,
     SLOTS,
     Spectra,
@@ -21,15 +21,15 @@ from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean, regressors
 from imu_allan.noise.posterior.shapes import (
     FEWEST_GROUPS,
-    FREE_TERMS,
+    FREE_SHAPES,
     Table,
     tables,
-    TERMS,
+    TERM_SHAPES,
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 
-_COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERMS]
+_COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERM_SHAPES]
 """Column of the design for each term: its own, or that of the term in `like`."""
 
 
@@ -83,8 +83,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         levels.append(np.maximum(smoothed(one, about.noise, expected), rounding))
     level = np.stack(levels)
     nu = np.minimum(groups[0].frequency * dt, 0.5)
-    ratio = np.stack([shape.power(nu, 0.0) / TERMS[own].power(nu, 0.0)
-                      for shape, own in zip(TERMS, _COLUMNS, strict=True)])
+    ratio = np.stack([shape.power(nu, 0.0) / TERM_SHAPES[own].power(nu, 0.0)
+                      for shape, own in zip(TERM_SHAPES, _COLUMNS, strict=True)])
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
     passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level,
@@ -95,13 +95,13 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     dof = whole / (1 + whole * uncertainty**2 / 2)
     # A filter attenuates noise of the sensor together with what hides it, but not output noise.
     information = whole / 2 / (level / np.where(stopped, passed, 1.0))**2
-    seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
+    seen = np.where(AT_OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(nu, groups[0].step, groups[0].length, groups[0].interpolated)
     like = np.stack([np.log(np.maximum(
         design[:, KEYS.index(shape.like)]
-        / (TERMS[KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
-        for shape in FREE_TERMS], axis=1)
+        / (TERM_SHAPES[KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
+        for shape in FREE_SHAPES], axis=1)
     sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
     free = tuple(_in_units(own, like[:, k], sizes[k]) for k, own in enumerate(table.terms))
     spectra = Spectra(

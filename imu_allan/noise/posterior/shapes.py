@@ -105,7 +105,7 @@ WHITE, FLICKER, WALK = 'noise_density', 'bias_instability', 'rate_random_walk'
 SMOOTH_DRIFT = 'smooth_drift'
 GENTLE = 'recursive_mean'
 
-TERMS = (
+TERM_SHAPES = (
     Shape('quantization_noise', 0.3, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
     Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
     Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
@@ -121,7 +121,7 @@ Smooth drift is a mean that moves smoothly in a way that no trend of the list de
 spectrum is f^-4, like that of an integrated random walk.
 """
 
-FREE_TERMS = (
+FREE_SHAPES = (
     Shape('power_law', 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
           # Flatter noise would take the place of white noise behind an unlisted filter.
           lambda _: Grid(0.4, 1.9, 0.1), like=FLICKER),
@@ -233,7 +233,7 @@ class Tables:
 def _tables(layout: bytes) -> Tables:
     nu, step, length, interpolated = np.frombuffer(layout).reshape(4, -1)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
-    return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_TERMS),
+    return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_SHAPES),
                   table_of(LOW_PASSES, nu, band, Response(nu, step, length, interpolated)),
                   table_of(HIGH_PASSES, nu, band))
 

@@ -27,8 +27,8 @@ from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
 
-KNOWN = 13.8
-"""Chi-square above which a harmonic of known frequency is significant (at 0.1 %)."""
+SIGNIFICANT = 13.8
+"""Chi-square above which a harmonic of known frequency is significant, at 0.1 %."""
 HARMONICS = (32, 96)
 """Harmonics fitted at first, and if all of these show: a jagged cycle of 100 times B has more."""
 
@@ -107,7 +107,7 @@ def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
 
 def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
     """Return twice the order of the last significant harmonic, at most `most`."""
-    there = ratios(record, variance, frequency_hz, most) >= KNOWN
+    there = ratios(record, variance, frequency_hz, most) >= SIGNIFICANT
     # The next harmonics are not significant alone, but together pass for a Gauss-Markov process.
     return min(2 * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
 

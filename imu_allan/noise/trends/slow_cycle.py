@@ -22,9 +22,9 @@ from imu_allan.noise.trends.harmonics import (
     Cycle,
     HARMONICS,
     harmonics_of,
-    KNOWN,
     ratios,
     refined,
+    SIGNIFICANT,
     without,
 )
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -90,7 +90,7 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
     variance = _variance(record, _noise(record))
     ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
                               for hz in frequencies_hz)
-    return _taken_out(record, variance, frequency_hz) if ratio > KNOWN else None
+    return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
 
 
 def _noise(record: RecordSpectrum) -> Array:

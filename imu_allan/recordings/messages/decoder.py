@@ -92,9 +92,6 @@ class ImuMessages:
         return f'{self.type_name}, {self.fields.what}'
 
 
-BARE_IMU = ImuMessages('sensor_msgs/msg/Imu')
-
-
 class FieldsDecoder:
     """Decoder for message types whose samples are in arbitrary fields."""
 
