@@ -31,3 +31,8 @@ def shorten(text: str, longest: int = 200) -> str:
         return text
     half = (longest - 1) // 2
     return f'{text[:half]}…{text[-half:]}'
+
+
+def brief(text: str, longest: int = 200) -> str:
+    """Return text from a file for one line of a terminal, shortened as by `shorten`."""
+    return printable(shorten(text, longest))

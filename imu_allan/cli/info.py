@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.fleet import raise_last
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.writers.terminal import columns_of
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
         print()
         print(f'{counted(len(topics), one, many)}:')
         for name, word in topics[:most]:
-            print(f'  {printable(shorten(name))}  {printable(shorten(word))}'.rstrip())
+            print(f'  {brief(name)}  {brief(word)}'.rstrip())
         if len(topics) > most:
             print(f'  and {len(topics) - most} more')
 
@@ -164,7 +164,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             stage.flush()
     except ImuAllanError as error:
         failure = str(error)
-    lines = ['table' if topic == NO_TOPIC else printable(shorten(topic))]
+    lines = ['table' if topic == NO_TOPIC else brief(topic)]
     messages = recording.imu(topic).messages
     rows = [('messages', f'{count:,}')]
     if messages.fields is not None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, blocks_from_messages, IMU_TYPE, OnMalformed
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlo
 def message_class(type_name: str) -> Any:
     """Return the Python class of a message type."""
     found = re.fullmatch(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)', type_name)
-    shown = printable(shorten(type_name, 80))
+    shown = brief(type_name, 80)
     if found is None:
         raise ImuAllanError(f'{shown}: not the name of a message type, such as {IMU_TYPE}')
     try:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Choose an Imu topic of a recording, or report what the recording holds if none fits."""
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import counted, NO_TOPIC
 
@@ -35,10 +35,10 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
             other = next((name for name in spellings if name in recording.other_topics), None)
             if other is None:
                 raise ImuAllanError(
-                    f'{path}: no topic {_shown(topic)}; {_what_there_is(recording)}')
+                    f'{path}: no topic {brief(topic)}; {_what_there_is(recording)}')
             raise ImuAllanError(
-                f'{path}: topic {_shown(other)} is of type '
-                f'{_shown(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
+                f'{path}: topic {brief(other)} is of type '
+                f'{brief(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
                 f'{_reason(recording, [other])}')
     elif not names:
         raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
@@ -49,7 +49,7 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
         [chosen] = names
     if names[chosen].count == 0:
         raise ImuAllanError(
-            f'{path}: topic {_shown(chosen)} has no messages; record it while the IMU driver '
+            f'{path}: topic {brief(chosen)} has no messages; record it while the IMU driver '
             'runs')
     return chosen
 
@@ -61,7 +61,7 @@ def _what_there_is(recording: Recording) -> str:
         return f'its Imu topics are {_list_topics(recording)}'
     if not recording.other_topics:
         return 'it holds no topics at all: the recording is empty'
-    shown = [f'{_shown(name)} ({_shown(kind)})'
+    shown = [f'{brief(name)} ({brief(kind)})'
              for name, kind in sorted(recording.other_topics.items())[:10]]
     more = len(recording.other_topics) - len(shown)
     return ('no topic of type sensor_msgs/msg/Imu; it holds ' + ', '.join(shown)
@@ -73,19 +73,15 @@ def _reason(recording: Recording, topics: list[str]) -> str:
     """Return why the first of `topics` that has a reason is not read."""
     for topic in topics:
         if topic in recording.reasons:
-            named = '' if len(topics) == 1 else f'{_shown(topic)}: '
+            named = '' if len(topics) == 1 else f'{brief(topic)}: '
             return f'; {named}{recording.reasons[topic]}'
     return ''
 
 
 def _list_topics(recording: Recording) -> str:
     shown = [
-        _shown(topic.name)
+        brief(topic.name)
         + ('' if topic.count is None else f' ({counted(topic.count, "message")})')
         for topic in sorted(recording.topics, key=lambda topic: topic.name)[:10]]
     more = len(recording.topics) - len(shown)
     return ', '.join(shown) + (f' and {more} more' if more else '')
-
-
-def _shown(name: str) -> str:
-    return printable(shorten(name))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import math
 from pathlib import Path
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.sensor.units import convert
 
 RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
@@ -59,7 +59,7 @@ class RecordingOptions:
         for pair in self.columns:
             if isinstance(pair, str) or len(pair) != 2:
                 raise ImuAllanError("columns are pairs such as ('gyro_x', '2 deg/s'), not "
-                                    f'{printable(shorten(repr(pair), 60))}')
+                                    f'{brief(repr(pair), 60)}')
         if isinstance(self.definitions, str | Path):
             raise ImuAllanError(f'definitions are several paths, not '
                                 f'{printable(self.definitions)}')
@@ -84,5 +84,5 @@ def factor(option: str, unit: str | None, si_unit: str) -> float:
     except ImuAllanError as error:
         other = ('deg/s, of counts deg/s/131' if si_unit == RAD_PER_S else
                  'g, of counts g/16384')
-        raise ImuAllanError(f'{option} {printable(shorten(unit, 80))}: {error}; write {si_unit} '
+        raise ImuAllanError(f'{option} {brief(unit, 80)}: {error}; write {si_unit} '
                             f'or {other}') from error

@@ -5,7 +5,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.finding import finding
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.recording import Recording
@@ -25,10 +25,10 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
                   if thermometer.name.strip('/') == named.strip('/')] or [
             thermometer for thermometer in own if thermometer.name == f'{topic}:{named}']
         if not chosen:
-            shown = ', '.join(printable(shorten(thermometer.name))
+            shown = ', '.join(brief(thermometer.name)
                               for thermometer in (*separate, *own)[:10])
             raise ImuAllanError(
-                f'{printable(recording.path)}: --temperature {printable(shorten(named))}: no '
+                f'{printable(recording.path)}: --temperature {brief(named)}: no '
                 'topic of type sensor_msgs/Temperature, field or column of this name; there are '
                 + (shown or 'no temperatures in it'))
         return chosen[0]

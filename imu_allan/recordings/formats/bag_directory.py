@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
@@ -148,7 +148,7 @@ class BagDirectory(Recording):
             else:
                 found.append(file)
         if missing:
-            listed = ', '.join(printable(shorten(name)) for name in missing[:10])
+            listed = ', '.join(brief(name) for name in missing[:10])
             if not found:
                 here = recorded_files(self.path)
                 raise ImuAllanError(

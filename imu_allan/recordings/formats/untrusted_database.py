@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import sqlite3
 
-from imu_allan.errors import printable, shorten
+from imu_allan.errors import brief
 
 LONGEST_VALUE = 1 << 20
 """Bytes of a text or blob. An Imu has 324 plus its frame_id; definitions are the longest."""
@@ -92,7 +92,7 @@ def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> 
                 'SELECT name, hidden FROM pragma_table_xinfo(?)', (name,)):
             if hidden:
                 raise sqlite3.DatabaseError(
-                    f'column {printable(shorten(column, 60))} of {name} is computed')
+                    f'column {brief(column, 60)} of {name} is computed')
         database.execute(f'SELECT rowid FROM {name} NOT INDEXED LIMIT 0')
 
 
@@ -108,7 +108,7 @@ def _require_plain_schema(database: sqlite3.Connection) -> None:
             if not beginning.startswith(
                     ('create table ', 'create index ', 'create unique index ')):
                 raise sqlite3.DatabaseError(
-                    f'{printable(shorten(name or "", 60))} is neither a table nor an index, and '
+                    f'{brief(name or "", 60)} is neither a table nor an index, and '
                     'rosbag2 writes nothing else')
     except sqlite3.OperationalError as error:
         if schema.exhausted:

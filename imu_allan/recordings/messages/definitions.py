@@ -15,7 +15,7 @@ import re
 from typing import Any, Literal
 
 from imu_allan.cdr import Serialization
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError, printable
 
 Form = Literal['msg', 'idl']
 
@@ -94,7 +94,7 @@ def parse(type_name: str, definition: Definition | Types,
 
     name = normal_name(type_name)
     if len(definition.text) > _LARGEST:
-        raise ImuAllanError(f'the definition of {_shown(name)} has more than '
+        raise ImuAllanError(f'the definition of {brief(name)} has more than '
                             f'{_LARGEST} characters')
     found: dict[str, Any] = {}
     try:
@@ -109,11 +109,11 @@ def parse(type_name: str, definition: Definition | Types,
                     found.update(get_types_from_idl(text))
     # The parser raises its own error, but also KeyError, RecursionError or AssertionError.
     except Exception as error:
-        reason = printable(shorten(' '.join(str(error).split()), 80))
+        reason = brief(' '.join(str(error).split()), 80)
         raise ImuAllanError(
-            f'the definition of {_shown(name)} cannot be parsed ({reason})') from error
+            f'the definition of {brief(name)} cannot be parsed ({reason})') from error
     if name not in found:
-        raise ImuAllanError(f'the definition of {_shown(name)} defines another type')
+        raise ImuAllanError(f'the definition of {brief(name)} defines another type')
     types = {known: _fields(nodes) for known, (_, nodes) in found.items()}
     if _undefined(types):
         store = get_typestore(Stores.ROS1_NOETIC if serialization == 'ros1'
@@ -211,7 +211,3 @@ def _named_types(text: str, package: str) -> list[str]:
     kinds = {line[0].split('[')[0].split('<')[0] for line in words if len(line) > 1}
     return [normal_name(kind if '/' in kind else f'{package}/{kind}')
             for kind in sorted(kinds - _BASE.keys())]
-
-
-def _shown(name: str) -> str:
-    return printable(shorten(name))

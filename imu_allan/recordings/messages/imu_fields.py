@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import re
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import brief, ImuAllanError
 from imu_allan.recordings.messages.definitions import Field, Types
 
 _MOST_VISITED = 1000
@@ -295,4 +295,4 @@ def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
 
 def shown(text: str) -> str:
     """Format text from elsewhere so that it is printable and short."""
-    return printable(shorten(text, 80))
+    return brief(text, 80)
