@@ -3,6 +3,7 @@
 """Characterize one or more recordings."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 import sys
@@ -13,7 +14,7 @@ from imu_allan.cli.fleet import (
     done_before,
     error_of,
     FleetResults,
-    line,
+    in_one_line,
     raise_last,
     without_coefficient,
 )
@@ -93,17 +94,10 @@ def run(args: argparse.Namespace) -> int:
     choice = choice_of(args)
     args.recordings = [str(path) for given in args.recordings
                        for path in recordings_in(given, choice.reading)]
-    if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
-        args.parser.error('--together takes several recordings of one topic, and no --resume')
     apart = len(args.recordings) > 1 and not args.together
     of_one = ('--json' if args.json is not None
               else '--for' if args.consumers and args.output is None else None)
-    if apart and of_one:
-        args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
-    if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
-        args.parser.error('--meta serial is of one unit; several are named by --name-from')
-    if args.resume and args.output is None:
-        args.parser.error('--resume needs --output')
+    _require_right_usage(args, apart, of_one)
     if args.dask is None:
         # The workers of a cluster may see another disk.
         if args.output is not None:
@@ -116,14 +110,12 @@ def run(args: argparse.Namespace) -> int:
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             f'{of_one}; choose one with --topic or use --output DIR')
-    if args.output is not None:
+    if args.output is not None and args.dask is None:
         from imu_allan.writers.atomic import require_replaceable_in
-        from imu_allan.writers.filters import stale_files_note
         from imu_allan.writers.folder import kinds_of_files
 
-        if args.dask is None:
-            for task in tasks:
-                require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
+        for task in tasks:
+            require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
     before = done_before(tasks) if args.resume else {}
     for task in tasks:
         if task.unit in before:
@@ -153,12 +145,7 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None:
-                if len(tasks) == 1:
-                    names = ', '.join(kinds_of_files(task.exports))
-                    print(f'Written to {printable(str(task.folder))}: {names}')
-                # A cluster may have written to another disk.
-                if args.dask is None and (old := stale_files_note(task.folder, task.exports)):
-                    print(f'imu_allan: {old}', file=sys.stderr)
+                _report_files(task.folder, task.exports, args, alone=len(tasks) == 1)
             topic = task.choice.topic
             source = task.path if not args.all_topics or topic is None else (
                 f'{task.path}, topic {shorten(topic)}')
@@ -169,6 +156,18 @@ def run(args: argparse.Namespace) -> int:
         print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
     raise_last(complaints)
     return 0
+
+
+def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | None) -> None:
+    """End the program if options contradict; `apart` means several results, `of_one` one."""
+    if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
+        args.parser.error('--together takes several recordings of one topic, and no --resume')
+    if apart and of_one:
+        args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
+    if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
+        args.parser.error('--meta serial is of one unit; several are named by --name-from')
+    if args.resume and args.output is None:
+        args.parser.error('--resume needs --output')
 
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
@@ -222,7 +221,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
             export(result, consumer) for consumer in args.consumers]
         table = sys.stderr if configurations else sys.stdout
         if brief:
-            print(line(task.unit, result))
+            print(in_one_line(task.unit, result))
         else:
             if not first:
                 print(file=table)
@@ -230,3 +229,16 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         table.flush()
         print('\n'.join(configurations), end='')
         sys.stdout.flush()
+
+
+def _report_files(folder: Path, exports: Sequence[str], args: argparse.Namespace, *, alone: bool
+                  ) -> None:
+    """Print what was written to a folder, and which files of earlier results are still in it."""
+    from imu_allan.writers.filters import stale_files_note
+    from imu_allan.writers.folder import kinds_of_files
+
+    if alone:
+        print(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')
+    # A cluster may have written to another disk.
+    if args.dask is None and (old := stale_files_note(folder, exports)):
+        print(f'imu_allan: {old}', file=sys.stderr)

@@ -106,7 +106,7 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     return found
 
 
-def line(unit: str, result: 'Result') -> str:
+def in_one_line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
     from imu_allan.wording import duration, number, SENSORS

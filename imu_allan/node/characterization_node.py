@@ -111,7 +111,7 @@ class CharacterizationNode(AnyExecutorNode):
                                         values['temperature_topic'])
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(self, self._receptions, self._publications, self._log)
-        run = self._storage.first_run()
+        run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
                           lambda: min(LOOK_S, self._storage.checkpoint_period / 2),

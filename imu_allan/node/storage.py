@@ -117,7 +117,7 @@ class Storage:
             self._log.warning(f'nothing is kept over a crash: {error}', 'no state', 0.0)
             return None
 
-    def first_run(self) -> Run:
+    def resumed_or_new_run(self) -> Run:
         """Return the run from the state file, or a new one."""
         if self._state_file is None:
             return new_run(self._setup)

@@ -221,7 +221,7 @@ def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_d
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
         'state_file': str(state), 'output_dir': str(tmp_path / 'output'),
         'checkpoint_period': 60.0, 'export_for': []})
-    runs = [storage.first_run(), new_run(SETUP)]
+    runs = [storage.resumed_or_new_run(), new_run(SETUP)]
     for run in runs:
         run.lanes[0].update([at_rest(2000)])
     # One that begins equally has another folder.

@@ -212,17 +212,7 @@ class SqliteRecording(FileRecording):
                  'THEN data END FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
                  "AND typeof(topic_id) = 'integer' "
                  f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
-        ends = [0, 0]
-        for end, order in enumerate(('ASC', 'DESC')):
-            with suppress(sqlite3.Error):
-                for [ends[end]] in database.execute(
-                        f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
-                    pass
-        first, last = sorted(ends)
-        # Split the query into 200 statements, to report progress.
-        span = (last - first) // 200 + 1
-        # In a damaged file, rows may lie beyond the first and last one found.
-        edges = [first, *range(first + span, last + 1, span), 2**63]
+        edges = _parts_of_rows(database)
         # All messages together cannot exceed the bytes of file and log.
         read = places = handed = held_bytes = position = 0
         step, latest, left = 1, -2**63, self._room
@@ -247,15 +237,16 @@ class SqliteRecording(FileRecording):
                         held = len(messages)
                         for number, stamp, message in found:
                             # Damaged pages may point back to rows that were already read.
-                            if number > latest:
-                                latest = number
-                                read += 1
-                                if message is None:
-                                    malformed(1, MalformedImu(
-                                        f'not a blob of {LONGEST_VALUE:,} bytes at most'))
-                                else:
-                                    stamps.append(stamp)
-                                    messages.append(message)
+                            if number <= latest:
+                                continue
+                            latest = number
+                            read += 1
+                            if message is None:
+                                malformed(1, MalformedImu(
+                                    f'not a blob of {LONGEST_VALUE:,} bytes at most'))
+                                continue
+                            stamps.append(stamp)
+                            messages.append(message)
                         size = sum(map(len, messages[held:]))
                         held_bytes += size
                         left -= size
@@ -281,6 +272,20 @@ class SqliteRecording(FileRecording):
         if reason is not None and left >= 0:
             self.remark('damaged_recording', fault='database', places=places,
                         reason=printable(reason), read=read, topic=printable(imu.name))
+
+
+def _parts_of_rows(database: sqlite3.Connection) -> list[int]:
+    """Return the edges of 200 parts of all rows, to report progress from one to the next."""
+    ends = [0, 0]
+    for end, order in enumerate(('ASC', 'DESC')):
+        with suppress(sqlite3.Error):
+            for [ends[end]] in database.execute(
+                    f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
+                pass
+    first, last = sorted(ends)
+    span = (last - first) // 200 + 1
+    # In a damaged file, rows may lie beyond the first and last one found.
+    return [first, *range(first + span, last + 1, span), 2**63]
 
 
 def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,
