@@ -73,7 +73,7 @@ def words_of(text: str) -> int:
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
-def test_sentences_of_a_page_are_short_and_have_no_english_of_its_own(page: Path) -> None:
+def test_sentences_of_a_page_are_short_and_have_no_english_of_its_own(page):
     prose = list(sentences(page.read_text()))
     assert not [sentence for sentence in prose if words_of(sentence) > LONGEST]
     prose += [re.sub(r'`[^`]*`', '', line) for line in page.read_text().splitlines()
@@ -96,7 +96,7 @@ def shown_strings(path: Path) -> Iterator[str]:
             yield text
 
 
-def test_sentences_of_the_program_are_short_and_have_no_english_of_its_own() -> None:
+def test_sentences_of_the_program_are_short_and_have_no_english_of_its_own():
     texts = [text for path in (ROOT / 'imu_allan').rglob('*.py') for text in shown_strings(path)]
     assert not [sentence for text in texts for sentence in re.split(ENDS, text)
                 if words_of(sentence) > LONGEST
@@ -108,7 +108,7 @@ def test_sentences_of_the_program_are_short_and_have_no_english_of_its_own() -> 
                 if PRIVATE.search(re.sub(r'\bcoast(_s)?\b', '', text))]
 
 
-def test_no_name_or_comment_has_english_of_its_own() -> None:
+def test_no_name_or_comment_has_english_of_its_own():
     # These have the words to look for.
     lists = ('test_language.py', 'test_words.py')
     lines = [line for folder in ('imu_allan', 'test', 'bench')
@@ -121,7 +121,7 @@ def test_no_name_or_comment_has_english_of_its_own() -> None:
 GLOSSARY = (ROOT / 'docs' / 'glossary.md').read_text()
 
 
-def test_the_glossary_is_short_and_sorted_and_the_pages_are_no_longer_than_they_were() -> None:
+def test_the_glossary_is_short_and_sorted_and_the_pages_are_no_longer_than_they_were():
     terms = re.findall(r'^- \*\*(.*?)\*\*', GLOSSARY, re.MULTILINE)
     assert 30 <= len(terms) <= 40
     assert terms == sorted(terms, key=str.lower)
@@ -130,7 +130,7 @@ def test_the_glossary_is_short_and_sorted_and_the_pages_are_no_longer_than_they_
     assert sum(words_of(page.read_text()) for page in pages) <= 18_000
 
 
-def test_every_term_of_art_that_is_shown_is_in_the_glossary() -> None:
+def test_every_term_of_art_that_is_shown_is_in_the_glossary():
     shown = ' '.join([*(line for code in WORDS for line in explained(code)),
                       *(title_of(Finding(code)) for code in WORDS),
                       *(text for path in (ROOT / 'imu_allan').rglob('*.py')
@@ -163,7 +163,7 @@ def forms_of(word: str) -> set[str]:
         word.removesuffix(end) + other for end, other in endings if word.endswith(end)}
 
 
-def test_a_word_that_the_program_shows_is_plain_or_in_the_glossary() -> None:
+def test_a_word_that_the_program_shows_is_plain_or_in_the_glossary():
     shown = words_shown()
     assert len(shown) > 1000
     manual = ' '.join(topics.values()).lower()

@@ -3,7 +3,6 @@
 """Processes that are started: when they end, and that nothing in the current folder runs."""
 
 import os
-from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -39,7 +38,7 @@ finally:
 
 @pytest.mark.skipif(sys.platform != 'linux', reason='the kernel of Linux does it')
 @pytest.mark.usefixtures('children_unmeasured')
-def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> None:
+def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path):
     with subprocess.Popen([sys.executable, '-c', STARTS], stdout=subprocess.PIPE, text=True,
                           env=marked(tmp_path)) as parent:
         assert parent.stdout is not None
@@ -55,8 +54,7 @@ def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize('slow_s', ['0', '0.1'])
-def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s: str
-                                                                                ) -> None:
+def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s):
     """Also on a busy machine, where a thread takes its time to begin."""
     done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
                           text=True, timeout=30, check=False)

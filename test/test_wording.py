@@ -55,14 +55,14 @@ def test_a_recording_is_summed_up_in_one_line():
 
 
 @pytest.mark.parametrize('said', ['a.csv: empty; record again', 'b/a.csv: empty', 'empty', ''])
-def test_a_line_that_holds_more_or_less_is_another(said: str) -> None:
+def test_a_line_that_holds_more_or_less_is_another(said):
     with pytest.raises(AssertionError), refused('a.csv: empty'):
         raise ImuAllanError(said)
     with refused('a.csv: empty'):
         raise ImuAllanError('a.csv: empty')
 
 
-def test_numbers_and_words_vary_only_where_the_line_says_so() -> None:
+def test_numbers_and_words_vary_only_where_the_line_says_so():
     line = Varying('<number> of 1,024 messages are lost (<words>)')
     assert line == '3 of 1,024 messages are lost (disk full)'
     assert line == '-1,200.5e-06 of 1,024 messages are lost (x)'
@@ -72,7 +72,7 @@ def test_numbers_and_words_vary_only_where_the_line_says_so() -> None:
     assert line != '3 of 1,024 messages are lost (disk\nfull)'
 
 
-def test_no_test_looks_for_a_part_of_what_an_error_says() -> None:
+def test_no_test_looks_for_a_part_of_what_an_error_says():
     part = re.compile(r"""match\b=(?!r?f?(['"])\^.*\$\1)|(?<!not )in str\(error(\.value)?\)"""
                       r'|str\(error(\.value)?\)\.(starts|ends)with')
     assert [(path.name, found[0]) for path in Path(__file__).parent.rglob('test_*.py')

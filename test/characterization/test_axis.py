@@ -156,7 +156,7 @@ def axis_of(first: float, second: float, steps: int = 118,
     return drifting(1e-3, backtest=Backtest(HALF_S, HALF_S, innovations, ()))
 
 
-def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady() -> None:
+def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady():
     half = round(HALF_S * HALVES_HZ)
     first, second = (simulate({K: k}, half, HALVES_HZ, seed) for k, seed in ((1e-4, 1), (2e-4, 2)))
     rows = np.full((2 * half, 6), np.nan)
@@ -197,15 +197,14 @@ OVER_10_S = Innovations(10.0, 1.0, 118, (4.0, 0.25))
     # The backtest of an older file, and none.
     ({'gyro_x': replace(LOUD, backtest=replace(LOUD.backtest, innovations=(
         Innovations(60.0, 2.1, 118),))), 'gyro_y': replace(LOUD, backtest=None)}, {})])
-def test_which_axes_are_said_to_change_and_over_what_time(
-        axes: dict[str, AxisResult], over: dict[str, float]) -> None:
+def test_which_axes_are_said_to_change_and_over_what_time(axes, over):
     found = halves_remarks(axes)
     assert {name: one.values['interval_s'] for name, one in found.items()} == over
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('hours', [1 / 6, 1 / 3, 1.0, 3.0])
-def test_steady_sensors_are_hardly_ever_reported_to_change(hours: float) -> None:
+def test_steady_sensors_are_hardly_ever_reported_to_change(hours):
     """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
     kinds: list[Mapping[str, Any]] = [
         {}, {K: 1e-5}, {B: 3e-4},

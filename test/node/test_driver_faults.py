@@ -18,7 +18,7 @@ from imu_messages import encode_imu
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
-from ros_harness import Driver, Health, RATE_HZ, Ros, START_NS
+from ros_harness import Driver, RATE_HZ, START_NS
 from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -36,8 +36,7 @@ def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
     driver.ros.until(going_on)
 
 
-def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(
-        ros: Ros, health: Health) -> None:
+def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(ros, health):
     topic = ros.name('imu/temperature')
     node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
                      constants={'diagnostics.RECENT_S': 5.0, 'thermometer.MATCHING_S': 1.0,
@@ -91,8 +90,7 @@ def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_
 
 @pytest.mark.parametrize(('size', 'filled', 'works'), [
     ('1m', '500k', True), ('16k', '16k', False)])
-def test_where_shared_memory_is_short_samples_come_over_the_network(
-        ros: Ros, size: str, filled: str, works: bool) -> None:
+def test_where_shared_memory_is_short_samples_come_over_the_network(ros, size, filled, works):
     # A small /dev/shm for what it runs, and nobody else.
     short = ['unshare', '--mount', '--propagation', 'private', 'sh', '-c',
              f'mount -t tmpfs -o size={size} tmpfs /dev/shm && '
@@ -147,8 +145,7 @@ HOSTILE: dict[str, Callable[[int], bytes]] = {
 }
 
 
-def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
-        ros: Ros, health: Health) -> None:
+def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(ros, health):
     node = ros.start('imu_allan_node', {
         'publish_period': 1.0, 'checkpoint_period': 1.0,
         'state_file': str(ros.folder / 'state')}, constants={
@@ -181,8 +178,7 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
     assert node.stop() == 0, node.log
 
 
-def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(
-        ros: Ros) -> None:
+def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(ros):
     # Stands for any bug: the timer's callback calls a function that raises.
     (ros.folder / 'sitecustomize.py').write_text(
         'import imu_allan.node.diagnostics as diagnostics\n'
@@ -207,7 +203,7 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
 
 
 def test_an_output_folder_that_takes_nothing_is_reported_at_once_and_replaced_at_the_end(
-        ros: Ros, health: Health) -> None:
+        ros, health):
     (ros.folder / 'file').write_text('in the way')
     unwritable = str(ros.folder / 'file' / 'output')
     node = ros.start('imu_allan_node', {'output_dir': unwritable,

@@ -21,7 +21,6 @@ from ros_harness import (
     LARGEST_MB,
     PATIENCE_S,
     resident_mb,
-    Ros,
 )
 
 
@@ -39,8 +38,7 @@ def busy_cores(count: int) -> Iterator[None]:
 
 @pytest.mark.parametrize(('rate_hz', 'seconds', 'busy'), [
     (1000.0, 4.0, 1), slow(1000.0, 600.0, 1), slow(4000.0, 60.0, 0)])
-def test_nothing_is_lost_in_real_time_beside_a_busy_core(
-        ros: Ros, rate_hz: float, seconds: float, busy: int) -> None:
+def test_nothing_is_lost_in_real_time_beside_a_busy_core(ros, rate_hz, seconds, busy):
     node = ros.start('imu_allan_node', {
         'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
         'checkpoint_period': 5.0}, best_effort=True, shared_memory=True)
@@ -63,8 +61,7 @@ def test_nothing_is_lost_in_real_time_beside_a_busy_core(
     # By default a subscription does not: one that keeps all has a queue that grows with every
     # moment in which the IMU is faster than the node.
     slow(24.0, 25.0, True)])
-def test_memory_and_cost_stay_as_samples_pile_up(
-        ros: Ros, hours: float, speed: float, best_effort: bool) -> None:
+def test_memory_and_cost_stay_as_samples_pile_up(ros, hours, speed, best_effort):
     node = ros.start('imu_allan_node', {'publish_period': 5.0,
                                         'state_file': str(ros.folder / 'state')},
                      best_effort=best_effort, shared_memory=True)
@@ -123,7 +120,7 @@ def phases(draw: np.random.Generator, hours: float) -> Iterator[tuple[float, ...
 
 
 @pytest.mark.parametrize(('seed', 'hours'), [(1, 2), slow(3, 7 * 24)])
-def test_stop_and_go_shows_the_noise_of_the_sensor(seed: int, hours: float) -> None:
+def test_stop_and_go_shows_the_noise_of_the_sensor(seed, hours):
     draw, imu = np.random.default_rng(seed), SimulatedImu(MODEL, RATE_HZ, seed)
     run, first, at_rest_s = Characterization(kind='topic', topic='/imu'), 0, 0.0
     for seconds, *shaken, bends, turn, engine in phases(draw, hours):

@@ -67,8 +67,7 @@ def result(live: Ros) -> Result:
     return load_result(response.message.splitlines()[0])
 
 
-def test_late_subscriber_service_and_file_get_the_same_to_the_last_digit(
-        live: Ros, result: Result) -> None:
+def test_late_subscriber_service_and_file_get_the_same_to_the_last_digit(live, result):
     document = latest(live, String, 'imu_allan/result')
     published = Result.from_dict(json.loads(document.data))
     assert document.data == json.dumps(published.to_dict(), separators=(',', ':'))
@@ -111,7 +110,7 @@ def test_late_subscriber_service_and_file_get_the_same_to_the_last_digit(
         assert getattr(tuned, letter) == tune(axis, 0.2, 30.0).random_walk
 
 
-def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
+def test_what_has_not_changed_is_not_published_again(live):
     counts = {topic: live.listen(kind, f'imu_allan/{topic}') for kind, topic in (
         (String, 'result'), (DiagnosticArray, 'coefficients'),
         (Vector3Stamped, 'gyro/noise_density'))}
@@ -127,8 +126,7 @@ def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
 
-def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_are_there(
-        live: Ros) -> None:
+def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_are_there(live):
     response = live.call(Trigger, 'imu_allan/save')
     assert response.success
     paths = [Path(line) for line in response.message.splitlines()]
@@ -154,7 +152,7 @@ def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_ar
 
 
 def test_whoever_is_on_the_network_can_have_files_written_below_the_folder_of_the_start_alone(
-        live: Ros) -> None:
+        live):
     start = live.folder / 'output'
     elsewhere = (f'output_dir: while the node runs it can only be set to {start} and folders '
                  'below; start the node with another one')
@@ -174,7 +172,7 @@ def test_whoever_is_on_the_network_can_have_files_written_below_the_folder_of_th
     assert live.call(Trigger, 'imu_allan/save').success
 
 
-def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> None:
+def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live):
     health = Health(live)
     live.until(lambda: health.heard)
     assert [(one.name, one.hardware_id) for one in health.heard[:4]] == [
@@ -197,7 +195,7 @@ def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> Non
         (live.folder / 'imu_allan_node_0.log').read_text())
 
 
-def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(live: Ros) -> None:
+def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(live):
     change(live, 'publish_period', 0.75)
     for name, value in (('publish_period', 0.0), ('publish_period', math.nan),
                         ('publish_period', 'often'), ('checkpoint_period', math.inf),
@@ -215,7 +213,7 @@ def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(l
     change(live, 'publish_period', 0.5)
 
 
-def test_reset_begins_anew_and_says_so_on_every_topic(live: Ros) -> None:
+def test_reset_begins_anew_and_says_so_on_every_topic(live):
     """The last test of this file: nothing is left after it."""
     arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients')
     live.until(lambda: arrays)

@@ -46,7 +46,7 @@ def recording(ros: Ros) -> Recording:
 
 
 def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_ends(
-        ros: Ros, recording: Recording) -> None:
+        ros, recording):
     truths = ros.listen(DiagnosticArray, 'imu_simulator/truth')
     simulator = ros.start('imu_simulator', {
         'model': str(MODEL), 'rate': 400.0, 'duration': 75.0, 'speed': 0.0, 'seed': 7,
@@ -71,7 +71,7 @@ def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_
         model.axes['gyro_x']['noise_density']
 
 
-def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros: Ros) -> None:
+def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros):
     recordings = {}
     for speed in (1.0, 2.0):
         topic = f'imu_at_{speed:.0f}'
@@ -91,8 +91,7 @@ def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros: Ros
         assert np.quantile(late_s - late_s.min(), 0.2) < 0.05
 
 
-def test_samples_are_dropped_and_the_imu_knocked_on_request(
-        ros: Ros, recording: Recording) -> None:
+def test_samples_are_dropped_and_the_imu_knocked_on_request(ros, recording):
     simulator = ros.start('imu_simulator', {
         'model': str(MODEL), 'rate': 200.0, 'drop_samples': 30, 'knock_size': 5.0,
         'wait_for_subscriptions': 1})
@@ -113,7 +112,7 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
     assert loud[-1] - loud[0] < 0.6 * 200
 
 
-def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros: Ros) -> None:
+def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros):
     subscription = ros.recorder()
     simulator = ros.start('imu_simulator', {'rate': 1000.0, 'speed': 0.0})
     ros.until(lambda: 'publishing' in simulator.log)
@@ -124,7 +123,7 @@ def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros: Ros) -> N
     assert subscription.take().messages
 
 
-def test_a_model_that_is_not_there_is_one_line(ros: Ros) -> None:
+def test_a_model_that_is_not_there_is_one_line(ros):
     simulator = ros.start('imu_simulator', {'model': 'no_such_imu'})
     assert simulator.wait() == 1
     assert simulator.log == (
@@ -141,8 +140,7 @@ def backtests(document: Any) -> dict[str, Any]:
     return {name: axis['backtest'] for name, axis in document['axes'].items()}
 
 
-def test_node_and_recording_agree_to_the_last_bit_on_what_was_published(
-        ros: Ros, recording: Recording) -> None:
+def test_node_and_recording_agree_to_the_last_bit_on_what_was_published(ros, recording):
     model = ros.folder / 'model.yaml'
     model.write_text(
         'gyro: {noise_density: 0.01 deg/s/sqrt(Hz), bias_instability: 10 deg/h}\n'

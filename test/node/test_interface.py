@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """--help, page, parameter file, analyzers, Foxglove layout and policy agree with the nodes."""
 
-from collections.abc import Sequence
 import json
 from pathlib import Path
 import re
@@ -32,7 +31,7 @@ TERMS = ('noise_density', 'bias_instability', 'rate_random_walk', 'filter_random
 
 
 @pytest.mark.parametrize('program', ENTRY_POINTS)
-def test_help_describes_a_node_without_starting_ros(program: str) -> None:
+def test_help_describes_a_node_without_starting_ros(program):
     start = (f'import sys; from {ENTRY_POINTS[program]} import main; status = main(); '
              'print("rclpy" in sys.modules); sys.exit(status)')
     text = help_text(INTERFACES[program])
@@ -78,7 +77,7 @@ def expanded(interface: Interface, node: str) -> set[str]:
 
 
 @pytest.mark.parametrize('program', ENTRY_POINTS)
-def test_what_help_names_is_what_the_node_has(running: Ros, program: str) -> None:
+def test_what_help_names_is_what_the_node_has(running, program):
     node = program.removesuffix('_node')
     # Nothing is measured of the tuned walk.
     wanted = {name for name in expanded(INTERFACES[program], node)
@@ -89,7 +88,7 @@ def test_what_help_names_is_what_the_node_has(running: Ros, program: str) -> Non
         '/rosout', f'{node}/get_type_description', '/clock'}
 
 
-def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status() -> None:
+def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status():
     own, analyzers = (yaml.safe_load((ROOT / 'config' / file).read_text())['/**'][
         'ros__parameters'] for file in ('imu_allan.yaml', 'imu_allan_diagnostics.yaml'))
     assert own == {setting.name: list(setting.default) if isinstance(setting.default, tuple)
@@ -104,8 +103,7 @@ def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status
             'reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')])
 
 
-def test_foxglove_layout_and_cpp_example_take_what_is_published_in_a_namespace_too(
-        running: Ros) -> None:
+def test_foxglove_layout_and_cpp_example_take_what_is_published_in_a_namespace_too(running):
     [command] = re.findall(r'^(sed .*imu_allan_foxglove_layout.json) > front.json$', PAGE,
                            re.MULTILINE)
     command = command.replace('/front/', f'{running.namespace}/')
@@ -128,7 +126,7 @@ def test_foxglove_layout_and_cpp_example_take_what_is_published_in_a_namespace_t
             f'{data}[{first}:{first + 24}].@log10' for first in (0, 25, 50, 75)]
 
 
-def test_the_security_policy_allows_what_the_node_uses_and_no_more(running: Ros) -> None:
+def test_the_security_policy_allows_what_the_node_uses_and_no_more(running):
     tree = ElementTree.parse(ROOT / 'config' / 'imu_allan.policy.xml')
     [profile] = tree.iter('profile')
     assert profile.attrib == {'ns': '/', 'node': 'imu_allan'}
@@ -149,8 +147,7 @@ def written(setting: Setting) -> str:
 
 @pytest.mark.parametrize(('title', 'settings'), [
     ('Parameters', SETTINGS), ('The node `imu_simulator`', SIMULATOR.settings)])
-def test_every_parameter_is_documented_with_default_and_range(
-        title: str, settings: Sequence[Setting]) -> None:
+def test_every_parameter_is_documented_with_default_and_range(title, settings):
     [(_, section)] = re.findall(rf'^(#+) {re.escape(title)}\n(.*?)(?=^\1 |\Z)', PAGE,
                                 re.MULTILINE | re.DOTALL)
     rows = dict(re.findall(r'^\| `(\w+)` \| (.*) \|$', section, re.MULTILINE))
@@ -164,7 +161,7 @@ def test_every_parameter_is_documented_with_default_and_range(
             assert ('read-only' in what) == setting.read_only, setting.name
 
 
-def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> None:
+def test_the_python_example_and_the_expression_read_a_coefficient(ros):
     class InThisDomain(Node):
         def __init__(self, name: str) -> None:
             super().__init__(name, context=ros.node.context, namespace=ros.namespace)

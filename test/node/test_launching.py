@@ -137,7 +137,7 @@ def launched(file: str, /, **given: str) -> list[Any]:
         if not isinstance(started, DeclareLaunchArgument)]
 
 
-def test_every_argument_is_described_and_documented() -> None:
+def test_every_argument_is_described_and_documented():
     section = PAGE.partition('### Launch\n')[2].partition('\n## ')[0]
     for file in (ROOT / 'launch').glob('*.launch.py'):
         for name, argument in declared(file.name.partition('.')[0]).items():
@@ -145,7 +145,7 @@ def test_every_argument_is_described_and_documented() -> None:
             assert f'`{name}`' in section, name
 
 
-def test_every_argument_reaches_the_node(ros: Ros) -> None:
+def test_every_argument_reaches_the_node(ros):
     specification, file = ros.folder / 'limits #1.yaml', ros.folder / 'given.yaml'
     specification.write_text('gyro: {noise_density: 1 deg/sqrt(h)}\n')
     file.write_text('/**: {ros__parameters: {publish_period: 0.5, coast: 30.0}}')
@@ -174,8 +174,7 @@ def test_every_argument_reaches_the_node(ros: Ros) -> None:
     assert process.stop(signal.SIGTERM) == 0
 
 
-def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
-        tmp_path: Path) -> None:
+def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(tmp_path):
     [node] = launched('imu_allan', imu_topic='/front/imu')
     words = command(node, tmp_path)
     assert words[-2:] == ['-r', 'imu/data_raw:=/front/imu']
@@ -194,13 +193,12 @@ def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(
     ('several_imus', {'imus': 'front'},
      "imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu"),
     ('several_imus', {'imus': 'front=/a front=/b'}, 'imus: two IMUs in the namespace front')])
-def test_a_missing_file_or_a_wrong_list_ends_the_launch(
-        file: str, given: dict[str, str], line: str) -> None:
+def test_a_missing_file_or_a_wrong_list_ends_the_launch(file, given, line):
     with refused(line, RuntimeError):
         launched(file, **given)
 
 
-def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own() -> None:
+def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own():
     included = launched('several_imus', state_dir='/var/lib/robot',
                         imus='front=/front/imu a/rear=/rear/imu/data_raw')
     assert [each.source.location[1:] for each in included] == [['/imu_allan.launch.py']] * 2
@@ -211,7 +209,7 @@ def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own() -> 
          'state_file': '/var/lib/robot/a_rear.state'}]
 
 
-def test_the_demo_hands_its_arguments_to_the_simulator() -> None:
+def test_the_demo_hands_its_arguments_to_the_simulator():
     simulator, node = launched('demo')
     assert simulator.parameters == [{
         name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in (
@@ -268,7 +266,7 @@ def feed(ros: Ros, places: Sequence[str]) -> None:
 @pytest.mark.parametrize(('executor', 'count'), [
     ('EventsExecutor', 1), ('MultiThreadedExecutor', 4), slow('SingleThreadedExecutor', 4)])
 def test_imus_in_one_process_are_characterized_in_any_executor_and_share_what_is_large(
-        ros: Ros, executor: str, count: int) -> None:
+        ros, executor, count):
     sides = [f'imu{number}' for number in range(count)]
     with spinning(ros, executor, list(map(ros.name, sides))) as process:
         alone = [] if count == 1 else ['alone']

@@ -52,7 +52,7 @@ def shared_driver(shared_ros: Ros, node: Process) -> Driver:
     return Driver(shared_ros).wait_for_node()
 
 
-def test_several_nodes_follow_remaps_and_save_every_sample_once_at_any_signal(ros: Ros) -> None:
+def test_several_nodes_follow_remaps_and_save_every_sample_once_at_any_signal(ros):
     topics = {signal.SIGINT: 'camera/imu', signal.SIGTERM: 'imu/data_raw',
               signal.SIGHUP: 'imu/data_raw'}
     nodes = {number: ros.start(
@@ -84,7 +84,7 @@ def test_several_nodes_follow_remaps_and_save_every_sample_once_at_any_signal(ro
 
 
 def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_and_tells_its_story(
-        ros: Ros) -> None:
+        ros):
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': 100.0})
     driver = Driver(ros).wait_for_node()
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
@@ -116,7 +116,7 @@ def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_an
     assert node.lines[-len(closing):] == closing
 
 
-def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -> None:
+def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
     (ros.folder / 'broken.yaml').write_text('/**:\n  ros__parameters: [')
     reliability = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.reliability'
     no_name = ('Invalid topic name: topic name must not contain characters other than '
@@ -184,7 +184,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
 
 
 def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault_and_leave_no_files(
-        ros: Ros, health: Health) -> None:
+        ros, health):
     file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
     node = ros.start('imu_allan_node', {'publish_perid': 5.0, 'use_sim_time': True}, files=(file,))
     driver = Driver(ros).wait_for_node()
@@ -202,7 +202,7 @@ def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault_and_
     assert ros.results() == []
 
 
-def test_lost_messages_are_counted_by_their_numbers(ros: Ros, health: Health) -> None:
+def test_lost_messages_are_counted_by_their_numbers(ros, health):
     depth = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.depth'
     node = ros.start('imu_allan_node', {depth: 10}, best_effort=True)
     driver = Driver(ros).wait_for_node()
@@ -232,7 +232,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros: Ros, health: Health) ->
 
 
 def test_whoever_publishes_otherwise_or_has_the_same_name_and_a_thermometer_are_named(
-        shared_ros: Ros, node: Process) -> None:
+        shared_ros, node):
     ros, health, name = shared_ros, Health(shared_ros), shared_ros.name('tester')
     for kind, qos, said in (
             (Temperature, 10,
@@ -258,8 +258,7 @@ def test_whoever_publishes_otherwise_or_has_the_same_name_and_a_thermometer_are_
               'of the IMU' in node.lines)
 
 
-def test_nothing_is_drawn_while_nobody_watches(
-        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
+def test_nothing_is_drawn_while_nobody_watches(shared_ros, shared_driver, node):
     maps = Path(f'/proc/{node.popen.pid}/maps')
     if not maps.exists():
         pytest.skip('no /proc here')
@@ -274,8 +273,7 @@ def test_nothing_is_drawn_while_nobody_watches(
     assert shared_ros.call(Trigger, 'imu_allan/reset').success
 
 
-def test_a_pause_passes_samples_over_and_counts_as_a_gap(
-        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
+def test_a_pause_passes_samples_over_and_counts_as_a_gap(shared_ros, shared_driver, node):
     ros, driver, health = shared_ros, shared_driver, Health(shared_ros)
     before = driver.next
 
@@ -307,7 +305,7 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(
 
 
 def test_silence_is_reported_with_the_topics_that_there_are_and_the_shared_node_ends_well(
-        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
+        shared_ros, shared_driver, node):
     other = Driver(shared_ros, 'camera/imu')
     shared_ros.node.destroy_publisher(shared_driver.publisher)
     # The first complaint may have come while the publisher was still there.
@@ -325,7 +323,7 @@ def test_silence_is_reported_with_the_topics_that_there_are_and_the_shared_node_
     (['publish_period=5.0'], 2, "'publish_period=5.0' is no argument; give parameters as "
      '--ros-args -p publish_period:=5.0')])
 def test_without_ros_or_ros_args_one_line_says_what_to_do(
-        tmp_path: Path, program: str, arguments: list[str], status: int, line: str) -> None:
+        tmp_path, program, arguments, status, line):
     (tmp_path / 'rclpy.py').write_text(
         'raise ModuleNotFoundError("No module named \'rclpy\'", name="rclpy")')
     paths = os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])
@@ -337,8 +335,7 @@ def test_without_ros_or_ros_args_one_line_says_what_to_do(
 
 @pytest.mark.parametrize(('program', 'module', 'status'), [
     ('imu_simulator', 'numpy', 130), ('imu_allan_node', 'rclpy', 0)])
-def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(
-        ros: Ros, program: str, module: str, status: int) -> None:
+def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(ros, program, module, status):
     done = interrupted(ENTRY_POINTS[program], module, '--ros-args', '-r',
                        f'__ns:={ros.namespace}', '-p', f'state_file:={ros.folder / "state"}')
     assert (done.returncode, 'Traceback' in done.stderr) == (status, False), done.stderr

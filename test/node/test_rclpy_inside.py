@@ -6,13 +6,12 @@ from pathlib import Path
 import re
 
 from imu_allan.node import rclpy_inside
-from ros_harness import Ros
 from sensor_msgs.msg import Imu
 
 PACKAGE = Path(rclpy_inside.__file__).parents[1]
 
 
-def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros: Ros) -> None:
+def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros):
     publisher = ros.node.create_publisher(Imu, ros.name('imu'), 10)
     subscription = ros.node.create_subscription(Imu, ros.name('imu'), lambda _: None, 10, raw=True,
                                                 callback_group=rclpy_inside.OutOfWaitSet())
@@ -33,7 +32,7 @@ def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros: Ro
     assert rclpy_inside.drain(subscription, Imu, 10) == [], 'None where nothing waits'
 
 
-def test_nothing_else_looks_inside_rclpy() -> None:
+def test_nothing_else_looks_inside_rclpy():
     inside = re.compile(r'rclpy\._|rclpy\.impl\b|_parameter_overrides|'
                         r'take_message\(|\._rclpy|executor\.fset')
     assert [path.name for path in sorted((PACKAGE / 'node').glob('*.py'))

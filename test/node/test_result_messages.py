@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is published, logged and reported of a run, and from when on a term is."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 import math
 from pathlib import Path
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from changed import only, UNSEEN, with_axes, with_coefficient
@@ -74,7 +72,7 @@ def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | 
      'rate random walk not observable yet, expected in 2 h'),
     (N, UNSEEN, WARN, 'noise density not observable yet')])
 def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
-        result: Result, key: str, changes: dict[str, Any], level: bytes, words: str) -> None:
+        result, key, changes, level, words):
     changed = with_coefficient(only(result, 'gyro_y'), '', key, **changes)
     for fit, said, more in ((True, level, ''), (False, WARN, '; no noise model fits this axis '
                                                              'well')):
@@ -83,8 +81,7 @@ def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
         assert (status.level, status.message) == (said, words + more)
 
 
-def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(
-        result: Result) -> None:
+def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(result):
     messages = result_messages(only(result, 'gyro_x'), 'imu_allan', STAMP)
     axis = result.axes['gyro_x']
     vector = messages['gyro/noise_density']
@@ -109,8 +106,7 @@ def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(
     np.testing.assert_array_equal(rows[:50], [*2.0**np.arange(3, 28), *np.arange(3.0, 28)])
 
 
-def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_the_result(
-        result: Result) -> None:
+def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_the_result(result):
     found = [finding('gaps_not_listed', listed=1000, gaps=2000, gaps_s=200.0),
              *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
                for letter in 'xy'), finding('frozen', messages=20, since_s=3.0)]
@@ -166,13 +162,12 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),
     ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
-def test_a_status_names_what_is_wrong(
-        part: str, facts_: Facts, summary_: TimelineSummary, level: bytes, words: str) -> None:
+def test_a_status_names_what_is_wrong(part, facts_, summary_, level, words):
     status = shown(part, facts_, summary_)
     assert (status.level, status.message, status.hardware_id) == (level, words, '/imu')
 
 
-def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result: Result) -> None:
+def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
     for name, key, seconds in (('gyro_x', K, 5000.0), ('gyro_x', 'bias_instability', 900.0),
                                ('gyro_y', 'bias_instability', 1200.0)):
         result = with_coefficient(result, name, key, **UNSEEN, observable_in_s=seconds)
@@ -184,8 +179,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result: Res
     assert entries(status)['observable/noise_density'] == '2'
 
 
-def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
-        heard: Any) -> None:
+def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(heard):
     announcements = Announcements(Log(heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
@@ -222,7 +216,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(
         'info no message is rejected any more; 1 was in all']
 
 
-def test_progress_is_reported_every_minute_and_later_every_hour(heard: Any) -> None:
+def test_progress_is_reported_every_minute_and_later_every_hour(heard):
     announcements = Announcements(Log(heard), '/imu')
     result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',
                               'bias_instability', observable_in_s=60.0)
@@ -279,9 +273,7 @@ TIMES = [10.0 * number for number in range(1, 24)]
     pytest.param([(time, False, 500 - time) for time in TIMES], [False] * 23,
                  {0: None, 1: None} | {at: 490.0 - 10 * at for at in range(2, 23)},
                  id='one that stands is')])
-def test_of_repeated_looks_what_lasts_is_published(
-        result: Result, fits: Sequence[Any], shown: list[bool], waits: dict[int, float | None]
-        ) -> None:
+def test_of_repeated_looks_what_lasts_is_published(result, fits, shown, waits):
     looks = ShownTerms()
     found = [published(looks, at(result, *fit)) for fit in fits]
     assert [one.observable for one in found] == shown
@@ -291,7 +283,7 @@ def test_of_repeated_looks_what_lasts_is_published(
             assert (one.value, one.ci95, one.upper95) == (None, None, 3.0)
 
 
-def test_a_look_after_a_restart_is_one_more_and_not_the_first(result: Result) -> None:
+def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
     setup = Setup('/imu', TimelineOptions())
     run = new_run(setup)
     published(run.shown_terms, at(result, 800.0, False))
@@ -321,7 +313,7 @@ def above(limit: str) -> str:
 
 
 def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        tmp_path, monkeypatch):
     standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
     run, looks, levels = characterized(), DatasheetLooks(), []
     assert standards.judge(run.result(), run, looks) == [
@@ -343,8 +335,7 @@ def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_
         Comparison('specification', 'error', Varying(above('1.3e-3')))]
 
 
-def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_figures(
-        tmp_path: Path) -> None:
+def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_figures(tmp_path):
     save_result(run_of(MODEL).result(), tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
     again = run_of(MODEL, seed=1)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run goes on after a crash or a reboot; what it cannot go on with is kept and reported."""
 
-from collections.abc import Callable
 import hashlib
 import io
 import os
@@ -30,8 +29,6 @@ from repeated import slow
 from ros_harness import (
     at_rest,
     Driver,
-    Health,
-    Heard,
     kept_in,
     Process,
     RATE_HZ,
@@ -53,7 +50,7 @@ def start(ros: Ros) -> Process:
         'state_file': str(ros.folder / 'state'), 'checkpoint_period': PERIOD_S})
 
 
-def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros: Ros) -> None:
+def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     topic = ros.name('imu/data_raw')
     setup = Setup(topic, TimelineOptions())
     run = new_run(setup)
@@ -99,7 +96,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros: Ros) -> 
 
 @pytest.mark.parametrize(('kills', 'seconds'), [(2, 5.0), slow(50, 8.0)])
 def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
-        ros: Ros, health: Health, kills: int, seconds: float) -> None:
+        ros, health, kills, seconds):
     chance = random.Random(kills)
     driver = Driver(ros, depth=5000)
     state_file = ros.folder / 'state'
@@ -159,8 +156,7 @@ def start_at_home(ros: Ros, **parameters: Any) -> Process:
     return node
 
 
-def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
-        ros: Ros) -> None:
+def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(ros):
     # A script has what it starts with & ignore SIGINT: that ends the node all the same.
     before = {number: signal.signal(number, signal.SIG_IGN)
               for number in (signal.SIGHUP, signal.SIGINT)}
@@ -178,8 +174,7 @@ def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothi
     assert not (ros.folder / 'home').exists()
 
 
-def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(
-        ros: Ros, health: Health) -> None:
+def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, health):
     node, driver = start_at_home(ros), Driver(ros, depth=5000)
     driver.wait_for_node()
     driver.publish(2000)
@@ -215,7 +210,7 @@ SETUP = Setup('/imu', TimelineOptions())
 
 
 def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_disk_is_full(
-        heard: Heard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        heard, tmp_path, monkeypatch):
     log = Log(heard)  # type: ignore[arg-type]
     worker, state = Worker(log), tmp_path / 'state'
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
@@ -267,7 +262,7 @@ def assert_damaged(content: bytes) -> None:
 @given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255),
        payload=strategies.binary(max_size=400))
 def test_a_state_changed_or_cut_off_anywhere_or_of_any_payload_is_unusable(
-        position: int, flip: int, payload: bytes) -> None:
+        position, flip, payload):
     mutated = bytearray(CONTENT)
     mutated[position] ^= flip
     with pytest.raises(UnusableState):
@@ -276,7 +271,7 @@ def test_a_state_changed_or_cut_off_anywhere_or_of_any_payload_is_unusable(
     assert_damaged(framed(payload))
 
 
-def test_pickles_are_never_loaded(tmp_path: Path) -> None:
+def test_pickles_are_never_loaded(tmp_path):
     class Bomb:
         def __reduce__(self) -> tuple[object, ...]:
             return (Path.touch, (tmp_path / 'exploded',))
@@ -293,7 +288,7 @@ def in_folder(folder: Path) -> set[str]:
 
 
 def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside_and_stays_where_a_save_fails(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        tmp_path, monkeypatch):
     path = tmp_path / 'new' / 'state'
     file = StateFile(path)
     assert file.load() is None
@@ -321,7 +316,7 @@ def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside_and_stays_where_
     assert not path.exists()
 
 
-def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
+def test_leftovers_of_a_killed_save_are_swept_up(tmp_path):
     for name in ('.state.a1b2c3d4', '.state.settings', '.state.A1B2C3D4'):
         (tmp_path / name).write_bytes(b'half of a state, or of somebody else')
     StateFile(tmp_path / 'state')
@@ -338,8 +333,7 @@ def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
     (lambda at: (at / 'state.lock').symlink_to(at / 'precious'), 'state',
      'cannot be written (<words>); choose a folder that may be written to')],
     ids=['below a file', 'folder', 'pipe', 'link as lock'])
-def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(
-        tmp_path: Path, made: Callable[[Path], object], path: str, words: str) -> None:
+def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(tmp_path, made, path, words):
     (tmp_path / 'precious').write_text('mine')
     made(tmp_path)
     before = in_folder(tmp_path)
@@ -349,7 +343,7 @@ def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(
     assert (tmp_path / 'precious').read_text() == 'mine'
 
 
-def test_states_kept_aside_are_capped_oldest_first(tmp_path: Path) -> None:
+def test_states_kept_aside_are_capped_oldest_first(tmp_path):
     file = StateFile(tmp_path / 'state')
     aside = []
     for number in range(25):

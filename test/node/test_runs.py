@@ -104,7 +104,7 @@ def ended(run: Run) -> list[Any]:
     ({'before'}, 0), ({'another'}, 1), ({'another', 'before'}, 0), (set(), 0)])
 @pytest.mark.parametrize('booted', [False, True, None], ids=['same', 'other', 'unknown'])
 def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
-        there: set[str], power_ons: int, booted: bool | None, boot: Path) -> None:
+        there, power_ons, booted, boot):
     before = World()
     before.there = {'before'}
     before.comes(at_rest(6000))
@@ -122,7 +122,7 @@ def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
     assert len(ended(world.runs.run)) == (power_ons if booted is False else 1)
 
 
-def test_other_rates_for_some_seconds_end_no_run(world: World) -> None:
+def test_other_rates_for_some_seconds_end_no_run(world):
     # At other rates for less time than it takes to prove another IMU.
     steps = np.concatenate([np.full(round(seconds * rate), 1 / rate) for seconds, rate in (
         (8.0, 109.4), (20.0, RATE_HZ), (8.0, 107.8), (50.0, RATE_HZ))])
@@ -157,8 +157,7 @@ def test_other_rates_for_some_seconds_end_no_run(world: World) -> None:
     pytest.param(20.0, 10, [(90, 0, 1, {}), (60, 95, 2, {'noise': 1.2 * NOISE})], ['noise'], 1200,
                  id='another noise at a low rate')])
 def test_an_imu_is_known_by_its_rate_its_frame_and_its_noise(
-        rate_hz: float, together: int, comes: list[tuple[float, float, int, dict[str, Any]]],
-        reasons: list[str], samples: int) -> None:
+        rate_hz, together, comes, reasons, samples):
     world = World()
     for seed, (seconds, start_s, publisher, other) in enumerate(comes):
         last = {'rate_hz': rate_hz, **other}
@@ -172,7 +171,7 @@ def test_an_imu_is_known_by_its_rate_its_frame_and_its_noise(
                    last.get('noise', NOISE))
 
 
-def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop() -> None:
+def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop():
     world = World()
     world.comes(at_rest(6000))
     later = at_rest(6000, start_s=60.0, seed=2)
@@ -184,7 +183,7 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop() -> None
 
 @pytest.mark.parametrize('count', [10, 3000])
 def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and_few_do_no_harm(
-        world: World, count: int) -> None:
+        world, count):
     world = World(resumed(world.runs.run))
     world.comes(replace(at_rest(count, start_s=PROVEN_S + 10, seed=2), frame_id='other'),
                 publisher=2)
@@ -198,7 +197,7 @@ def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and
     assert world.samples == count
 
 
-def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_feeds_none() -> None:
+def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_feeds_none():
     runs = World().runs
     runs.take(0, MIXED, [at_rest(1000)])
     assert runs.run.fed == 0
@@ -210,7 +209,7 @@ def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_fe
     assert (lane.known.rate_hz, lane.fed > 5000) == (pytest.approx(208.0, rel=1e-3), True)
 
 
-def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -> None:
+def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
     world = World(setup=HALVES)
 
     def comes(name: str, *part: float, **other: str) -> None:
@@ -242,7 +241,7 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both() -
         (3000, 'other'), (2500, 'accel_frame')]
 
 
-def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has() -> None:
+def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has():
     [lane] = new_run(Setup('/imu', TimelineOptions(clock='header'))).lanes
     sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
@@ -251,7 +250,7 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
 
 @pytest.mark.parametrize(('joined', 'together'), [(1000, 50), (3700, 2500)])
 def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
-        joined: int, together: int) -> None:
+        joined, together):
     # One axis is absent, as of an IMU of five.
     whole, world = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), World()
     played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
@@ -264,7 +263,7 @@ def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginnin
     assert world.samples == 4000
 
 
-def test_a_second_time_counts_once_though_the_node_ended_before_the_unit_was_known() -> None:
+def test_a_second_time_counts_once_though_the_node_ended_before_the_unit_was_known():
     run, block = new_run(SETUP), at_rest(1000, noise=1.0, mean=0)
     run.lanes[0].update([block])
     run = resumed(run)
@@ -274,7 +273,7 @@ def test_a_second_time_counts_once_though_the_node_ended_before_the_unit_was_kno
 
 
 @pytest.mark.parametrize('value', [1e300, -1e308, np.inf, np.nan])
-def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: float) -> None:
+def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value):
     run, block = new_run(SETUP), at_rest(6000)
     # Among the first, which are remembered, and the last, which wait for their neighbours.
     block.samples[[3, 3000, 5990], 1] = value
@@ -285,7 +284,7 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value: flo
     assert (timeline.samples, timeline.rejected) == (5997, 3)
 
 
-def test_messages_too_few_to_be_used_do_not_name_the_frame_after_a_crash() -> None:
+def test_messages_too_few_to_be_used_do_not_name_the_frame_after_a_crash():
     run = new_run(SETUP)
     run.lanes[0].update([at_rest(5)])
     world = World(resumed(run))
@@ -295,7 +294,7 @@ def test_messages_too_few_to_be_used_do_not_name_the_frame_after_a_crash() -> No
     assert world.runs.run.lanes[0].known.frame_id == 'imu'
 
 
-def test_means_of_every_boot_make_the_turn_on_bias(boot: Path) -> None:
+def test_means_of_every_boot_make_the_turn_on_bias(boot):
     biases, run, means = np.random.default_rng(1).normal(0, 0.1, 6), new_run(SETUP), []
     for number, bias in enumerate(biases):
         run = rebooted(run, boot, f'boot {number}') if number else run
@@ -309,7 +308,7 @@ def test_means_of_every_boot_make_the_turn_on_bias(boot: Path) -> None:
     assert spread['accel_x'].sigma < 3 * error
 
 
-def test_power_ons_one_soon_after_the_other_are_no_slow_turn() -> None:
+def test_power_ons_one_soon_after_the_other_are_no_slow_turn():
     run = new_run(SETUP)
     for number, bias in enumerate([0.0, 0.1, 0.0, 0.1, 0.0]):
         run.lanes[0].update([at_rest(4000, start_s=60.0 * number, seed=number,
@@ -342,8 +341,7 @@ def stream(first: int, count: int, start_s: float) -> Messages:
     pytest.param([(stream(1, 100, 0.0), [1], 0, 1), *(
         (stream(1 + 50 * part, 50, 3.0 + 0.25 * part), [2], 0, 1) for part in range(8))],
         id='a driver that passes the last number of the one before')])
-def test_numbers_tell_whose_messages_are_and_how_many_are_lost(
-        steps: list[tuple[Messages, list[int], int, int]]) -> None:
+def test_numbers_tell_whose_messages_are_and_how_many_are_lost(steps):
     publishers = Publishers()
     for messages, senders, lost, delivering in steps:
         numbers, seconds = zip(*messages, strict=True)
@@ -354,7 +352,7 @@ def test_numbers_tell_whose_messages_are_and_how_many_are_lost(
         assert publishers.delivering(round((seconds[-1] + 4) * SECOND)) == delivering
 
 
-def test_two_that_started_together_are_mixed_until_one_is_left() -> None:
+def test_two_that_started_together_are_mixed_until_one_is_left():
     publishers, bundle = Publishers(), 20
     both = np.repeat(np.arange(1, 1001).reshape(-1, 1, bundle), 2, axis=1).ravel()
     keys, lost = publishers.of(both, (5_000_000 * both).astype(int))
@@ -365,7 +363,7 @@ def test_two_that_started_together_are_mixed_until_one_is_left() -> None:
     assert (keys[0], keys[-1] > 0, lost) == (MIXED, True, 0)
 
 
-def test_without_numbers_another_set_of_offers_is_another_publisher() -> None:
+def test_without_numbers_another_set_of_offers_is_another_publisher():
     offers: set[bytes] = set()
     publishers = Publishers(lambda: set(offers))
 

@@ -82,8 +82,7 @@ def assert_well(node: Process) -> None:
 
 
 @pytest.mark.parametrize(('requests', 'seed'), [(60, 1), slow(10_000, 2)])
-def test_services_in_any_order_leave_a_node_that_works(
-        ros: Ros, requests: int, seed: int) -> None:
+def test_services_in_any_order_leave_a_node_that_works(ros, requests, seed):
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'checkpoint_period': 1.0,
                                         'state_file': str(ros.folder / 'state')})
     driver = Driver(ros).wait_for_node()
@@ -110,7 +109,7 @@ def test_services_in_any_order_leave_a_node_that_works(
     assert node.stop() == 0
 
 
-def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) -> None:
+def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros):
     node = ros.start('imu_allan_node', {'publish_period': 86_400.0})
     driver, client = Driver(ros), Client(ros)
     driver.wait_for_node()
@@ -134,8 +133,7 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
 
 
 @pytest.mark.parametrize('seconds', [2.0, slow(60.0)])
-def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(
-        ros: Ros, seconds: float) -> None:
+def test_a_hundred_calls_a_second_beside_a_1_khz_imu_lose_no_sample(ros, seconds):
     node = ros.start('imu_allan_node', {'publish_period': 2.0}, best_effort=True,
                      shared_memory=True)
     health, client = Health(ros), Client(ros)

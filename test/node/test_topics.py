@@ -21,9 +21,7 @@ from ros_harness import (
     Driver,
     half,
     HALF_RATES_HZ,
-    Health,
     lossless,
-    Ros,
     SECOND,
 )
 from sensor_msgs.msg import Temperature
@@ -32,8 +30,7 @@ from std_srvs.srv import Trigger
 from whole_lines import refused, Varying
 
 
-def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
-        ros: Ros, health: Health) -> None:
+def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(ros, health):
     drivers = {name: Driver(ros, f'camera/{name}/sample') for name in HALF_RATES_HZ}
     topics = [driver.topic for driver in drivers.values()]
     ros.start('imu_allan_node', {
@@ -85,7 +82,7 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(
         'Hz; rate, gaps and faults are those of the gyroscope')
 
 
-def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros: Ros) -> None:
+def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros):
     topics = {name: ros.name(f'driver/{name}') for name in HALF_RATES_HZ}
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'gyro_topic': topics['gyro'], 'accel_topic': topics['accel'],
@@ -122,14 +119,13 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros: Ros) -
 @pytest.mark.parametrize('name', [
     'sensor_msgs/msg/Imu', 'sensor_msgs/msg/Joy', 'diagnostic_msgs/msg/DiagnosticArray',
     'geometry_msgs/msg/TwistWithCovarianceStamped', 'rcl_interfaces/msg/ParameterDescriptor'])
-def test_the_fields_of_a_class_are_those_of_its_file(name: str) -> None:
+def test_the_fields_of_a_class_are_those_of_its_file(name):
     from rosbags.typesys import get_typestore, Stores
     text, _ = get_typestore(Stores.ROS2_JAZZY).generate_msgdef(name, ros_version=2)
     assert types_of(name) == parse(name, Definition(text), 'cdr')
 
 
-def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(
-        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatch):
     for module in ('rosbags', *sys.modules):
         if module.partition('.')[0] == 'rosbags':
             monkeypatch.setitem(sys.modules, module, None)
@@ -156,7 +152,7 @@ def celsius(seconds: Any) -> Any:
 
 
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_are_given(
-        ros: Ros, health: Health) -> None:
+        ros, health):
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'motion': 'keep', 'temperature_topic': 'imu/temperature',
         'gyro_unit': 'deg/s', 'accel_unit': 'g'}, constants={'thermometer.MATCHING_S': 1.0})

@@ -17,7 +17,6 @@ from ros_harness import (
     assert_density,
     at_rest,
     Driver,
-    Health,
     NOISE,
     Process,
     RATE_HZ,
@@ -35,8 +34,7 @@ def saved(ros: Ros, sensor: Sensor) -> Any:
     return ros.saved()
 
 
-def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_returns(
-        ros: Ros) -> None:
+def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_returns(ros):
     state, reason = ros.folder / 'state', "it is of frame_id 'imu', the messages now have 'other'"
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'state_file': str(state)})
 
@@ -91,7 +89,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     assert (names.count('result.json'), names.count('allan_deviation.png')) == (2, 1)
 
 
-def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) -> None:
+def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros):
     node, sensor = ros.start('imu_allan_node', {'publish_period': 0.5}), Sensor(ros, 100.0)
     biases = [[0.0, 0.0, 0.0], [0.01, -0.02, 0.1],
               *np.random.default_rng(3).normal(0, 0.1, (2, 3)).tolist()]
@@ -127,7 +125,7 @@ def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros: Ros) ->
     assert again in node.lines
 
 
-def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros: Ros, health: Health) -> None:
+def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros, health):
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
     first = Driver(ros).wait_for_node()
     first.publish(2000)
@@ -158,8 +156,7 @@ def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros: Ros, health: H
     assert_density(document, RATE_HZ)
 
 
-def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
-        ros: Ros, health: Health) -> None:
+def test_a_driver_that_was_killed_and_started_again_is_one_publisher(ros, health):
     ros.start('imu_allan_node')
     for seed in range(2):
         before = health.number('reception', 'received') if seed else 0
@@ -174,7 +171,7 @@ def test_a_driver_that_was_killed_and_started_again_is_one_publisher(
     assert health.number('reception', 'lost') == 0
 
 
-def test_a_recording_in_a_loop_is_counted_once(ros: Ros, health: Health) -> None:
+def test_a_recording_in_a_loop_is_counted_once(ros, health):
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
     driver = Driver(ros).wait_for_node()
     recording = at_rest(2000, RATE_HZ)
@@ -308,8 +305,7 @@ class HostileWorld:
 
 @pytest.mark.parametrize(('seconds', 'seed', 'polled'), [
     (30.0, 5, 2), slow(60.0, 5, 1), slow(1800.0, 6, 1), slow(1800.0, 6, 2)])
-def test_a_hostile_time_is_one_run_of_one_imu(
-        ros: Ros, seconds: float, seed: int, polled: int) -> None:
+def test_a_hostile_time_is_one_run_of_one_imu(ros, seconds, seed, polled):
     results = ros.listen(String, 'imu_allan/result')
     world = HostileWorld(ros, seed, polled)
     # What it is known by.

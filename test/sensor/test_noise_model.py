@@ -210,21 +210,21 @@ accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, correlation
 """)
 
 
-def test_every_axis_has_noise_of_its_own_and_another_seed_gives_other_noise() -> None:
+def test_every_axis_has_noise_of_its_own_and_another_seed_gives_other_noise():
     samples = SimulatedImu(consumer(), 100.0, seed=1).draw(20_000)
     other = SimulatedImu(consumer(), 100.0, seed=2).draw(20_000)
     correlation = np.corrcoef(np.diff(np.concatenate((samples, other), axis=1), axis=0).T)
     np.testing.assert_array_less(np.abs(correlation - np.eye(12)), 0.05)
 
 
-def test_accelerometer_at_rest_measures_gravity_unless_the_model_names_a_mean() -> None:
+def test_accelerometer_at_rest_measures_gravity_unless_the_model_names_a_mean():
     lying = parse_model('accel: {noise_density: 100 ug/sqrt(Hz), x: {mean: 1 g}}')
     for model, up in ((consumer(), [0, 0, 1]), (lying, [1, 0, 0])):
         accel = SimulatedImu(model, 100.0).draw(5000)[:, 3:].mean(axis=0)
         np.testing.assert_allclose(accel, np.multiply(up, STANDARD_GRAVITY), atol=0.02)
 
 
-def test_blocks_cover_the_samples_with_even_stamps_and_a_sensor_left_out_is_absent() -> None:
+def test_blocks_cover_the_samples_with_even_stamps_and_a_sensor_left_out_is_absent():
     blocks = list(simulated_blocks(consumer(), 300.0, 25_000, start_ns=10**18, frame_id='f',
                                    block_samples=700))
     stamps = np.concatenate([block.header_ns for block in blocks])

@@ -6,9 +6,8 @@ import csv
 from dataclasses import replace
 import json
 import os
-from pathlib import Path
 
-from imu_allan.result import Result, Timeline
+from imu_allan.result import Timeline
 from imu_allan.writers import folder as folders
 from imu_allan.writers.atomic import kind_of, write_atomically, write_in
 from imu_allan.writers.filters import CONSUMERS, export, stale_files_note
@@ -116,8 +115,7 @@ def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, 
 
 
 @pytest.mark.thorough
-def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path: Path, result: Result
-                                                                  ) -> None:
+def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path, result):
     # One axis is drawn in a sixth of the time.
     result = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=())
     other = replace(result, source=replace(result.source, path='other'))

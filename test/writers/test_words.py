@@ -19,7 +19,7 @@ import pytest
 PACKAGE = Path(imu_allan.__file__).parent
 
 
-def test_every_code_that_is_found_has_words_and_every_value_a_type() -> None:
+def test_every_code_that_is_found_has_words_and_every_value_a_type():
     # Calls that make a finding with a code that is written there.
     calls = [node for path in sorted(PACKAGE.rglob('*.py'))
              if path.name not in ('words.py', 'sentences.py')
@@ -44,14 +44,13 @@ def test_every_code_that_is_found_has_words_and_every_value_a_type() -> None:
         {}, {'ratio': 'ten'}, {'ratio': float('nan')}, {'ratio': 10.0, 'speed': 1.0})),
     ('saturated', {'share': 0.5, 'value': 1.0, 'unit': 'rad/s', 'end': 'last'}),
     ('noise_level_changed', {'at_s': ['300'], 'ratios': [2.0]})])
-def test_a_value_that_is_not_as_the_table_has_it_is_a_bug(
-        code: str, values: dict[str, object]) -> None:
+def test_a_value_that_is_not_as_the_table_has_it_is_a_bug(code, values):
     with pytest.raises(TypeError, match=f'^{code}: ({"|".join(values) or "ratio"})=.*$'):
         finding(code, (), severity=None, recording=None, **values)
 
 
 @pytest.mark.parametrize('value', [None, [None, 1.0], {'of': 'the future'}], ids=str)
-def test_a_figure_that_a_file_does_not_have_is_not_said(value: object) -> None:
+def test_a_figure_that_a_file_does_not_have_is_not_said(value):
     for found in SAID:
         for name in found.values:
             lacking = replace(found, values={**found.values, name: value}, message='as stored')
@@ -62,7 +61,7 @@ def test_a_figure_that_a_file_does_not_have_is_not_said(value: object) -> None:
     assert message_of(replace(of_some_topic, message='as stored')) == 'as stored'
 
 
-def test_the_page_of_findings_is_made_from_the_table() -> None:
+def test_the_page_of_findings_is_made_from_the_table():
     docs = PACKAGE.parent / 'docs'
     shown = subprocess.run(
         [sys.executable, '-c', 'import make_findings; print(make_findings.page(), end="")'],
@@ -202,7 +201,7 @@ SAID = [
 
 
 @pytest.mark.parametrize('code', WORDS)
-def test_sentences_are_short_and_plain(code: str) -> None:
+def test_sentences_are_short_and_plain(code):
     words, findings = WORDS[code], [found for found in SAID if found.code == code]
     # The page has no figures, and says in any case what to do.
     assert isinstance(words.general or words.do, str)
@@ -217,7 +216,7 @@ def test_sentences_are_short_and_plain(code: str) -> None:
             assert len(sentence.split()) <= 25, sentence
 
 
-def test_every_finding_is_said_as_it_was() -> None:
+def test_every_finding_is_said_as_it_was():
     """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_words.py."""
     assert {found.code for found in SAID} == set(WORDS)
     assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID),
