@@ -25,6 +25,8 @@ import simulated as records
 from test_packaging import environment, fresh_environment
 
 ROOT = Path(__file__).parents[1]
+SMALL = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
+                     rate_hz=50.0, hours=1 / 6)
 
 
 def octave_ratios(draw, power, samples=16384, records=60):
@@ -105,10 +107,6 @@ def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_p
     (tmp_path / 'imu_allan' / '__init__.py').write_text('raise SystemExit("of the base")')
     other = battery('--checkout', str(written), '--base', str(tmp_path))
     assert other.stderr.splitlines()[-1] == f'the battery failed in {tmp_path}'
-
-
-SMALL = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
-                     rate_hz=50.0, hours=1 / 6)
 
 
 def test_two_tools_and_one_small_case_make_a_page(monkeypatch):

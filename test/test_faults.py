@@ -29,6 +29,8 @@ from repeated import slow
 from whole_lines import unwritable, Varying
 
 ROOT = Path(__file__).parents[1]
+READ_ONLY = 'Read-only file system'
+SOMEBODY_ELSE = 12345
 
 
 @pytest.fixture(scope='module')
@@ -61,9 +63,6 @@ def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file
         assert {path.name for path in (disk / 'out').iterdir()} <= {
             'result.json', 'curve.csv', 'allan_deviation.png'}
         assert load_result(disk / 'out' / 'result.json').axes
-
-
-READ_ONLY = 'Read-only file system'
 
 
 @pytest.mark.parametrize(('command', 'line'), [
@@ -154,9 +153,6 @@ def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, short_re
     assert document['schema'] == 'imu_allan.result/1'
     # The table follows; neither of the two is lost.
     assert '3,000 samples at 100 Hz, 30 s' in text[end:].splitlines()
-
-
-SOMEBODY_ELSE = 12345
 
 
 def shared_folder(folder: Path) -> Path:

@@ -25,6 +25,8 @@ from scipy.signal import lfilter
 
 RATE = 100.0
 WHITE = simulate({N: 1e-3}, 300_000, RATE, seed=3)
+HALVES_HZ = 10.0
+HALF_S = 3600.0
 
 
 def model_over_curve(axis):
@@ -142,10 +144,6 @@ def test_the_model_describes_records_of_a_hundred_samples():
     records = [simulate({N: 1e-3, B: 1e-4}, 100, RATE, seed) for seed in range(60)]
     misfits = [axis.goodness_of_fit.acceptable is False for axis in several(records, RATE)]
     assert np.mean(misfits) <= 0.05
-
-
-HALVES_HZ = 10.0
-HALF_S = 3600.0
 
 
 def axis_of(first: float, second: float, steps: int = 118,

@@ -20,6 +20,8 @@ COMMAND = [sys.executable, '-m', 'imu_allan']
 NO_TIME = ('is not a length of time: write seconds (90), or a number with ms, s, m or min, h or d '
            '(10min)')
 VERBS = ('analyze', 'info', 'simulate', 'check', 'tune', 'export', 'report', 'explain')
+CHOICE = 'invalid choice: {} (choose from <words>)'
+NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
 
 
 @pytest.mark.parametrize(('words', 'heavy', 'cpu_s'), [
@@ -48,10 +50,6 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     assert [line for line in (text + overview).splitlines() if len(line) > 80] == []
     # What may be left out stands in the usage, too.
     assert (verb == 'explain') == text.startswith('usage: imu_allan explain [CODE] [options]\n')
-
-
-CHOICE = 'invalid choice: {} (choose from <words>)'
-NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
 
 
 @pytest.mark.parametrize(('words', 'line'), [

@@ -44,6 +44,7 @@ _EAGER = """<?xml version="1.0" encoding="UTF-8"?>
   </data_writer>
 </profiles>
 """
+_NAMESPACES = (f'/test{number}' for number in count(1))
 
 
 @pytest.fixture(scope='session')
@@ -80,9 +81,6 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     os.environ.clear()
     os.environ.update(before)
     lock.close()
-
-
-_NAMESPACES = (f'/test{number}' for number in count(1))
 
 
 @contextlib.contextmanager

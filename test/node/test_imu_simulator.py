@@ -21,6 +21,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
+RATE_HZ = 20.0
+SAMPLES = 13_000
+"""More than ten minutes, without which there is no backtest."""
 
 
 class Recording:
@@ -129,11 +132,6 @@ def test_a_model_that_is_not_there_is_one_line(ros):
     assert simulator.log == (
         'imu_simulator: parameter model: no_such_imu: no such file, and no model of that name is '
         'shipped; give the path of a noise model YAML file\n')
-
-
-RATE_HZ = 20.0
-SAMPLES = 13_000
-"""More than ten minutes, without which there is no backtest."""
 
 
 def backtests(document: Any) -> dict[str, Any]:

@@ -47,6 +47,8 @@ STAMP = Time(sec=12, nanosec=34)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 N, K = 'noise_density', 'rate_random_walk'
 JUMPED = finding('clock_jumps', clock='header', count=2)
+TIMES = [10.0 * number for number in range(1, 24)]
+MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
 
 @pytest.fixture(scope='module')
@@ -251,9 +253,6 @@ def published(looks: ShownTerms, fit: Result) -> Coefficient:
     return looks.judged(fit).axes['gyro_x'].coefficients[K]
 
 
-TIMES = [10.0 * number for number in range(1, 24)]
-
-
 @pytest.mark.parametrize(('fits', 'shown', 'waits'), [
     # Of each fit: time, whether the term shows, when it is expected to, and how probable it is.
     # Not seen at 20 s; seen at 30 to 60, thrice as much; lost at 70, and back at 210.
@@ -292,9 +291,6 @@ def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
         run = unpack(decode_state(encode_state(pack(run, setup))), setup)
         assert published(run.shown_terms, at(result, seconds, seconds > 900)
                          ).observable == observable
-
-
-MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
 
 def run_of(model: str, seed: int = 0) -> Characterization:

@@ -43,6 +43,7 @@ from whole_lines import refused, unwritable, Varying
 PERIOD_S = 1.0
 LATE_S = 0.2
 """How late a report may be about what had been received."""
+SETUP = Setup('/imu', TimelineOptions())
 
 
 def start(ros: Ros) -> Process:
@@ -204,9 +205,6 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, heal
     assert few.stop() == 1, few.log
     for node in few, start_at_home(ros):
         assert node.lines[0] == f'characterizing the IMU on {driver.topic}'
-
-
-SETUP = Setup('/imu', TimelineOptions())
 
 
 def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_disk_is_full(

@@ -26,6 +26,7 @@ from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, STA
 RATE_HZ, PROVEN_S = 100.0, 300.0
 SETUP = Setup('/imu', TimelineOptions())
 HALVES = Setup('/gyro', TimelineOptions(), accel_topic='/accel')
+Messages = list[tuple[int, float]]
 
 
 def resumed(run: Run, setup: Setup = SETUP) -> Run:
@@ -315,9 +316,6 @@ def test_power_ons_one_soon_after_the_other_are_no_slow_turn():
                                      mean=(bias, 0, 0, 0, 0, 9.8))])
         run.lanes[0].power_on()
     assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
-
-
-Messages = list[tuple[int, float]]
 
 
 def stream(first: int, count: int, start_s: float) -> Messages:

@@ -20,6 +20,8 @@ NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'mot
 NUMBERS = (0, 1, -1, 5, 2**31, 2**63 - 1, -2**63)
 DOUBLES = (0.0, -0.0, 0.5, 1.0, 1e-300, 1e300, -1.0, float('nan'), float('inf'))
 TEXTS = ('', 'keep', 'header', 'kalibr', '/', '\0', '\x1b[2J', 'ü' * 50, '../..', 'a\nb', '%s{}')
+AT_A_TIME = 5
+"""Requests to one service that wait for their answer; the queue of a client holds ten answers."""
 
 
 def any_value(draw: random.Random) -> ParameterValue:
@@ -31,10 +33,6 @@ def any_value(draw: random.Random) -> ParameterValue:
         byte_array_value=[b'\0', b'\xff'], bool_array_value=[True, False],
         integer_array_value=[draw.choice(NUMBERS)], double_array_value=[draw.choice(DOUBLES)],
         string_array_value=[text.replace('\0', '') for text in texts])
-
-
-AT_A_TIME = 5
-"""Requests to one service that wait for their answer; the queue of a client holds ten answers."""
 
 
 class Client:

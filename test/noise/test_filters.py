@@ -23,6 +23,9 @@ from scipy.linalg import toeplitz
 from scipy.signal import bessel, butter, lfilter, sosfilt
 from whole_lines import refused
 
+RATE_HZ, COUNT = 100.0, 60_000
+GYRO = {N: 7.9e-5, B: 2.4e-5}
+
 
 @pytest.mark.parametrize(('kernel', 'samples', 'fewest', 'off', 'widest'), [
     # Means of samples fold nothing that a filter has taken out: N was 2 % too low.
@@ -81,10 +84,6 @@ def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
         found = axis.coefficients[B]
         assert not found.observable
         assert flicker < found.upper95 < 4 * flicker
-
-
-RATE_HZ, COUNT = 100.0, 60_000
-GYRO = {N: 7.9e-5, B: 2.4e-5}
 
 
 def without_bias(samples: np.ndarray, gain: float) -> np.ndarray:

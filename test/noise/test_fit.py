@@ -21,6 +21,10 @@ DEGREE = np.pi / 180
 SENSOR = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 2.5e-4 * DEGREE}
 RATE = 100.0
 HOURS_3 = 1_080_000
+WHOLE = 8192
+"""Samples of a record that is transformed as a whole."""
+NOT_FINITE = ('samples must be finite, real, and none masked; '
+              'imu_allan.analyze reads a CSV file with gaps')
 
 
 def seen(axis):
@@ -167,10 +171,6 @@ def test_a_ramp_is_reported_where_a_random_walk_would_drift_so_far_in_one_of_a_h
     assert 1.9 < width < 2.1
 
 
-WHOLE = 8192
-"""Samples of a record that is transformed as a whole."""
-
-
 def record_without_chance(terms, ramp=0.0):
     """Give a record whose every coefficient has exactly the power that is expected of it."""
     number = np.arange(1, WHOLE)
@@ -214,10 +214,6 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
     for size, observable in ((0.7, False), (clearly, True)):
         axis = characterize(record_without_chance({N: 1e-3, key: size * unit}), RATE)
         assert axis.coefficients[key].observable == observable
-
-
-NOT_FINITE = ('samples must be finite, real, and none masked; '
-              'imu_allan.analyze reads a CSV file with gaps')
 
 
 @pytest.mark.parametrize(('samples', 'rate', 'quantity', 'line'), [

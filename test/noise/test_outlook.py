@@ -19,6 +19,8 @@ SHAPES = (spectrum.white, spectrum.flicker, spectrum.random_walk)
 DT = 0.5
 LENGTH = 1000.0
 SENSOR = {N: 1.0, B: 0.05, K: 0.002}
+RATE_HZ = 100.0
+DENSITY = 1e-3
 
 
 def standard_errors(coefficients, duration):
@@ -75,10 +77,6 @@ def test_a_term_shows_by_then_in_most_records(key, value):
         seen = [axis.coefficients[key].observable
                 for axis in simulated(coefficients, count, 20.0, range(10))]
         assert lowest < np.mean(seen) < highest
-
-
-RATE_HZ = 100.0
-DENSITY = 1e-3
 
 
 def decided(seed, limit, most=20_000):

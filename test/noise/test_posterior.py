@@ -23,6 +23,10 @@ from scipy.integrate import quad
 from scipy.optimize import nnls
 from scipy.signal import butter, lfilter
 
+RATE = 100.0
+QUIET = {N: 1e-3, B: 4e-4}
+MODEL = {N: 1e-3, B: 8e-4, K: 2e-4}
+
 
 def bins_of_record(samples, dt):
     return bins_of(shown(samples).periodogram.sections(), dt)
@@ -115,10 +119,6 @@ def test_small_non_negative_least_squares_agrees_with_scipy():
         np.testing.assert_allclose(a @ part, a @ nnls(a, b)[0], atol=1e-6)
 
 
-RATE = 100.0
-QUIET = {N: 1e-3, B: 4e-4}
-
-
 def fits_of(*samples):
     """Return the fits of axes that are fitted together."""
     return fit_axes(shown(np.transpose(samples)), 1 / RATE)
@@ -193,9 +193,6 @@ def test_axes_have_the_same_posterior_together_as_alone():
         for key in QUIET:
             assert fit.fit.estimates[key].value == pytest.approx(
                 alone.fit.estimates[key].value, rel=1e-9)
-
-
-MODEL = {N: 1e-3, B: 8e-4, K: 2e-4}
 
 
 def estimates(records):

@@ -19,6 +19,8 @@ from scipy.signal import butter, lfilter
 RATE = 10.0
 HOUR = 36_000
 DENSITY = 1e-3
+SLOW = {N: DENSITY, B: 3e-4}
+WALK = 3e-4
 
 
 def each(records, key, rate=RATE):
@@ -98,9 +100,6 @@ def test_white_noise_that_is_level_again_above_a_band_has_the_level_of_that_band
     assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)
 
 
-SLOW = {N: DENSITY, B: 3e-4}
-
-
 @pytest.mark.parametrize(('terms', 'low_pass'), [
     ({**SLOW, K: 6e-5}, None), (SLOW, butter(1, 20, fs=100)), (SLOW, ([0.967, 0.033], [1.0])),
     ({N: DENSITY, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 2.0}}, None)])
@@ -175,9 +174,6 @@ def test_flicker_beside_a_process_too_weak_to_be_reported_is_seldom_too_large_an
     found = each(drawn, B)
     assert sum(one.observable and one.ci95[0] > flicker for one in found) <= most
     assert sum(not one.observable for one in found) <= unseen
-
-
-WALK = 3e-4
 
 
 def width(walk):

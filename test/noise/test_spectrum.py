@@ -19,6 +19,8 @@ from whole_lines import refused
 DT = 0.01
 COLUMNS = {'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
            'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+RATE = 100.0
+SIZES = np.array([1, 2, 4, 8, 64])
 
 
 def allan_variance_of(density, size, *parameter):
@@ -142,10 +144,6 @@ def test_the_power_of_a_cosine_in_means_is_that_of_their_covariance(length, time
     cosines = dct(np.eye(length), norm='ortho', axis=0)[1:]
     exact = np.einsum('ja,ab,jb->j', cosines, covariance, cosines)
     np.testing.assert_allclose(dct_power(time, interval, length), exact, rtol=1e-8)
-
-
-RATE = 100.0
-SIZES = np.array([1, 2, 4, 8, 64])
 
 
 def mean_allan_variance(draw, runs, sizes=SIZES):

@@ -16,6 +16,8 @@ from repeated import slow
 RATE = 100.0
 SENSOR = {N: 1e-3, B: 1e-3}
 SAMPLES = 360_000
+SHORT = {'white': {}, 'flicker': {B: 5e-3}, 'walk': {K: 5e-3},
+         'quantization': {'quantization_noise': 1e-4}, 'warm-up': {}, 'coarse': {}, 'low-pass': {}}
 
 
 def test_noise_that_stays_the_same_is_steady():
@@ -82,10 +84,6 @@ def test_a_short_record_says_that_its_noise_changes(samples, from_, ratio):
     low, high = axis.coefficients[N].ci95
     narrow = even.coefficients[N].ci95
     assert high / low > narrow[1] / narrow[0]
-
-
-SHORT = {'white': {}, 'flicker': {B: 5e-3}, 'walk': {K: 5e-3},
-         'quantization': {'quantization_noise': 1e-4}, 'warm-up': {}, 'coarse': {}, 'low-pass': {}}
 
 
 def alarms(kind, samples, seeds, period=10**6, lost=0):

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 MODEL = {N: 1e-4, B: 2e-5}
+NIGHT = {'rate': 1.0, 'hours': 14.0, 'model': {N: 1e-3, B: 1e-4}}
+RATE, HOURS = 10.0, 2.0
+TIME = np.arange(round(HOURS * 3600 * RATE)) / RATE
+STEADY = {N: 1e-3, B: 1e-3}
 
 
 def warmed(mean, seed, rate=50.0, hours=1.0, model=MODEL):
     """Characterize a sensor whose mean follows a function of time."""
     time = np.arange(round(hours * 3600 * rate)) / rate
     return characterized(simulate(model, len(time), rate, seed) + mean(time), rate)
-
-
-NIGHT = {'rate': 1.0, 'hours': 14.0, 'model': {N: 1e-3, B: 1e-4}}
 
 
 @pytest.mark.parametrize(('amplitude', 'time', 'record'), [
@@ -67,11 +68,6 @@ def test_the_coefficients_beside_warm_ups_are_as_good_as_without():
     assert np.mean(wrong) <= 0.05
     for key, each in inside.items():
         assert np.mean(each) > 0.85, key
-
-
-RATE, HOURS = 10.0, 2.0
-TIME = np.arange(round(HOURS * 3600 * RATE)) / RATE
-STEADY = {N: 1e-3, B: 1e-3}
 
 
 def sine(phase):

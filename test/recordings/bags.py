@@ -30,6 +30,8 @@ COMPRESSIONS = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4,
 ROS1_STORE = get_typestore(Stores.ROS1_NOETIC)
 ROS1_COMPRESSIONS = {'none': None, 'lz4': Ros1Writer.CompressionFormat.LZ4,
                      'bz2': Ros1Writer.CompressionFormat.BZ2}
+NO_TIME = ('no time_s column; give the sample rate with --rate, or say which column is the time: '
+           "--columns 'time=NAME ms'")
 
 
 def block(count: int, frame_id: str = 'imu_link', first: int = 0) -> ImuBlock:
@@ -235,10 +237,6 @@ class FailingRecording(Recording):
         del topic
         yield self._messages, 1
         raise self._error
-
-
-NO_TIME = ('no time_s column; give the sample rate with --rate, or say which column is the time: '
-           "--columns 'time=NAME ms'")
 
 
 def no_axes(header: str) -> str:

@@ -21,6 +21,9 @@ import pytest
 from whole_lines import refused
 import zstandard
 
+BARE = encode_imu(1, np.zeros(6), 'imu')
+NOISE = replace(block(600), samples=np.random.default_rng(1).normal(0, 0.01, (600, 6)))
+
 
 @pytest.mark.parametrize(('name', 'content', 'reason'), [
     ('a.mcap', b'', 'the file is empty'),
@@ -64,9 +67,6 @@ def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
     assert printable(path).isprintable()
     assert refusal(path, topic='/n\none') == (
         'no topic /n\\none; its Imu topics are /imu (10 messages)')
-
-
-BARE = encode_imu(1, np.zeros(6), 'imu')
 
 
 @pytest.mark.parametrize(('topics', 'topic', 'reason'), [
@@ -130,9 +130,6 @@ def test_bag_files_without_metadata_are_one_recording_if_their_numbers_follow_in
     if not together:
         with refused(f'{tmp_path}: holds 2 recordings, such as {names[0]}; name one'):
             open_recording(tmp_path)
-
-
-NOISE = replace(block(600), samples=np.random.default_rng(1).normal(0, 0.01, (600, 6)))
 
 
 def write_packed_db3(path: Path) -> Path:

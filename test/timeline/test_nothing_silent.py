@@ -19,6 +19,8 @@ from scipy.signal import butter, lfilter
 from whole_lines import refused
 
 PERHAPS_TWO = {'several_publishers', 'alternating'}
+APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
+"""Between the means of two sensors."""
 
 
 def rest(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0
@@ -276,10 +278,6 @@ def test_headers_in_whole_seconds_or_batches_are_no_witness_against_losses(batch
     messages.header = np.floor(messages.header / batch) * batch + apart
     summary, _ = run(messages.pick(messages.place % 9 != 0).block())
     assert unsure(summary.remarks) == pytest.approx(1 / 9, abs=1e-3)
-
-
-APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
-"""Between the means of two sensors."""
 
 
 def in_turn(offset: float, apart: np.ndarray, noisier: float, lost: float | str = 0.0,

@@ -22,6 +22,8 @@ from whole_lines import refused
 RATE = 20.0
 N, K = 1e-3, 1e-4
 AXES = {'gyro_x': axis_of(N, K), 'gyro_y': axis_of(N, K, processes=((3e-4, 100.0),))}
+ROWS = np.random.default_rng(1).normal(size=(1050, 6))
+TERMS = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1e-5}
 
 
 def rest(seconds, noise=1.0, drift=1.0, seed=0):
@@ -115,9 +117,6 @@ def test_factors_hold_where_the_numbers_are_stated_or_come_from_a_recording(
     assert fitted_min or off == pytest.approx(1, rel=0.05)
 
 
-ROWS = np.random.default_rng(1).normal(size=(1050, 6))
-
-
 def test_the_blocks_they_came_in_make_no_difference():
     whole = means_of(EvenBlock(ROWS, 0), rate=10.0)
     batched = means_of(*(EvenBlock(ROWS[i:i + 7], i) for i in range(0, 1050, 7)), rate=10.0)
@@ -171,9 +170,6 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     factor = found.random_walk_factor
     assert np.log([factor / low, high / factor]) == pytest.approx([half, half], rel=0.05)
     assert found.noise_ci95 == (found.noise_factor, found.noise_factor)
-
-
-TERMS = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1e-5}
 
 
 def predictions(estimator):

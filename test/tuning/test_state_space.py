@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 from whole_lines import refused
 
+KNOWN = axis_of(1.0, known=(0.4, 100.0))
+BEFORE, AFTER, POINTS = 7.0, 20.0, 2700
+
 
 def integrated(kernel, step, points=2000):
     """Variance of the mean over a step, and covariance of it with start and end."""
@@ -48,9 +51,6 @@ def test_the_random_walk_has_the_moments_of_its_integral_and_the_measurement_the
     # White noise and a line, of which sinc^2(1/2) = (2/pi)^2 is left.
     space = state_space(axis_of(2.0, tones=((0.25, 3.0),)), 2.0)
     assert space.measurement[0, 0] == pytest.approx(4 / 2 + 9 / 2 * (2 / np.pi) ** 2)
-
-
-KNOWN = axis_of(1.0, known=(0.4, 100.0))
 
 
 @pytest.mark.parametrize(('axis', 'step', 'line'), [
@@ -120,9 +120,6 @@ def test_many_filters_run_as_each_does_alone():
             inside = (slice(n),) * own[0].ndim
             np.testing.assert_allclose(together[lane][inside], own[0], rtol=1e-12)
             assert not together[lane][n:].any()
-
-
-BEFORE, AFTER, POINTS = 7.0, 20.0, 2700
 
 
 def by_quadrature(kernel, position=False):

@@ -20,6 +20,8 @@ from whole_lines import refused
 
 HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
 PROCESS = {'processes': ((5e-4, 40.0),)}
+SHORTER = ('coast_s 0.5 s is shorter than aiding_interval_s 1 s: a filter is unaided for at least '
+           'one interval')
 
 
 def one(value):
@@ -130,10 +132,6 @@ def test_a_conservative_filter_of_short_steps_is_still_worth_something():
     assert 0.6 < careful.nis < 1
     assert 0.1 < careful.coast_ratio < 1
     assert careful.random_walk < 3e-4
-
-
-SHORTER = ('coast_s 0.5 s is shorter than aiding_interval_s 1 s: a filter is unaided for at least '
-           'one interval')
 
 
 @pytest.mark.parametrize(('asked', 'line'), [

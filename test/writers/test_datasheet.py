@@ -29,6 +29,10 @@ import numpy as np
 import pytest
 from whole_lines import refused, Varying
 
+SIGMA, RATE_HZ = 0.01, 100.0
+DENSITY = SIGMA / np.sqrt(RATE_HZ)
+WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))[:, :3]
+
 
 def only(result, text):
     (verdict,) = check(result, parse_model(text))
@@ -231,11 +235,6 @@ def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path):
                            text=True).stdout
     assert re.search(r'^Pages: +1$', about, re.MULTILINE)
     assert re.search(r'^Page size:.*\(A4\)', about, re.MULTILINE)
-
-
-SIGMA, RATE_HZ = 0.01, 100.0
-DENSITY = SIGMA / np.sqrt(RATE_HZ)
-WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))[:, :3]
 
 
 def streamed(samples, rate_hz=RATE_HZ):

@@ -33,6 +33,7 @@ RATE = 400.0
 DEGREE = 0.017453292519943295
 OCTAVE = shutil.which('octave-cli')
 OPENCV = ('openvins', 'orb_slam3', 'vins_fusion', 'vins_fusion_midpoint', 'okvis2', 'kimera')
+NASTY = 'evil"\n- key: {x: 1}\n*/ {"x": 1} /* %YAML:1.0 # \x1b[2J \u2028 $(rm) </script>'
 
 
 def near(value: float) -> object:
@@ -396,9 +397,6 @@ def test_a_sensor_that_the_result_lacks_and_a_bound_that_stands_in():
     found = yaml.safe_load(export(only(build(bound=1e-3), 'gyro'), 'kalibr'))
     assert found == {'gyroscope_noise_density': GYRO_N, 'gyroscope_random_walk': 1e-3,
                      'rostopic': '/imu/data_raw', 'update_rate': 400.0}
-
-
-NASTY = 'evil"\n- key: {x: 1}\n*/ {"x": 1} /* %YAML:1.0 # \x1b[2J \u2028 $(rm) </script>'
 
 
 @pytest.mark.parametrize('consumer', CONSUMERS)

@@ -16,6 +16,9 @@ from imu_allan.writers.words import advice, sentence_of, with_words
 from on_terminal import assert_as_before, FLAT, printed
 import pytest
 
+GOOD = {sensor: f'{sensor}: N is good (+-0.' for sensor in ('Gyroscope', 'Accelerometer')}
+STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34.9, 0.2)}
+
 
 @pytest.mark.parametrize(('name', 'width', 'options'), [
     ('40', 40, {}), ('60', 60, {}), ('80', 80, {}), ('140', 140, {}),
@@ -40,10 +43,6 @@ def test_a_first_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(name)
     assert len(lines) <= 23
     assert max(map(len, lines)) <= 80
     assert_as_before('\n'.join([*lines, '']), f'screens/{name}.txt')
-
-
-GOOD = {sensor: f'{sensor}: N is good (+-0.' for sensor in ('Gyroscope', 'Accelerometer')}
-STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34.9, 0.2)}
 
 
 @pytest.mark.parametrize(('changed', 'warnings', 'seconds', 'said'), [

@@ -21,6 +21,11 @@ import pytest
 from scipy.fft import dct
 
 SENSOR = {N: 1e-3, B: 3e-4, K: 5e-5}
+RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
+POWERS = {'quantization_noise': -1, N: -0.5, B: 0, K: 0.5, 'rate_ramp': 1}
+"""Of the sample rate, in the units of the coefficients."""
+ROWS = np.random.default_rng(1).normal([[5.0], [-3.0]], 1.0, (2, 9000))
+LOUDER = {N: 1e-3, B: 1e-3, K: 1e-4}
 
 
 def same_state(one, other, rtol=0.0):
@@ -31,9 +36,6 @@ def same_state(one, other, rtol=0.0):
             np.testing.assert_allclose(a[key], b[key], rtol=rtol, err_msg=key)
         else:
             np.testing.assert_array_equal(a[key], b[key], err_msg=key)
-
-
-RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
 
 
 @cache
@@ -61,10 +63,6 @@ def test_batches_of_any_size_and_a_saved_state_give_the_same_bits(cuts, gaps, sa
             Estimator.from_state(state).update(RECORD[::-1])
             split = Estimator.from_state(state)
     same_state(whole, split)
-
-
-POWERS = {'quantization_noise': -1, N: -0.5, B: 0, K: 0.5, 'rate_ramp': 1}
-"""Of the sample rate, in the units of the coefficients."""
 
 
 @pytest.mark.parametrize(('scale', 'faster'), [(3.0, 2.0**-7), (1e-6, 1.0), (7e5, 8.0)])
@@ -171,9 +169,6 @@ def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
     assert (nothing.measured, nothing.census.highest[0]) == (0, -np.inf)
 
 
-ROWS = np.random.default_rng(1).normal([[5.0], [-3.0]], 1.0, (2, 9000))
-
-
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, ROWS.shape[1]))
 def test_columns_hold_the_mean_and_extremes_of_their_samples(length):
@@ -228,9 +223,6 @@ def test_every_stage_holds_the_transforms_of_its_means(samples, expected):
             blocks = means[:, :section.blocks * BLOCK].reshape(2, -1, BLOCK)
             exact = (dct(blocks, norm='ortho')**2).mean(axis=1)[:, part]
             np.testing.assert_allclose(section.power[:, part], exact, rtol=1e-9)
-
-
-LOUDER = {N: 1e-3, B: 1e-3, K: 1e-4}
 
 
 def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():

@@ -15,6 +15,7 @@ from repeated import combined, slow
 from scipy.fft import dct
 
 SIZE = 8
+SAMPLES = 1024
 
 
 def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
@@ -94,9 +95,6 @@ def test_gaps_invent_no_slow_term(runs, gap, records, most):
             assert axis.coefficients[N].value == pytest.approx(0.1, rel=0.06)
             false += any(axis.coefficients[key].observable for key in (B, K))
     assert false <= most
-
-
-SAMPLES = 1024
 
 
 def received(pattern):

@@ -15,6 +15,7 @@ from whole_lines import Varying
 import zstandard
 
 NO_FILE = ': no file that metadata.yaml lists is there; copy them beside it'
+NO_BAG = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
 
 
 def compress(path: Path) -> Path:
@@ -169,9 +170,6 @@ def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
     folder.mkdir(parents=True)
     write_metadata(folder, [listed], [('/imu', IMU, 5)])
     assert refusal(folder) == 'missing outside.mcap' + NO_FILE
-
-
-NO_BAG = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
 
 
 @pytest.mark.parametrize(('files', 'reason'), [

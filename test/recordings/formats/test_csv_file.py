@@ -22,6 +22,14 @@ import pytest
 from whole_lines import refused
 
 STAMP = 1_403_636_579_758_555_392
+HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
+GYRO = HEADER.partition(',')[2]
+ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
+SUMMER = [1403636579_750000000, 1403636580_000000000]
+EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
+"""The same times of the day, without the day."""
+LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
+THERE = 'there are time_s, time_ms, gx_dps, w0'
 
 
 @pytest.fixture
@@ -164,11 +172,6 @@ def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
     assert np.array_equal(messages.samples[:, 0], values, equal_nan=True)
     assert remark == said(path, 'malformed_messages', what='line', count=count, first=first,
                           severity='act')
-
-
-HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
-GYRO = HEADER.partition(',')[2]
-ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
 
 
 def table(header: str, row: Callable[[int, Iterator[str]], list[str]], mark: str = ',') -> str:
@@ -412,11 +415,6 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
     assert messages.samples[0, [0, 3]] == pytest.approx([pi, 1.0], rel=1e-15)
 
 
-SUMMER = [1403636579_750000000, 1403636580_000000000]
-EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
-"""The same times of the day, without the day."""
-
-
 @pytest.mark.parametrize(('header', 'times', 'stamps'), [
     ('time,gx', ('2014-06-24T19:02:59.75Z,', '2014-06-24T19:03:00Z,'), SUMMER),
     ('"Timestamp","gx"',
@@ -448,9 +446,6 @@ def test_times_of_another_form_are_no_numbers_and_reported(path, options):
         'the time. A time is a number or like 2024-06-24 19:02:59.75')
     block, _ = read(path, options=replace(named(gyro_x='gx'), rate_hz=100.0))
     assert block.header_ns.tolist() == [0, 10_000_000]
-
-
-LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
 
 
 @pytest.mark.parametrize(('text', 'columns', 'seconds', 'samples'), [
@@ -511,9 +506,6 @@ def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
     rows = [f'{second:.9f},{row}' for row, second in enumerate(seconds)]
     block, _ = read_text(path, '\n'.join(['time,gx', *rows, '']))
     np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
-
-
-THERE = 'there are time_s, time_ms, gx_dps, w0'
 
 
 @pytest.mark.parametrize(('columns', 'reason'), [

@@ -22,6 +22,9 @@ COMBINED = ('sensor_combined', 'uint64_t timestamp;float[3] gyro_rad;uint32_t gy
 FIFO = ('uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float dt;float scale;'
         'uint8_t samples;int16_t[4] x;int16_t[4] y;int16_t[4] z;')
 ONE = ('uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;')
+THIN = ('(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in the autopilot '
+        '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
+NO_FIELD = '(px4_msgs/msg/SensorCombined); its format has no field '
 
 
 def framed(kind: bytes, body: bytes) -> bytes:
@@ -98,11 +101,6 @@ def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):
     assert remark == said(path, 'malformed_messages', what='message', count=2,
                           topic='sensor_gyro_fifo', type='px4_msgs/msg/SensorGyroFifo',
                           first=remark.values['first'])
-
-
-THIN = ('(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in the autopilot '
-        '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
-NO_FIELD = '(px4_msgs/msg/SensorCombined); its format has no field '
 
 
 @pytest.mark.parametrize(('form', 'said'), [

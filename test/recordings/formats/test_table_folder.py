@@ -16,6 +16,8 @@ from whole_lines import refused
 
 RNG = np.random.default_rng(4)
 START_NS = 1_700_000_000_000_000_000
+WITHOUT_AXES = 'time,seconds_elapsed,z,y,x\n1,2,3,4,5\n'
+BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
 
 
 def write(folder: Path, name: str, rate_hz: int, sigma: float, up: float = 0.0,
@@ -71,10 +73,6 @@ def test_columns_that_the_user_gives_are_those_of_both_files(tmp_path, names, he
     axes = analyze(tmp_path, reading=RecordingOptions(columns=pairs)).axes
     assert list(axes) == list(AXES)
     assert axes['accel_z'].mean == pytest.approx(9.81, abs=0.01)
-
-
-WITHOUT_AXES = 'time,seconds_elapsed,z,y,x\n1,2,3,4,5\n'
-BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
 
 
 @pytest.mark.parametrize(('texts', 'said'), [
