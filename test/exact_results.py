@@ -1,12 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results whose every number is known: exact model curves with intervals of a realistic width."""
+"""Results whose every number is known, exact model curves, and results changed from them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from imu_allan import result as schema
 from imu_allan.finding import finding
+from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import AxisResult, Result
 import numpy as np
@@ -16,6 +18,10 @@ DURATION_S = 3600.0 * 3
 
 GYRO = {'noise_density': 7.0e-4, 'bias_instability': 1.2e-4, 'rate_random_walk': 4.0e-6}
 ACCEL = {'noise_density': 4.0e-3, 'bias_instability': 4.0e-4, 'rate_random_walk': 1.5e-5}
+FLICKER = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
+"""Processes that together are flicker of 3e-4."""
+UNSEEN: dict[str, Any] = {'observable': False, 'value': None, 'ci95': None}
+"""What is known of a coefficient that does not show; its bound comes beside it."""
 
 
 def axis_result(name: str, coefficients: Mapping[str, float],
@@ -94,3 +100,45 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
             finding('motion', count=2, excluded_s=345.0),
             finding('tones', ('gyro_z',), count=2, unit='rad/s', frequency_hz=23.4,
                     amplitude=2e-4, half_rate=False)), **fields})
+
+
+def only(result: Result, begin: str) -> Result:
+    """Return a result of some of its axes: 'gyro', 'gyro_x', '' for all."""
+    return replace(result, axes={name: axis for name, axis in result.axes.items()
+                                 if name.startswith(begin)})
+
+
+def without(result: Result, name: str) -> Result:
+    """Return a result that lacks an axis."""
+    return replace(result, axes={one: axis for one, axis in result.axes.items() if one != name})
+
+
+def with_axes(result: Result, begin: str = '', **fields: Any) -> Result:
+    """Return a result with other fields of its axes; a function gives the one of each axis."""
+    return replace(result, axes=result.axes | {
+        name: replace(axis, **{key: value(axis) if callable(value) else value
+                               for key, value in fields.items()})
+        for name, axis in only(result, begin).axes.items()})
+
+
+def with_coefficient(result: Result, begin: str, key: str, **fields: Any) -> Result:
+    """Return a result with another coefficient."""
+    def changed(axis: AxisResult) -> dict[str, Any]:
+        return {**axis.coefficients, key: replace(axis.coefficients[key], **fields)}
+    return with_axes(result, begin, coefficients=changed)
+
+
+def axis_of(noise_density=0.0, walk=0.0, processes=(), tones=(), known=(0.01, 3000.0),
+            quantity='angular_velocity', **fields):
+    """Return an axis with this drift model; processes are (sigma, time), tones (hertz, a)."""
+    model = schema.DriftModel(
+        noise_density, walk, tuple(schema.GaussMarkov(*one) for one in processes), *known)
+    lines = tuple(schema.Tone(*tone) for tone in tones)
+    tau = 0.01 * 2.0 ** np.arange(19)
+    adev = tuple(np.sqrt(drift_avar(model, lines, tau)).tolist())
+    edf = np.maximum(1.0, 1.5 * 3 * known[1] / tau)
+    pairs = tuple(zip(adev, adev, strict=True))
+    curve = schema.Curve(tuple(tau.tolist()), adev, tuple(edf.tolist()), pairs, pairs, adev)
+    unit = 'rad/s' if quantity == 'angular_velocity' else 'm/s^2'
+    return AxisResult(quantity, unit, 0.0, None, lines, {},
+                      schema.GoodnessOfFit(0.5, 0.0, True), curve, drift_model=model, **fields)

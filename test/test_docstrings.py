@@ -4,22 +4,19 @@
 
 import doctest
 from importlib import import_module
-from pathlib import Path
 import re
 
 import imu_allan
 from imu_allan.noise.posterior.shapes import FREE_SHAPES, HIGH_PASSES, LOW_PASSES, TERM_SHAPES
 from imu_allan.noise.posterior.trends import TRENDS
 import pytest
+from sources import MODULES, PACKAGE
 
-PACKAGE = Path(__file__).parents[1] / 'imu_allan'
 PAGE = (PACKAGE.parent / 'docs' / 'statistics.md').read_text()
-MODULES = sorted('.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts))
-                 for path in PACKAGE.rglob('*.py')
-                 if path.stem != '__init__' and '>>>' in path.read_text())
 
 
-@pytest.mark.parametrize('module', MODULES)
+@pytest.mark.parametrize('module', sorted(
+    name for name, path in MODULES.items() if '>>>' in path.read_text()))
 def test_examples_give_what_they_say(module):
     failed, _ = doctest.testmod(import_module(module),
                                 optionflags=doctest.NORMALIZE_WHITESPACE)

@@ -192,9 +192,10 @@ def made_by(program):
                           text=True, cwd=ROOT / 'docs').stdout
 
 
-def test_commands_page_is_what_the_parsers_say():
-    shown = made_by('import make_commands; print(make_commands.page(), end="")')
-    assert (ROOT / 'docs' / 'commands.md').read_text() == shown
+@pytest.mark.parametrize('page', ['commands', 'findings'])
+def test_a_page_is_what_the_parsers_or_the_table_of_findings_say(page):
+    shown = made_by(f'import make_{page} as made; print(made.page(), end="")')
+    assert (ROOT / 'docs' / f'{page}.md').read_text() == shown
 
 
 def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypatch):

@@ -26,12 +26,7 @@ def unwritable(path: object, why: str) -> str:
 
 
 class Varying:
-    """
-    A line equal to each that has any number for `<number>` and any words for `<words>`.
-
-    For numbers that chance or the version of a library moves, and for the words of a library or of
-    the system; whatever else a line holds is the same every time, and is written down.
-    """
+    """A line with any number, moved by chance, for `<number>`; a library's own for `<words>`."""
 
     PARTS = (('<number>', r'[-+]?\d+(,\d{3})*(\.\d+)?(e[-+]?\d+)?'), ('<words>', r'[^\n]+'))
 
@@ -43,9 +38,6 @@ class Varying:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, str) and re.fullmatch(self.form, other) is not None
-
-    def __hash__(self) -> int:
-        return hash(self.line)
 
     def __repr__(self) -> str:
         return f'Varying({self.line!r})'

@@ -9,7 +9,7 @@ from typing import Any
 import warnings
 
 from characterized import B, characterized, K, messages, N, one_axis, several, shown, taken_in
-from drifting_axes import axis_of as drifting
+from exact_results import axis_of as drifting
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.characterization.findings import halves_remarks

@@ -9,7 +9,7 @@ import re
 import shutil
 import xml.etree.ElementTree as ElementTree
 
-from changed import with_axes
+from exact_results import with_axes
 import imu_allan
 from imu_allan.finding import finding
 from imu_allan.result import Inspection

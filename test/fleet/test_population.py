@@ -4,8 +4,7 @@
 
 from dataclasses import replace
 
-from changed import UNSEEN, with_axes, with_coefficient
-from exact_results import axis_result, build_result
+from exact_results import axis_result, build_result, UNSEEN, with_axes, with_coefficient
 from imu_allan.fleet.names import distinct_labels, name_pattern, natural, unit_name
 from imu_allan.fleet.population import population
 from imu_allan.noise.terms import AXES

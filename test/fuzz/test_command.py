@@ -11,9 +11,9 @@ from imu_allan.errors import printable
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from measured_command import run
 from mutations import assert_harmless_on_a_terminal
 import numpy as np
+from processes import run
 import pytest
 from repeated import slow
 import yaml

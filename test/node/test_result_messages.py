@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
-from changed import only, UNSEEN, with_axes, with_coefficient
 from diagnostic_msgs.msg import DiagnosticStatus
+from exact_results import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.node.announcements import Announcements, progress_line

@@ -4,8 +4,8 @@
 
 from functools import partial
 
-from changed import only
 from characterized import B, characterized, ends, holds, K, messages, N, several, simulated
+from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response

@@ -10,9 +10,9 @@ from typing import Any
 import bags
 from bags import block
 from imu_allan.block import ImuBlock
-from measured_command import run
 from mutations import assert_harmless_on_a_terminal, LONGEST_S, mutated_bytes, read_in_part
 import numpy as np
+from processes import run
 import pytest
 from repeated import slow
 import zstandard

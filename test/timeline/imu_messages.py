@@ -30,12 +30,8 @@ def still(count: int, rate_hz: float = 100.0, *, seed: int = 0, frame_id: str = 
     return ImuBlock(header, header + 300_000, samples, np.zeros((count, 2), dtype=bool), frame_id)
 
 
-def encode_imu(
-    stamp_ns: int,
-    sample: NDArray[np.float64],
-    frame_id: str,
-    absent: tuple[bool, bool] = (False, False),
-) -> bytes:
+def encode_imu(stamp_ns: int, sample: NDArray[np.float64], frame_id: str,
+               absent: tuple[bool, bool] = (False, False)) -> bytes:
     """Encode one message as little-endian CDR, without orientation."""
     block = ImuBlock(np.array([stamp_ns], np.int64), np.zeros(1, np.int64),
                      np.reshape(sample, (1, 6)), np.array([absent]), frame_id)

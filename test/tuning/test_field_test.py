@@ -3,7 +3,7 @@
 """What filters predict over recordings: of each half the other, of a field test the bench."""
 
 from characterized import covers, taken_in
-from drifting_axes import axis_of, FLICKER
+from exact_results import axis_of, FLICKER
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.record.estimator import Estimator

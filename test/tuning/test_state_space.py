@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from drifting_axes import axis_of
+from exact_results import axis_of
 from imu_allan.noise.simulate import simulate
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.kalman import run_filters, steady_covariance, unaided_variance

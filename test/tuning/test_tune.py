@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from drifting_axes import axis_of, FLICKER
+from exact_results import axis_of, FLICKER
 import imu_allan
 from imu_allan.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.characterization.axis import characterize

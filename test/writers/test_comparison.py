@@ -8,8 +8,7 @@ from pathlib import Path
 import re
 
 from browser import faults_of, needs_browser, pages_in_print
-from changed import only, UNSEEN, with_coefficient
-from exact_results import axis_result, build_result
+from exact_results import axis_result, build_result, only, UNSEEN, with_coefficient
 from imu_allan.fleet.population import Outlier
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection, Result

@@ -9,8 +9,8 @@ import subprocess
 import xml.etree.ElementTree as ElementTree
 
 from browser import Outline
-from changed import UNSEEN, with_axes, with_coefficient, without
 from characterized import messages
+from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding

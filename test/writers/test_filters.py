@@ -11,8 +11,7 @@ import tempfile
 from typing import Any
 import xml.etree.ElementTree as ElementTree
 
-from changed import only, with_axes, with_coefficient
-from exact_results import axis_result, build_result
+from exact_results import axis_result, build_result, only, with_axes, with_coefficient
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model

@@ -6,8 +6,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
-from changed import with_axes
-from exact_results import axis_result
+from exact_results import axis_result, with_axes
 import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline

@@ -9,7 +9,7 @@ import re
 import time
 
 from browser import faults_of, needs_browser, Outline, pages_in_print
-from changed import with_axes
+from exact_results import with_axes
 from imu_allan import analyze
 from imu_allan.finding import Finding
 from imu_allan.result import Signal, Source, Spectrum

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 
-from changed import with_coefficient
+from exact_results import with_coefficient
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Saturation, Source, Span
 from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table

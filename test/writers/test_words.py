@@ -6,8 +6,6 @@ import ast
 from dataclasses import replace
 from pathlib import Path
 import re
-import subprocess
-import sys
 
 import imu_allan
 from imu_allan.finding import CODES, Finding, finding, is_optional
@@ -59,14 +57,6 @@ def test_a_figure_that_a_file_does_not_have_is_not_said(value):
                 assert not re.search(r'\bNone\b|future', said), lacking
     of_some_topic = finding('filtered', by='orientation', topic=None, raw='/imu/data_raw')
     assert message_of(replace(of_some_topic, message='as stored')) == 'as stored'
-
-
-def test_the_page_of_findings_is_made_from_the_table():
-    docs = PACKAGE.parent / 'docs'
-    shown = subprocess.run(
-        [sys.executable, '-c', 'import make_findings; print(make_findings.page(), end="")'],
-        check=True, capture_output=True, text=True, cwd=docs).stdout
-    assert (docs / 'findings.md').read_text() == shown
 
 
 def of_all(code: str, name: str, figures: list[float], **values: object) -> Finding:

@@ -12,8 +12,8 @@ from imu_allan import analyze
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
-from measured_command import run
 import numpy as np
+from processes import run
 import pytest
 from whole_lines import refused
 

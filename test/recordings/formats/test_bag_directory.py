@@ -9,7 +9,7 @@ from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, 
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.recordings.halves import choose_streams
-from measured_command import run
+from processes import run
 import pytest
 from whole_lines import Varying
 import zstandard

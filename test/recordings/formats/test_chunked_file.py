@@ -10,8 +10,8 @@ from bags import assert_same, block, chunk_starts, figures, read, said, write_ba
 from imu_allan.recordings import open_recording
 import lz4.frame
 from mcap.writer import IndexType
-from measured_command import run
 import numpy as np
+from processes import run
 import pytest
 from repeated import combined
 

@@ -26,8 +26,8 @@ from imu_allan.recordings.formats.gather import gather, in_lists
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType
-from measured_command import run
 import numpy as np
+from processes import run
 import pytest
 from whole_lines import refused, Varying
 import zstandard

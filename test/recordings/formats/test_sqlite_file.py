@@ -12,8 +12,8 @@ import sqlite3
 import bags
 from bags import assert_same, block, files_in, IMU, read, said, serialized, write_db3
 from imu_allan.recordings import open_recording
-from measured_command import run
 import numpy as np
+from processes import run
 import pytest
 from repeated import slow
 
