@@ -10,9 +10,20 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 import numpy as np
+from scipy.signal import lfilter
 
 START_NS = 1_700_000_000_000_000_000
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
+
+
+def unbiased(samples, gain, settled=0.0):
+    """Do as imu_complementary_filter at rest: bias += gain * (sample - bias), of those before."""
+    return (samples - lfilter([0, gain], [1, gain - 1], samples, axis=0))[int(settled / gain):]
+
+
+def celsius_at(seconds):
+    """Temperature of an hour: settling by 12 K, with a dip that no ramp or warm-up has."""
+    return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
 
 
 def messages(rows, rate_hz, places=0, *, gyro_alone=False):

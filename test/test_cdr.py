@@ -17,13 +17,10 @@ from whole_lines import refused
 
 FRAMES = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=40)
 SERIALIZATIONS = st.sampled_from([('cdr', '<'), ('cdr', '>'), ('ros1', '<')])
-
-
 MESSAGE = encode_imu(5, np.arange(6.), 'imu')
 
 
 def decoded(message: bytes) -> ImuBlock:
-    """Decode one message."""
     [after] = blocks_from_messages([message], np.zeros(1, np.int64), raise_malformed)
     return after
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from characterized import B, covers, messages, N, said
+from characterized import B, covers, messages, N, said, unbiased
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.simulate import flicker
@@ -12,7 +12,6 @@ from imu_allan.sensor.simulated_imu import SimulatedImu
 from imu_allan.writers.datasheet import check
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 from whole_lines import refused, Varying
 
 RATE_HZ = 50.0
@@ -126,11 +125,9 @@ def smooth(rows):
     rows[1:] = (rows[1:] + rows[:-1]) / 2
 
 
-def without_bias(gain):
-    """Do as imu_complementary_filter, which subtracts a bias that follows the rate."""
+def filtered(gain):
     def change(rows):
-        # bias += gain * (sample - bias), of the samples before.
-        rows[:, :3] -= lfilter([0, gain], [1, gain - 1], rows[:, :3], axis=0)
+        rows[:, :3] = unbiased(rows[:, :3], gain)
     return change
 
 
@@ -144,7 +141,7 @@ def without_bias(gain):
     ({'change': smooth}, Varying(
         'other: gyro_x falls by another low-pass than in night1 (noise at the fast end -<number> '
         '%); analyze different settings apart')),
-    ({'change': without_bias(0.02)}, 'other: a filter has taken out the slow part of gyro_x, '
+    ({'change': filtered(0.02)}, 'other: a filter has taken out the slow part of gyro_x, '
      'which is not certain in night1; analyze the raw topic of each')])
 def test_what_cannot_be_one_series_is_refused(nights, other, complaint):
     with refused(complaint):
@@ -186,7 +183,7 @@ def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
 
 
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
-    result = joint_result([recorded(path, seed, without_bias(gain))
+    result = joint_result([recorded(path, seed, filtered(gain))
                            for path, seed, gain in (('a', 1, 0.02), ('b', 2, 0.1))])
     assert [one.axes for one in said(result, 'high_passed')] == [('gyro_x',), ('gyro_y',)]
     for name in ('gyro_x', 'gyro_y'):

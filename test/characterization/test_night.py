@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from characterized import B, in_blocks, K, messages, N, said, START_NS
+from characterized import B, celsius_at, in_blocks, K, messages, N, said, START_NS
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
@@ -17,11 +17,6 @@ from scipy.signal import lfilter
 RATE = 10.0
 SECONDS = np.arange(36_000) / RATE
 PER_KELVIN = 2e-3
-
-
-def celsius_at(seconds):
-    """Temperature of an hour: settling by 12 K, with a dip that no ramp or warm-up has."""
-    return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
 
 
 @pytest.fixture(scope='module')

@@ -15,13 +15,7 @@ from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import (
-    assert_kept_up,
-    Health,
-    LARGEST_MB,
-    PATIENCE_S,
-    resident_mb,
-)
+from ros_harness import assert_kept_up, Health, LARGEST_MB, PATIENCE_S, resident_mb
 
 
 @contextmanager

@@ -29,7 +29,7 @@ DURATION_S = 300.0
 
 
 @pytest.fixture(scope='module')
-def live(shared_ros: Ros) -> Ros:
+def live(shared_ros):
     ros, model = shared_ros, shared_ros.folder / 'model.yaml'
     model.write_text('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), rate_random_walk: '
                      '1e-3 rad/s^2/sqrt(Hz)}\naccel: {noise_density: 2e-3 m/s^2/sqrt(Hz)}')
@@ -61,7 +61,7 @@ def latest(ros: Ros, kind: type, topic: str) -> object:
 
 
 @pytest.fixture(scope='module')
-def result(live: Ros) -> Result:
+def result(live):
     response = live.call(Trigger, 'imu_allan/save')
     assert response.success, response.message
     return load_result(response.message.splitlines()[0])

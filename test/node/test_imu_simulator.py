@@ -16,7 +16,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
-from ros_harness import entries, Ros
+from ros_harness import entries
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -44,7 +44,7 @@ class Recording:
 
 
 @pytest.fixture
-def recording(ros: Ros) -> Recording:
+def recording(ros):
     return Recording(ros.recorder())
 
 

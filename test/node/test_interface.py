@@ -10,17 +10,10 @@ import sys
 from typing import Any
 from xml.etree import ElementTree
 
-from imu_allan.node.interface import (
-    CHARACTERIZATION,
-    help_text,
-    Interface,
-    Setting,
-    SETTINGS,
-    SIMULATOR,
-)
+from imu_allan.node.interface import CHARACTERIZATION, help_text, SETTINGS, SIMULATOR
 import pytest
 from rclpy.node import Node
-from ros_harness import Driver, ENTRY_POINTS, LATCHED, Ros
+from ros_harness import Driver, ENTRY_POINTS, LATCHED
 from std_msgs.msg import String
 import yaml
 
@@ -44,7 +37,7 @@ def test_help_describes_a_node_without_starting_ros(program):
 
 
 @pytest.fixture(scope='module')
-def running(shared_ros: Ros) -> Ros:
+def running(shared_ros):
     shared_ros.start('imu_allan_node', {'use_sim_time': True})
     shared_ros.start('imu_simulator')
     # The services that are made last.
@@ -54,7 +47,7 @@ def running(shared_ros: Ros) -> Ros:
     return shared_ros
 
 
-def offered(ros: Ros, name: str) -> dict[str, set[str]]:
+def offered(ros, name):
     """Give what a node publishes, subscribes to and answers, without the namespace."""
     own = (name, ros.namespace)
     # A node that is not known yet has nothing.
@@ -66,7 +59,7 @@ def offered(ros: Ros, name: str) -> dict[str, set[str]]:
                 ('reply', ros.node.get_service_names_and_types_by_node))}
 
 
-def expanded(interface: Interface, node: str) -> set[str]:
+def expanded(interface, node):
     names = set()
     for entries in (interface.subscribed, interface.published, interface.services):
         for written, _, _ in entries:
@@ -136,7 +129,7 @@ def test_the_security_policy_allows_what_the_node_uses_and_no_more(running):
             if group.get(right) == 'ALLOW' for entry in group}, right
 
 
-def written(setting: Setting) -> str:
+def written(setting):
     default = setting.default
     if default == '':
         return 'empty'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch files start, on stand-ins for launch; and a real node started so."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, make_dataclass
 import importlib.util
@@ -21,16 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.srv import GetParameters
 from repeated import slow
-from ros_harness import (
-    arguments,
-    at_rest,
-    Driver,
-    lossless,
-    PATIENCE_S,
-    resident_mb,
-    result_of,
-    Ros,
-)
+from ros_harness import arguments, at_rest, Driver, lossless, PATIENCE_S, resident_mb, result_of
 from std_srvs.srv import SetBool
 from whole_lines import refused
 import yaml
@@ -224,7 +215,7 @@ SAMPLES = 2000
 
 
 @contextmanager
-def spinning(ros: Ros, executor: str, namespaces: Sequence[str]) -> Iterator[subprocess.Popen]:
+def spinning(ros, executor, namespaces):
     """Run the example of the page for these namespaces, in an executor."""
     [code] = re.findall(r'^```python\n(import rclpy\n.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
     sides = "('front', 'rear', 'left', 'right')"
@@ -251,7 +242,7 @@ def spinning(ros: Ros, executor: str, namespaces: Sequence[str]) -> Iterator[sub
         process.wait()
 
 
-def feed(ros: Ros, places: Sequence[str]) -> None:
+def feed(ros, places):
     """Publish to all nodes, and wait for what each makes of it."""
     drivers = [Driver(ros, f'{place}/imu/data_raw') for place in places]
     arrays = [ros.listen(DiagnosticArray, f'{place}/imu_allan/coefficients') for place in places]

@@ -18,16 +18,7 @@ from processes import interrupted
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_harness import (
-    Driver,
-    ENTRY_POINTS,
-    Health,
-    Process,
-    RATE_HZ,
-    Ros,
-    said_in,
-    start_repeatedly,
-)
+from ros_harness import Driver, ENTRY_POINTS, Health, RATE_HZ, said_in, start_repeatedly
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Imu, Temperature
 from std_srvs.srv import SetBool, Trigger
@@ -35,7 +26,7 @@ from whole_lines import Varying
 
 
 @pytest.fixture(scope='module')
-def node(shared_ros: Ros) -> Process:
+def node(shared_ros):
     """Start a node that several tests share, without the packages that ROS does not have."""
     missing = shared_ros.folder / 'missing'
     missing.mkdir()
@@ -47,7 +38,7 @@ def node(shared_ros: Ros) -> Process:
 
 
 @pytest.fixture(scope='module')
-def shared_driver(shared_ros: Ros, node: Process) -> Driver:
+def shared_driver(shared_ros, node):
     assert node.running
     return Driver(shared_ros).wait_for_node()
 

@@ -33,14 +33,7 @@ from imu_allan.writers.result_file import save_result
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
-from ros_harness import (
-    at_rest,
-    characterized,
-    entries,
-    facts,
-    result_of,
-    summary,
-)
+from ros_harness import at_rest, characterized, entries, facts, result_of, summary
 from whole_lines import Varying
 
 STAMP = Time(sec=12, nanosec=34)
@@ -52,7 +45,7 @@ MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 
 
 @pytest.fixture(scope='module')
-def result() -> Result:
+def result():
     """Give two axes of white noise, on which nothing is awaited, and K shows on the second."""
     found = only(result_of(at_rest(3000)), 'gyro_')
     found = replace(found, axes={name: found.axes[name] for name in ('gyro_x', 'gyro_y')})

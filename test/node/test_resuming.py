@@ -26,17 +26,7 @@ from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import (
-    at_rest,
-    Driver,
-    kept_in,
-    Process,
-    RATE_HZ,
-    Ros,
-    said_in,
-    start_repeatedly,
-    STARVED_S,
-)
+from ros_harness import at_rest, Driver, kept_in, RATE_HZ, said_in, start_repeatedly, STARVED_S
 from std_srvs.srv import Trigger
 from whole_lines import refused, unwritable, Varying
 
@@ -46,7 +36,7 @@ LATE_S = 0.2
 SETUP = Setup('/imu', TimelineOptions())
 
 
-def start(ros: Ros) -> Process:
+def start(ros):
     return ros.start('imu_allan_node', {
         'state_file': str(ros.folder / 'state'), 'checkpoint_period': PERIOD_S})
 
@@ -150,7 +140,7 @@ def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most
     assert {path.name for path in ros.folder.glob('*state*')} == {'state', 'state.lock'}
 
 
-def start_at_home(ros: Ros, **parameters: Any) -> Process:
+def start_at_home(ros, **parameters):
     node = ros.start('imu_allan_node', {'checkpoint_period': PERIOD_S, **parameters},
                      env={'ROS_HOME': str(ros.folder / 'home')})
     ros.until(lambda: 'characterizing the IMU' in node.log)

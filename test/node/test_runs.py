@@ -80,7 +80,7 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world():
     """Give a run that knows its IMU."""
     found = World()
     found.comes(at_rest(round(PROVEN_S * RATE_HZ)), together=100_000)
@@ -88,7 +88,7 @@ def world() -> World:
 
 
 @pytest.fixture
-def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def boot(monkeypatch, tmp_path):
     path = tmp_path / 'boot_id'
     path.write_text('first\n')
     monkeypatch.setattr(run_module, 'BOOT_ID', path)

@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from bags import mcap_written, serialized
+from characterized import celsius_at
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
 from imu_allan.node.imu_type import decoder, message_class, types_of
@@ -16,14 +17,7 @@ import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from ros_harness import (
-    at_rest,
-    Driver,
-    half,
-    HALF_RATES_HZ,
-    lossless,
-    SECOND,
-)
+from ros_harness import at_rest, Driver, half, HALF_RATES_HZ, lossless, SECOND
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -146,11 +140,6 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
         [7 * 10**9], [8 * 10**9], 'imu')
 
 
-def celsius(seconds: Any) -> Any:
-    """Temperature of an hour that settles, with a dip that no ramp or warm-up has."""
-    return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
-
-
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_are_given(
         ros, health):
     ros.start('imu_allan_node', {
@@ -164,10 +153,10 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_
     results = ros.listen(String, 'imu_allan/result')
     seconds, per_kelvin = np.arange(7200) / 2.0, 2e-3
     block = at_rest(7200, 2.0, seed=3, noise=1e-3, mean=(0, 0, 0, 0, 0, 1))
-    block.samples[:, 0] += per_kelvin * celsius(seconds)
+    block.samples[:, 0] += per_kelvin * celsius_at(seconds)
     for first in range(0, len(block), 8):
         # In kelvin, which is taken as in a recording.
-        reading = Temperature(temperature=float(celsius(seconds[first])) + 273.15)
+        reading = Temperature(temperature=float(celsius_at(seconds[first])) + 273.15)
         reading.header.stamp.sec, reading.header.stamp.nanosec = divmod(
             int(block.header_ns[first]), SECOND)
         publisher.publish(reading)
@@ -181,7 +170,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_
     axes = document['axes']
     # The report on the newest reading may come after the result.
     ros.until(lambda: health.number('reception', 'temperature_c') == pytest.approx(
-        celsius(seconds[-8]), abs=1e-6))
+        celsius_at(seconds[-8]), abs=1e-6))
     found = {name: axis['trend']['temperature'] for name, axis in axes.items()}
     assert [name for name, one in found.items() if one] == ['gyro_x']
     low, high = np.degrees(found['gyro_x']['ci95'])

@@ -13,16 +13,7 @@ from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import (
-    assert_density,
-    at_rest,
-    Driver,
-    NOISE,
-    Process,
-    RATE_HZ,
-    Ros,
-    Sensor,
-)
+from ros_harness import assert_density, at_rest, Driver, NOISE, Process, RATE_HZ, Ros, Sensor
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from whole_lines import Varying

@@ -4,7 +4,7 @@
 
 from functools import partial
 
-from characterized import B, characterized, ends, holds, K, messages, N, several, simulated
+from characterized import B, characterized, ends, holds, K, messages, N, several, unbiased
 from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
@@ -53,7 +53,7 @@ def test_flat_noise_behind_an_unlisted_filter_is_no_power_law():
 def test_quantization_far_above_its_detection_limit_is_found():
     """The search began at the limit, and in one of ten axes gave up for an unexplained top."""
     terms = {N: 7.9e-5, B: 2.4e-5, K: 4.4e-6, 'quantization_noise': 2e-6}
-    for axis in simulated(terms, 360_000, 100.0, range(13, 18)):
+    for axis in several([simulate(terms, 360_000, 100.0, seed) for seed in range(13, 18)], 100.0):
         assert axis.coefficients['quantization_noise'].value == pytest.approx(2e-6, rel=0.06)
 
 
@@ -86,12 +86,6 @@ def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
         assert flicker < found.upper95 < 4 * flicker
 
 
-def without_bias(samples: np.ndarray, gain: float) -> np.ndarray:
-    """Do as imu_complementary_filter does at rest: bias += gain * (sample - bias)."""
-    bias = lfilter([0, gain], [1, gain - 1], samples)
-    return (samples - bias)[int(20 / gain):]
-
-
 def sensor(seed: int, **more: float) -> np.ndarray:
     return simulate({N: 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
 
@@ -100,7 +94,7 @@ def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: flo
     """Ten samples a second of a gyroscope with flicker, behind a filter that has settled."""
     settling = int(20 * time_s) * 10
     rows = simulate({**GYRO, **terms}, settling + round(hours * 36_000), 10.0, seed)
-    return without_bias(rows, 1 / (10 * time_s))
+    return unbiased(rows, 1 / (10 * time_s), 20)
 
 
 @pytest.mark.parametrize(('time_s', 'hours'), [(10.0, 1.0), (30.0, 3.0)])
@@ -165,7 +159,7 @@ def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk,
 @pytest.mark.parametrize(('gain', 'more'), [
     slow(0.01, {}), (0.01, {K: 3e-6}), slow(0.02, {B: 2e-5}), slow(0.1, {}), (0.2, {B: 2e-5})])
 def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more):
-    axis = imu_allan.characterize(without_bias(sensor(3, **more), gain), RATE_HZ)
+    axis = imu_allan.characterize(unbiased(sensor(3, **more), gain, 20), RATE_HZ)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)
     # What differs from the sample before by so much has more power at the top.
     assert axis.coefficients[N].value == pytest.approx(1e-4 / (1 - gain / 2), rel=0.02)
@@ -174,7 +168,7 @@ def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more
 
 
 def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
-    rates = [without_bias(sensor(seed), 0.01) for seed in (11, 12, 13)]
+    rates = [unbiased(sensor(seed), 0.01, 20) for seed in (11, 12, 13)]
     accelerations = [sensor(seed)[:len(rates[0])] + gravity for seed, gravity in (
         (14, 0.0), (15, 0.0), (16, 9.80665))]
     stream = Characterization(kind='recording', path='behind', topic='/imu/data')

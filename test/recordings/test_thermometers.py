@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bags import mcap_written, serialized, START_NS
+from characterized import celsius_at
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import simulate
@@ -20,13 +21,13 @@ from whole_lines import refused
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
 RATE_HZ = 10
 SECONDS = np.arange(36_000) / RATE_HZ
-CELSIUS = 25 + 12 * (1 - np.exp(-SECONDS / 700)) - 3 * np.exp(-((SECONDS - 2000) / 300)**2)
+CELSIUS = celsius_at(SECONDS)
 PER_KELVIN = 2e-3
 STORE = store_with({})
 
 
 @pytest.fixture(scope='module')
-def samples() -> np.ndarray:
+def samples():
     """Draw an hour at rest of which gyro_x follows the temperature."""
     rows = np.stack([simulate({'noise_density': 1e-3}, len(SECONDS), RATE_HZ, seed)
                      for seed in range(6)], axis=1)

@@ -3,14 +3,13 @@
 """Datasheets and noise models: their units, their text, and a simulated IMU."""
 
 import contextlib
-from functools import cache
 from pathlib import Path
 
 from hypothesis import given, strategies as st
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import GaussMarkov
 from imu_allan.sensor import units
-from imu_allan.sensor.noise_model import load_model, NoiseModel, parse_model
+from imu_allan.sensor.noise_model import load_model, parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks, SimulatedImu
 from imu_allan.sensor.units import parse, STANDARD_GRAVITY
 import numpy as np
@@ -87,8 +86,6 @@ KEYS = ('quantization_noise, noise_density, bias_instability, rate_random_walk, 
 NEITHER = ("names neither 'gyro' nor 'accel'; write for instance "
            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
 OF_DENSITY = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
-
-
 N, B = 'noise_density', 'bias_instability'
 
 
@@ -202,37 +199,35 @@ def test_every_shipped_model_is_read_and_table_2_has_the_values_of_the_paper():
         'rate_random_walk': 8.080228018e-8, 'rate_ramp': 5 * DEG_H2})
 
 
-@cache
-def consumer() -> NoiseModel:
-    return parse_model("""
-gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}
-accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, correlation_time: 30 s}}
-""")
+CONSUMER = parse_model(
+    'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}\n'
+    'accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, '
+    'correlation_time: 30 s}}')
 
 
 def test_every_axis_has_noise_of_its_own_and_another_seed_gives_other_noise():
-    samples = SimulatedImu(consumer(), 100.0, seed=1).draw(20_000)
-    other = SimulatedImu(consumer(), 100.0, seed=2).draw(20_000)
+    samples = SimulatedImu(CONSUMER, 100.0, seed=1).draw(20_000)
+    other = SimulatedImu(CONSUMER, 100.0, seed=2).draw(20_000)
     correlation = np.corrcoef(np.diff(np.concatenate((samples, other), axis=1), axis=0).T)
     np.testing.assert_array_less(np.abs(correlation - np.eye(12)), 0.05)
 
 
 def test_accelerometer_at_rest_measures_gravity_unless_the_model_names_a_mean():
     lying = parse_model('accel: {noise_density: 100 ug/sqrt(Hz), x: {mean: 1 g}}')
-    for model, up in ((consumer(), [0, 0, 1]), (lying, [1, 0, 0])):
+    for model, up in ((CONSUMER, [0, 0, 1]), (lying, [1, 0, 0])):
         accel = SimulatedImu(model, 100.0).draw(5000)[:, 3:].mean(axis=0)
         np.testing.assert_allclose(accel, np.multiply(up, STANDARD_GRAVITY), atol=0.02)
 
 
 def test_blocks_cover_the_samples_with_even_stamps_and_a_sensor_left_out_is_absent():
-    blocks = list(simulated_blocks(consumer(), 300.0, 25_000, start_ns=10**18, frame_id='f',
+    blocks = list(simulated_blocks(CONSUMER, 300.0, 25_000, start_ns=10**18, frame_id='f',
                                    block_samples=700))
     stamps = np.concatenate([block.header_ns for block in blocks])
     assert len(stamps) == 25_000
     assert all(block.frame_id == 'f' for block in blocks)
     np.testing.assert_allclose(stamps - 10**18, np.arange(25_000) * (1e9 / 300), atol=0.6)
     np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks]),
-                                  SimulatedImu(consumer(), 300.0).draw(25_000))
+                                  SimulatedImu(CONSUMER, 300.0).draw(25_000))
     gyro_only = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
     block = next(iter(simulated_blocks(gyro_only, 100.0, 10)))
     np.testing.assert_array_equal(block.absent, np.tile([False, True], (10, 1)))

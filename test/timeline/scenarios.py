@@ -1,13 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: ARG001  # every fault takes the same arguments
-"""
-Recordings with known truth and the faults of real ones, singly and together, and their oracle.
-
-A scenario is a rate, a duration and up to three faults, all drawn from one seed. The oracle asks
-whether a number is wrong and nothing says so. ``python test/timeline/scenarios.py 0 2000 [more]``
-prints those of a range of seeds, with `more` of the faults that were found later, too.
-"""
+"""Recordings with up to three faults, drawn from a seed, and what is silently wrong of them."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -392,12 +386,6 @@ def half_rate_vibration(m: Messages, truth: Truth, rng: Generator) -> None:
                                     + rng.uniform(0, 2 * np.pi)))
 
 
-def before(truth: Truth) -> bool:
-    """Tell whether messages were dropped, or doubled, before they were published and numbered."""
-    return bool({'every_kth_dropped', 'dropped_in_turn', 'one_of_few_dropped', 'two_publishers',
-                 'rate_change', 'polled_twice'} & set(truth.faults))
-
-
 STAMPS: tuple[Fault, ...] = (
     header_zero, header_tick, header_jitter, header_batches, header_nominal_batches,
     header_drift, clock_step, receive_jitter, receive_bursts, header_speed, header_whole_seconds,
@@ -418,6 +406,9 @@ EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_mes
          'coarse_output', 'constant_axis', 'receive_constant', 'driver_restart',
          'noise_changes', 'tilt', 'half_rate_vibration'}
 """Faults beside which missing samples can be counted to the last one."""
+BEFORE = {'every_kth_dropped', 'dropped_in_turn', 'one_of_few_dropped', 'two_publishers',
+          'rate_change', 'polled_twice'}
+"""Faults that drop or double messages before they are published and numbered."""
 SLOW = ('bias_instability', 'rate_random_walk')
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
@@ -532,8 +523,8 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     if not np.isfinite(messages.samples).any():
         truth.said.add('refused')
     try:
-        wrong, slow_axes, axes = judge(
-            characterized(messages, rng, numbered=numbered and not before(truth)), truth)
+        numbered &= BEFORE.isdisjoint(truth.faults)
+        wrong, slow_axes, axes = judge(characterized(messages, rng, numbered=numbered), truth)
     except ImuAllanError as error:
         said = 'refused' in truth.said or ('several_publishers' in truth.said
                                            and str(error) == f'{MOVES}; {OR_TWO}')
@@ -545,6 +536,7 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
 
 
 def main(first: int, last: int, kinds: Sequence[Sequence[Fault]]) -> None:
+    """Print what is wrong of a range of seeds: ``scenarios.py 0 2000``, or with `more` faults."""
     wrong = slow_axes = axes = 0
     for seed in range(first, last):
         one = verdict(seed, 6000, 3, kinds=kinds)

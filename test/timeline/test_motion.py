@@ -9,7 +9,7 @@ from itertools import count
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
-from imu_allan.timeline.motion import MotionDetector, MotionSummary
+from imu_allan.timeline.motion import MotionDetector
 from imu_allan.writers.table import print_result
 from imu_messages import codes, rows_by_place, run, said, SIGMA, still
 import numpy as np
@@ -111,23 +111,6 @@ def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
     assert rows_by_place(even)[0][-1] == 119_999
 
 
-def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummary, int]:
-    """Draw six axes, let the detector see them; give what it cut out and what came out."""
-    detector = MotionDetector(1 / rate_hz)
-    total, given = int(hours * 3600 * rate_hz), 0
-    for first in range(0, total, 403_200):
-        size = min(403_200, total - first)
-        time = (first + np.arange(size)) / rate_hz
-        rows = np.column_stack([axis(size, time) for axis in axes])
-        for at in range(0, size, 4032):
-            blocks = detector.push(EvenBlock(rows[at:at + 4032], first + at,
-                                             new_run=first + at == 0,
-                                             start_s=(first + at) / rate_hz))
-            given += sum(map(len, blocks))
-    given += sum(map(len, detector.flush()))
-    return detector.summary, given
-
-
 def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
     """Give six axes at rest, of `kind`."""
     seeds = count(100 * seed)
@@ -173,9 +156,19 @@ def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
 @pytest.mark.parametrize(('rate_hz', 'hours'), [
     (100.0, 0.5), slow(20.0, 24.0), slow(100.0, 24.0), slow(1000.0, 4.0)])
 def test_noise_drift_and_steady_vibration_are_no_motion(kind, rate_hz, hours):
-    summary, given = detect(noise_at_rest(kind, rate_hz, 1 + (hours > 1)), rate_hz, hours)
-    assert summary.cut.count == 0
-    assert given == rate_hz * hours * 3600
+    axes, detector = noise_at_rest(kind, rate_hz, 1 + (hours > 1)), MotionDetector(1 / rate_hz)
+    total, given = int(hours * 3600 * rate_hz), 0
+    for first in range(0, total, 403_200):
+        size = min(403_200, total - first)
+        time = (first + np.arange(size)) / rate_hz
+        rows = np.column_stack([axis(size, time) for axis in axes])
+        for at in range(0, size, 4032):
+            given += sum(map(len, detector.push(EvenBlock(
+                rows[at:at + 4032], first + at, new_run=first + at == 0,
+                start_s=(first + at) / rate_hz))))
+    given += sum(map(len, detector.flush()))
+    assert detector.summary.cut.count == 0
+    assert given == total
 
 
 @pytest.mark.parametrize(('rate_hz', 'rows'), [(100.0, 150), (100.0, 600), (4000.0, 2800)])

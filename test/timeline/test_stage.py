@@ -1,13 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
-from functools import lru_cache
 
 from hypothesis import example, given, settings, strategies as st
-from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Span, Timeline
-from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+from imu_allan.timeline import TimelineOptions, TimelineStage
 from imu_messages import codes, cut, rows_by_place, run, said, START_NS, still
 import numpy as np
 import pytest
@@ -25,12 +24,6 @@ def faulty(seed: int, count: int = 12_000) -> ImuBlock:
     for place in rng.integers(1, len(rows), 5):
         rows[[place - 1, place]] = rows[[place, place - 1]]
     return block.part(rows)
-
-
-@lru_cache
-def run_whole(seed: int) -> tuple[TimelineSummary, list[EvenBlock]]:
-    """Push all messages with every fault at once, once a seed: nobody changes what comes out."""
-    return run(faulty(seed))
 
 
 def test_clean_messages_come_out_as_they_went_in():
@@ -52,7 +45,7 @@ def test_clean_messages_come_out_as_they_went_in():
 def test_however_messages_are_split_saved_and_looked_at_the_outcome_is_the_same(
         seed, edges, saved, looked_at):
     block = faulty(seed)
-    summary, even = run_whole(seed)
+    summary, even = run(block)
     stage, blocks, came = TimelineStage(), [], 0
     for part in cut(block, [*edges, saved, looked_at]):
         blocks += stage.push(part)

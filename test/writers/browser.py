@@ -182,8 +182,9 @@ def running_browser() -> Iterator[Browser]:
             driver.terminate()
 
 
-def pages_in_print(page: Path, browser: Browser) -> int:
-    """Count the pages that a printer would get of a page that is looked at in the dark."""
+def pages_in_print(page: Path, browser: Browser) -> list[tuple[float, ...]]:
+    """Give the sizes of the pages that a printer would get of a page looked at in the dark."""
     browser.show(page, dark=True)
     data = b64decode(browser.cdp('Page.printToPDF', preferCSSPageSize=True)['data'])
-    return len(re.findall(rb'/Type\s*/Page\b', data))
+    return [tuple(map(float, size.split()))
+            for size in re.findall(rb'/MediaBox\s*\[0 0 ([\d. ]+)\]', data)]

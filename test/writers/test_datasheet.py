@@ -4,11 +4,9 @@
 from dataclasses import replace
 import json
 import re
-import shutil
-import subprocess
 import xml.etree.ElementTree as ElementTree
 
-from browser import Outline
+from browser import needs_browser, Outline, pages_in_print
 from characterized import messages
 from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
@@ -16,15 +14,9 @@ from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet import (
-    certificate_html,
-    check,
-    overall,
-    summary,
-    to_json,
-    to_junit,
-)
+from imu_allan.writers.datasheet import certificate_html, check, to_json, to_junit
 from imu_allan.writers.datasheet.live import check_state
+from imu_allan.writers.datasheet.verdicts import overall, summary
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -221,20 +213,12 @@ def test_a_certificate_says_what_was_judged_with_a_numbered_reason_for_each_fail
     assert {*map(int, numbers)} == {*range(1, text.count('<li>') + 1)}
 
 
-@pytest.mark.browser
-@pytest.mark.skipif(shutil.which('chromium') is None or shutil.which('pdfinfo') is None,
-                    reason='needs chromium and pdfinfo')
-def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path):
+@needs_browser
+def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path, browser):
     (tmp_path / 'page.html').write_text(certificate(result))
-    subprocess.run(
-        ['chromium', '--headless=new', '--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage',
-         '--no-first-run', '--disable-background-networking', f'--user-data-dir={tmp_path}/data',
-         '--no-pdf-header-footer', f'--print-to-pdf={tmp_path}/page.pdf',
-         f'{tmp_path}/page.html'], check=True, capture_output=True, timeout=120)
-    about = subprocess.run(['pdfinfo', f'{tmp_path}/page.pdf'], check=True, capture_output=True,
-                           text=True).stdout
-    assert re.search(r'^Pages: +1$', about, re.MULTILINE)
-    assert re.search(r'^Page size:.*\(A4\)', about, re.MULTILINE)
+    [sheet] = pages_in_print(tmp_path / 'page.html', browser)
+    # In 72ths of an inch.
+    assert sheet == pytest.approx((210 / 25.4 * 72, 297 / 25.4 * 72), abs=1)
 
 
 def streamed(samples, rate_hz=RATE_HZ):

@@ -148,7 +148,7 @@ def test_nothing_overlaps_overflows_or_is_too_faint(result, tmp_path, browser, w
 
 @needs_browser
 def test_print_is_two_light_pages_whatever_the_scheme(result, tmp_path, browser):
-    assert pages_in_print(written(tmp_path, report_html(result)), browser) == 2
+    assert len(pages_in_print(written(tmp_path, report_html(result)), browser)) == 2
     browser.cdp('Emulation.setEmulatedMedia', media='print', features=[
         {'name': 'prefers-color-scheme', 'value': 'dark'}])
     assert browser.run('return getComputedStyle(document.body).backgroundColor') == (

@@ -27,7 +27,7 @@ def compress(path: Path) -> Path:
 
 
 @pytest.fixture
-def split_bag(tmp_path: Path) -> Path:
+def split_bag(tmp_path):
     """Three MCAP files of 500 messages each, of which the numbers matter for their order."""
     folder = tmp_path / 'bag'
     folder.mkdir()

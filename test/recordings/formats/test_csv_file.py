@@ -33,7 +33,7 @@ THERE = 'there are time_s, time_ms, gx_dps, w0'
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     return tmp_path / 'imu.csv'
 
 

@@ -8,17 +8,7 @@ import struct
 import time
 
 import bags
-from bags import (
-    assert_same,
-    block,
-    chunk_starts,
-    figures,
-    mcap_written,
-    read,
-    said,
-    serialized,
-    write_mcap,
-)
+from bags import assert_same, block, chunk_starts, figures, read, said, serialized, write_mcap
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.formats.decompress import ReadingLimits
@@ -38,7 +28,7 @@ MESSAGES = block(1000)
 def test_an_image_outside_of_chunks_that_is_larger_than_a_window_is_passed_over(
         tmp_path, monkeypatch):
     path = tmp_path / 'a.mcap'
-    with mcap_written(path, use_chunking=False) as message:
+    with bags.mcap_written(path, use_chunking=False) as message:
         for number, (stamp, row) in enumerate(serialized(MESSAGES)):
             if number % 100 == 50:
                 message('/image', stamp, bytes(5000 + number), kind='')
@@ -60,7 +50,7 @@ def unlimited() -> ReadingLimits:
        st.booleans(), st.integers(0, 2))
 def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, records, index, seed):
     path = tmp_path / 'a.mcap'
-    with mcap_written(path, compression=CompressionType.NONE) as message:
+    with bags.mcap_written(path, compression=CompressionType.NONE) as message:
         for stamp, (channel, size) in enumerate(records):
             for repeat in range(1 + 13 * (stamp % 3 == seed)):
                 message(f'/{channel}', stamp, bytes([stamp % 256, repeat]) * size, kind='')
@@ -86,7 +76,7 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
 
 def test_several_channels_of_one_topic_are_read_together(tmp_path):
     path = tmp_path / 'a.mcap'
-    with mcap_written(path) as message:
+    with bags.mcap_written(path) as message:
         for number, (stamp, row) in enumerate(serialized(MESSAGES)):
             message('/imu', stamp, row, number=number * 3 // 1000)
     with open_recording(path) as recording:
@@ -103,7 +93,7 @@ def test_several_channels_of_one_topic_are_read_together(tmp_path):
 def test_what_the_numbers_of_messages_say_was_lost_is_reported(
         tmp_path, others, kept, number, lost):
     path, messages = tmp_path / 'a.mcap', 0
-    with mcap_written(path) as message:
+    with bags.mcap_written(path) as message:
         for n, (stamp, row) in enumerate(serialized(MESSAGES)):
             if others and n % 10 == 0:
                 message('/other', stamp, kind='a_msgs/msg/B', definition='string s')
@@ -117,7 +107,7 @@ def test_what_the_numbers_of_messages_say_was_lost_is_reported(
 
 def test_ros1_messages_inside_mcap_are_read(tmp_path):
     path = tmp_path / 'a.mcap'
-    with mcap_written(path, 'ros1') as message:
+    with bags.mcap_written(path, 'ros1') as message:
         for stamp, row in serialized(MESSAGES, 'ros1'):
             message('/imu', stamp, row, 'sensor_msgs/Imu', encodings=('ros1', 'ros1msg'))
     assert_same(MESSAGES, read(path)[0])
