@@ -78,8 +78,7 @@ def test_bounds_of_case_a_and_b_are_the_known_ones_and_a_process_costs_slow_term
     (Said(None, None, 0.4), 0.3, False, True, None, 4.0),
     (Said(None, None, 0.4), 0.5, False, False, None, 4.0 + 40.0),
     (Said(None, None, None), 1.0, False, None, None, None)])
-def test_what_is_said_is_scored_by_its_width_and_its_miss(
-        said, truth, reported, inside, width, score):
+def test_what_is_said_is_scored_by_width_and_miss(said, truth, reported, inside, width, score):
     found = verdict(said, truth, 0.1, 2.0)
     assert (found.reported, found.inside, found.width, found.free, found.score) == (
         reported, inside, width and pytest.approx(width), width and pytest.approx(width / 2),

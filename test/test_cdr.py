@@ -27,8 +27,7 @@ def decoded(message: bytes) -> ImuBlock:
 
 @given(FRAMES, SERIALIZATIONS, st.integers(1, 20), st.integers(-2**31, 2**31 - 1),
        st.integers(0, 10**9 - 1), st.lists(st.floats(width=64), min_size=6, max_size=6))
-def test_decoding_what_was_encoded_gives_every_bit_back(
-        frame_id, serialization, count, sec, nanosec, sample):
+def test_decoding_gives_every_bit_back(frame_id, serialization, count, sec, nanosec, sample):
     before = block(count, frame_id)
     before.absent[::2, 0] = before.absent[::3, 1] = True
     before.header_ns[0] = (sec if serialization[0] == 'cdr' else abs(sec)) * 10**9 + nanosec

@@ -54,7 +54,7 @@ def mounted(folder, options):
         subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
-def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file(
+def test_a_disk_that_fills_up_leaves_a_line_and_no_half_file(
         tmp_path, short_recording, fails_with):
     with mounted(tmp_path / 'small', 'size=160k') as disk:
         fails_with(unwritable(disk / 'out' / '<words>', 'No space left on device'),

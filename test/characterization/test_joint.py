@@ -100,8 +100,7 @@ def die(rows):
 
 @pytest.mark.parametrize(('change', 'fault', 'code'), [
     (cut_off, 'saturated', 'saturated'), (die, 'dead', 'stood_still')])
-def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_the_others(
-        change, fault, code):
+def test_an_axis_at_fault_in_one_recording_has_the_numbers_of_the_others(change, fault, code):
     good = recorded('good', 1, gyro_alone=True)
     bad = recorded('bad', 2, change, gyro_alone=True)
     found = joint_result([bad, good])

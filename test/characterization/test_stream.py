@@ -188,8 +188,7 @@ def test_damaged_state_is_refused(damage):
         Characterization.from_state(state)
 
 
-def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
-        tmp_path, monkeypatch):
+def test_every_container_and_batch_gives_the_same_result_to_the_last_bit(tmp_path, monkeypatch):
     # Most of the time goes into the fits: one axis has values.
     rows = np.where(np.arange(6) == 2, still_imu(30_000), np.nan)
     stream = Characterization(kind='recording', topic='/imu/data_raw')

@@ -25,8 +25,7 @@ COMMAND = [sys.executable, '-m', 'imu_allan', 'analyze']
 NOTHING_SAVED = 'Nothing is saved: --output DIR keeps result, report, plot and curve.'
 
 
-def test_table_goes_to_stdout_and_nothing_to_stderr_unless_a_configuration_is_to_stand_alone(
-        imu_recording, output_of, ran):
+def test_the_table_goes_to_stdout_unless_a_configuration_does(imu_recording, output_of, ran):
     shown = output_of('analyze', imu_recording)
     for part in '\n30,000 samples at 100 Hz, 5 min\n', 'angle random walk', 'velocity random walk':
         assert part in shown
@@ -39,8 +38,7 @@ def test_table_goes_to_stdout_and_nothing_to_stderr_unless_a_configuration_is_to
     assert 'angle random walk' in err
 
 
-def test_output_holds_what_python_returns_with_curve_plot_report_and_configurations(
-        recording, tmp_path, output_of):
+def test_output_holds_what_python_returns_and_every_file(recording, tmp_path, output_of):
     output = tmp_path / 'with' / 'parents'
     shown = output_of('analyze', recording, '--units', 'si', '--for', 'kalibr', '--for', 'px4',
                       '--output', output, '--json', tmp_path / 'r.json')
@@ -56,8 +54,7 @@ def test_output_holds_what_python_returns_with_curve_plot_report_and_configurati
         assert json.loads(path.read_text()) == imu_allan.analyze(recording).to_dict()
 
 
-def test_several_recordings_get_folders_of_their_own_and_lines_in_order(
-        recording, tmp_path, model, fails_with):
+def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, model, fails_with):
     others = [write_recording(tmp_path / name / 'at_rest', simulated_blocks(model, rate, 5000))
               for name, rate in (('b', 50.0), ('c', 200.0))]
     output = tmp_path / 'out'
@@ -87,8 +84,7 @@ def two_topics(tmp_path, model):
     return path
 
 
-def test_all_topics_are_analyzed_as_each_alone_and_none_leads_out_of_the_output_folder(
-        two_topics, tmp_path, output_of, fails_with):
+def test_all_topics_are_analyzed_as_each_alone(two_topics, tmp_path, output_of, fails_with):
     for option in (['--json', 'r.json'], ['--for', 'kalibr']):
         fails_with(f'{two_topics}: has 2 Imu topics, too many for {option[0]}; choose one with '
                    '--topic or use --output DIR', 'analyze', two_topics, '--all-topics', *option)
@@ -177,8 +173,7 @@ def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording)
     assert on_a_terminal([*COMMAND, str(recording), '--no-progress']) == b''
 
 
-def test_an_output_that_cannot_be_written_is_reported_before_the_work(
-        recording, tmp_path, monkeypatch, fails_with):
+def test_an_unwritable_output_is_reported_first(recording, tmp_path, monkeypatch, fails_with):
     file, deep = tmp_path / 'file', tmp_path / 'file' / 'deep'
     file.write_text('')
     monkeypatch.setattr(workers, 'characterize', pytest.fail)

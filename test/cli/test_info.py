@@ -30,8 +30,7 @@ def test_gaps_and_faults_are_counted(tmp_path, model, output_of):
     assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
 
 
-def test_a_field_that_no_message_has_is_one_line_unless_it_is_of_another_topic(
-        tmp_path, output_of, fails_with):
+def test_a_field_that_no_message_has_is_one_line(tmp_path, output_of, fails_with):
     store = store_with({})
     path = write_mcap(tmp_path / 'a.mcap', 'sensor_msgs/msg/Imu',
                       full_definition(store, 'sensor_msgs/msg/Imu'),
@@ -59,8 +58,7 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, ou
                        '(sensor_msgs/msg/Imu)\n') == 2
 
 
-def test_a_table_without_times_is_counted_and_no_line_is_longer_than_the_terminal(
-        tmp_path, output_of, monkeypatch):
+def test_a_table_without_times_is_counted_in_short_lines(tmp_path, output_of, monkeypatch):
     path = tmp_path / 'untimed.csv'
     path.write_text('gyro_x,gyro_y\n' + ''.join(f'{number % 7},1\n' for number in range(500)))
     monkeypatch.setattr('sys.stdout.isatty', lambda: True)

@@ -119,8 +119,7 @@ def test_wrong_usage_is_reported_in_two_lines_with_the_right_word(words, line, r
      'the path of a result file, written by: imu_allan analyze RECORDING --json FILE'),
     ('simulate', '~nosuchuser/x',
      '~nosuchuser/x: this user has no home folder; write the path without ~')])
-def test_a_missing_file_is_one_line_that_names_it_and_does_not_steer_the_terminal(
-        verb, name, line, fails_with):
+def test_a_missing_file_is_one_line_and_steers_no_terminal(verb, name, line, fails_with):
     assert fails_with(line, verb, name) == ''
 
 
@@ -199,8 +198,7 @@ def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recordings, 
     pytest.param(
         '>/dev/full', '.', 'imu_allan: standard output: No space left on device\n',
         marks=pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full'))])
-def test_a_stream_that_is_closed_or_full_is_one_line_and_mixes_nothing_into_the_other(
-        recording, leading, path, complaint):
+def test_a_stream_that_is_closed_or_full_is_one_line(recording, leading, path, complaint):
     done = subprocess.run(['/bin/sh', '-c', f'"$@" {leading}', 'sh', *COMMAND, 'info', path],
                           cwd=recording, check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (1, '', complaint)

@@ -24,8 +24,7 @@ import yaml
 SCREENS = Path(__file__).parents[1] / 'writers' / 'screens'
 
 
-def test_export_writes_what_was_wished_to_stdout_a_folder_or_a_file(
-        result_file, tmp_path, output_of, fails_with):
+def test_export_writes_to_stdout_a_folder_or_a_file(result_file, tmp_path, output_of, fails_with):
     document = yaml.safe_load(output_of('export', result_file, '--for', 'kalibr'))
     assert document['gyroscope_noise_density'] == pytest.approx(0.005 * 0.0174533, rel=0.05)
     assert document['update_rate'] == pytest.approx(100, rel=1e-6)
@@ -215,8 +214,7 @@ def test_check_takes_the_part_and_the_clock_that_analyze_takes(
                '--spec', tmp_path / 'spec.yaml', '--live')
 
 
-def test_report_writes_page_and_plots_and_names_them_and_compares_several(
-        result_file, tmp_path, output_of):
+def test_report_writes_page_and_plots_and_compares_several(result_file, tmp_path, output_of):
     names = {Path(line).name for line in output_of(
         'report', result_file, '--output', tmp_path / 'out', '--format', 'png,svg').split()}
     assert names == {path.name for path in (tmp_path / 'out').iterdir()} == {
@@ -233,8 +231,7 @@ def test_report_writes_page_and_plots_and_names_them_and_compares_several(
     assert (tmp_path / 'compared' / 'comparison.png').exists()
 
 
-def test_a_folder_of_a_result_is_taken_for_the_result_and_is_no_recording(
-        result_file, tmp_path, output_of, fails_with):
+def test_a_folder_of_a_result_is_that_result(result_file, tmp_path, output_of, fails_with):
     assert output_of('tune', result_file.parent) == output_of('tune', result_file)
     several, empty = tmp_path / 'several', tmp_path / 'empty'
     (several / 'one').mkdir(parents=True)
@@ -249,8 +246,7 @@ def test_a_folder_of_a_result_is_taken_for_the_result_and_is_no_recording(
 
 @pytest.mark.parametrize(('key', 'reason'), [
     ('samples', 'expected int, found float'), ('sample_rate_hz', 'inf is not a finite number')])
-def test_a_number_of_many_digits_in_a_result_is_one_line(
-        result_file, tmp_path, fails_with, key, reason):
+def test_a_number_of_many_digits_is_one_line(result_file, tmp_path, fails_with, key, reason):
     text, found = re.subn(
         rf'("{key}": )[\d.]+', rf'\g<1>{"9" * 5000}', result_file.read_text(), count=1)
     assert found == 1
@@ -273,8 +269,7 @@ def test_the_numbers_as_json(result_file, tmp_path, output_of):
     assert document['axes']['accel_x']['forecast']['position'][0] > 0
 
 
-def test_the_numbers_hold_on_the_recording_they_come_from(
-        result_file, imu_recording, tmp_path, output_of):
+def test_the_numbers_hold_on_their_own_recording(result_file, imu_recording, tmp_path, output_of):
     path = tmp_path / 'verified.json'
     out = output_of('tune', result_file, '--aiding', '1s', '--verify', imu_recording,
                     '--no-progress', '--json', path, '--plot', tmp_path / 'drift.svg')

@@ -59,8 +59,7 @@ def packed(tmp_path_factory, recording):
 
 @pytest.mark.parametrize(('number', 'jobs'), [
     (signal.SIGINT, 1), (signal.SIGINT, 2), slow(signal.SIGTERM, 2), (signal.SIGKILL, 2)])
-def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
-        tmp_path, packed, number, jobs):
+def test_whatever_ends_the_command_its_workers_and_files_go_too(tmp_path, packed, number, jobs):
     temporary, output = tmp_path / 'temporary', tmp_path / 'out'
     temporary.mkdir()
     with subprocess.Popen(
@@ -109,8 +108,7 @@ def test_ctrl_c_as_a_folder_is_made_to_unpack_into_removes_it(tmp_path, packed):
     assert (done.returncode, done.stderr, list(temporary.iterdir())) == (130, b'', [])
 
 
-def test_jobs_give_the_same_results_and_errors_in_the_same_order(
-        recording, tmp_path, model, fails_with):
+def test_jobs_give_the_same_results_and_errors_in_order(recording, tmp_path, model, fails_with):
     other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
     line = '{}: no topic /nowhere; its Imu topics are /imu/data_raw ({} messages)'
     for topic, error in (('/imu/data_raw', f'{tmp_path}/none: no such file or directory'),
@@ -131,8 +129,7 @@ def test_a_dask_cluster_gives_the_same_results(recording, analyzed):
         assert analyzed(recording) == analyzed(recording, '--dask', cluster.scheduler_address)
 
 
-def test_a_dask_address_where_nobody_answers_or_somebody_is_silent_is_one_line(
-        recording, monkeypatch, fails_with):
+def test_a_dask_address_where_nobody_answers_is_one_line(recording, monkeypatch, fails_with):
     pytest.importorskip('distributed')
     monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
     with socket.create_server(('127.0.0.1', 0)) as silent:

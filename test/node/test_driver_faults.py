@@ -202,8 +202,7 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
     assert document['timeline']['samples'] == 4000
 
 
-def test_an_output_folder_that_takes_nothing_is_reported_at_once_and_replaced_at_the_end(
-        ros, health):
+def test_an_output_folder_that_takes_nothing_is_reported_and_replaced_at_the_end(ros, health):
     (ros.folder / 'file').write_text('in the way')
     unwritable = str(ros.folder / 'file' / 'output')
     node = ros.start('imu_allan_node', {'output_dir': unwritable,

@@ -151,8 +151,7 @@ def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_ar
     assert paths[0].stat().st_mtime_ns > written
 
 
-def test_whoever_is_on_the_network_can_have_files_written_below_the_folder_of_the_start_alone(
-        live):
+def test_whoever_is_on_the_network_can_have_files_written_below_the_first_folder_alone(live):
     start = live.folder / 'output'
     elsewhere = (f'output_dir: while the node runs it can only be set to {start} and folders '
                  'below; start the node with another one')

@@ -48,8 +48,7 @@ def recording(ros):
     return Recording(ros.recorder())
 
 
-def test_at_full_speed_every_sample_reaches_a_slow_subscriber_and_the_simulator_ends(
-        ros, recording):
+def test_at_full_speed_all_samples_reach_a_slow_subscriber_and_the_simulator_ends(ros, recording):
     truths = ros.listen(DiagnosticArray, 'imu_simulator/truth')
     simulator = ros.start('imu_simulator', {
         'model': str(MODEL), 'rate': 400.0, 'duration': 75.0, 'speed': 0.0, 'seed': 7,

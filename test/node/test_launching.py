@@ -256,8 +256,7 @@ def feed(ros, places):
 
 @pytest.mark.parametrize(('executor', 'count'), [
     ('EventsExecutor', 1), ('MultiThreadedExecutor', 4), slow('SingleThreadedExecutor', 4)])
-def test_imus_in_one_process_are_characterized_in_any_executor_and_share_what_is_large(
-        ros, executor, count):
+def test_imus_in_one_process_run_in_any_executor_and_share_what_is_large(ros, executor, count):
     sides = [f'imu{number}' for number in range(count)]
     with spinning(ros, executor, list(map(ros.name, sides))) as process:
         alone = [] if count == 1 else ['alone']

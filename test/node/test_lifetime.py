@@ -74,8 +74,7 @@ def test_several_nodes_follow_remaps_and_save_every_sample_once_at_any_signal(ro
         for number, topic in topics.items()}
 
 
-def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed_and_tells_its_story(
-        ros):
+def test_a_node_that_fits_draws_and_saves_ends_before_its_container_is_killed(ros):
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': 100.0})
     driver = Driver(ros).wait_for_node()
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
@@ -174,8 +173,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
         assert 'Traceback' not in text
 
 
-def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault_and_leave_no_files(
-        ros, health):
+def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault(ros, health):
     file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
     node = ros.start('imu_allan_node', {'publish_perid': 5.0, 'use_sim_time': True}, files=(file,))
     driver = Driver(ros).wait_for_node()
@@ -222,7 +220,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros, health):
     assert 'too unevenly' not in node.log
 
 
-def test_whoever_publishes_otherwise_or_has_the_same_name_and_a_thermometer_are_named(
+def test_who_publishes_otherwise_or_has_the_same_name_and_a_thermometer_are_named(
         shared_ros, node):
     ros, health, name = shared_ros, Health(shared_ros), shared_ros.name('tester')
     for kind, qos, said in (
@@ -295,8 +293,7 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(shared_ros, shared_driv
     assert gap['duration_s'] == pytest.approx(400 / RATE_HZ, rel=1e-6)
 
 
-def test_silence_is_reported_with_the_topics_that_there_are_and_the_shared_node_ends_well(
-        shared_ros, shared_driver, node):
+def test_silence_is_reported_with_the_topics_that_there_are(shared_ros, shared_driver, node):
     other = Driver(shared_ros, 'camera/imu')
     shared_ros.node.destroy_publisher(shared_driver.publisher)
     # The first complaint may have come while the publisher was still there.
@@ -313,7 +310,7 @@ def test_silence_is_reported_with_the_topics_that_there_are_and_the_shared_node_
      "wheels: pip install 'imu_allan[ros]'"),
     (['publish_period=5.0'], 2, "'publish_period=5.0' is no argument; give parameters as "
      '--ros-args -p publish_period:=5.0')])
-def test_without_ros_or_ros_args_one_line_says_what_to_do(
+def test_without_ros_or_ros_args_a_line_says_what_to_do(
         tmp_path, program, arguments, status, line):
     (tmp_path / 'rclpy.py').write_text(
         'raise ModuleNotFoundError("No module named \'rclpy\'", name="rclpy")')

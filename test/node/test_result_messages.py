@@ -66,8 +66,7 @@ def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | 
     (K, {**UNSEEN, 'observable_in_s': 7200.0}, WARN,
      'rate random walk not observable yet, expected in 2 h'),
     (N, UNSEEN, WARN, 'noise density not observable yet')])
-def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
-        result, key, changes, level, words):
+def test_the_level_of_an_axis_says_whether_a_filter_can_use_it(result, key, changes, level, words):
     changed = with_coefficient(only(result, 'gyro_y'), '', key, **changes)
     for fit, said, more in ((True, level, ''), (False, WARN, '; no noise model fits this axis '
                                                              'well')):
@@ -301,8 +300,7 @@ def above(limit: str) -> str:
                      '(measured <number>, <number> .. <number>)' for letter in 'xyz')
 
 
-def test_a_verdict_is_reported_once_it_is_certain_and_a_limit_that_breaks_later_too(
-        tmp_path, monkeypatch):
+def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_path, monkeypatch):
     standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
     run, looks, levels = characterized(), DatasheetLooks(), []
     assert standards.judge(run.result(), run, looks) == [

@@ -86,8 +86,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
 
 
 @pytest.mark.parametrize(('kills', 'seconds'), [(2, 5.0), slow(50, 8.0)])
-def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
-        ros, health, kills, seconds):
+def test_kills_at_any_moment_leave_a_whole_state_and_cost_one_period(ros, health, kills, seconds):
     chance = random.Random(kills)
     driver = Driver(ros, depth=5000)
     state_file = ros.folder / 'state'
@@ -197,8 +196,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, heal
         assert node.lines[0] == f'characterizing the IMU on {driver.topic}'
 
 
-def test_a_run_has_its_own_folder_over_a_restart_and_keeps_its_state_where_the_disk_is_full(
-        heard, tmp_path, monkeypatch):
+def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_path, monkeypatch):
     log = Log(heard)  # type: ignore[arg-type]
     worker, state = Worker(log), tmp_path / 'state'
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
@@ -249,8 +247,7 @@ def assert_damaged(content: bytes) -> None:
 @settings(max_examples=300, deadline=None)
 @given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255),
        payload=strategies.binary(max_size=400))
-def test_a_state_changed_or_cut_off_anywhere_or_of_any_payload_is_unusable(
-        position, flip, payload):
+def test_a_state_changed_or_cut_anywhere_or_of_any_payload_is_unusable(position, flip, payload):
     mutated = bytearray(CONTENT)
     mutated[position] ^= flip
     with pytest.raises(UnusableState):
@@ -275,8 +272,7 @@ def in_folder(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_a_state_is_saved_for_nobody_else_loaded_and_kept_aside_and_stays_where_a_save_fails(
-        tmp_path, monkeypatch):
+def test_a_state_is_for_nobody_else_and_stays_where_a_save_fails(tmp_path, monkeypatch):
     path = tmp_path / 'new' / 'state'
     file = StateFile(path)
     assert file.load() is None

@@ -104,8 +104,7 @@ def ended(run: Run) -> list[Any]:
 @pytest.mark.parametrize(('there', 'power_ons'), [
     ({'before'}, 0), ({'another'}, 1), ({'another', 'before'}, 0), (set(), 0)])
 @pytest.mark.parametrize('booted', [False, True, None], ids=['same', 'other', 'unknown'])
-def test_a_driver_that_was_started_while_the_node_was_down_is_a_power_on(
-        there, power_ons, booted, boot):
+def test_a_driver_started_while_the_node_was_down_is_a_power_on(there, power_ons, booted, boot):
     before = World()
     before.there = {'before'}
     before.comes(at_rest(6000))
@@ -157,8 +156,7 @@ def test_other_rates_for_some_seconds_end_no_run(world):
                  10_000, id='another noise'),
     pytest.param(20.0, 10, [(90, 0, 1, {}), (60, 95, 2, {'noise': 1.2 * NOISE})], ['noise'], 1200,
                  id='another noise at a low rate')])
-def test_an_imu_is_known_by_its_rate_its_frame_and_its_noise(
-        rate_hz, together, comes, reasons, samples):
+def test_an_imu_is_known_by_its_rate_frame_and_noise(rate_hz, together, comes, reasons, samples):
     world = World()
     for seed, (seconds, start_s, publisher, other) in enumerate(comes):
         last = {'rate_hz': rate_hz, **other}
@@ -183,8 +181,7 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop():
 
 
 @pytest.mark.parametrize('count', [10, 3000])
-def test_another_imu_behind_a_restart_begins_a_new_run_with_its_first_sample_and_few_do_no_harm(
-        world, count):
+def test_another_imu_behind_a_restart_begins_a_new_run_and_few_samples_do_no_harm(world, count):
     world = World(resumed(world.runs.run))
     world.comes(replace(at_rest(count, start_s=PROVEN_S + 10, seed=2), frame_id='other'),
                 publisher=2)
@@ -250,8 +247,7 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
 
 
 @pytest.mark.parametrize(('joined', 'together'), [(1000, 50), (3700, 2500)])
-def test_a_recording_that_was_joined_in_the_middle_counts_once_from_its_beginning_on(
-        joined, together):
+def test_a_recording_joined_in_the_middle_counts_once_from_its_beginning_on(joined, together):
     # One axis is absent, as of an IMU of five.
     whole, world = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), World()
     played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])

@@ -140,8 +140,7 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
         [7 * 10**9], [8 * 10**9], 'imu')
 
 
-def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_units_that_are_given(
-        ros, health):
+def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_given_units(ros, health):
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'motion': 'keep', 'temperature_topic': 'imu/temperature',
         'gyro_unit': 'deg/s', 'accel_unit': 'g'}, constants={'thermometer.MATCHING_S': 1.0})

@@ -78,8 +78,7 @@ def edf_of_spectrum(keys, size, stride, count):
 @pytest.mark.parametrize('keys', [*((key,) for key in SHAPES), tuple(SHAPES)])
 @pytest.mark.parametrize(('size', 'stride', 'count'), [
     (1, 1, 30), (8, 1, 60), (16, 2, 41), (4, 3, 50)])
-def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
-        keys, size, stride, count):
+def test_degrees_of_freedom_of_a_sum_of_terms_follow_from_its_spectrum(keys, size, stride, count):
     coefficients = {key: SHAPES[key][0] for key in keys}
     assert edf(coefficients, size, stride, count, DT) == pytest.approx(
         edf_of_spectrum(keys, size, stride, count), rel=1e-6)

@@ -156,8 +156,7 @@ def test_two_bad_units_do_not_hide_each_other(shift):
     *((20, ratio, 150, 0.1, 0.9) for ratio in (0.0, 0.5, 1.0)),
     *(slow(units, ratio, 2000, 0.08, 0.935) for units, ratio in (
         (20, 0.0), (20, 0.5), (20, 1.0), (40, 1.0)))])
-def test_spread_interval_limit_and_false_outliers_over_many_populations(
-        units, ratio, populations, off, limits):
+def test_spread_limit_and_outliers_over_many_populations(units, ratio, populations, off, limits):
     rng, samples = np.random.default_rng(7), []
     for _ in range(populations):
         errors = ratio * np.exp(rng.normal(0, 0.2, units))

@@ -133,8 +133,7 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
                                                      slow(range(2, 5), range(4, 12))])
 @pytest.mark.parametrize('terms', [
     {N: 1e-3, K: 3e-4}, {**SENSOR, K: 5e-4 * DEGREE}, {N: 1e-3, B: 1e-3}], ids='+'.join)
-def test_a_random_walk_that_goes_on_and_flicker_are_no_gauss_markov_process(
-        terms, records, flickering):
+def test_a_lasting_random_walk_and_flicker_are_no_gauss_markov_process(terms, records, flickering):
     axes = (simulated(terms, 360_000, RATE, records) if K in terms
             else simulated(terms, 72_000, RATE, flickering))
     assert not any(axis.gauss_markov for axis in axes)
@@ -157,8 +156,7 @@ def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
 
 
 @pytest.mark.parametrize(('errors', 'observable'), [(2.2, False), (3.0, True)])
-def test_a_ramp_is_reported_where_a_random_walk_would_drift_so_far_in_one_of_a_hundred_records(
-        errors, observable):
+def test_a_ramp_is_reported_where_a_random_walk_seldom_drifts_so_far(errors, observable):
     walk, samples = 3e-3, 60_000
     time = np.arange(samples) / RATE
     record = simulate({N: 1e-3, K: walk}, samples, RATE, 1)
@@ -187,8 +185,7 @@ def record_without_chance(terms, ramp=0.0):
 @pytest.mark.parametrize('terms', [
     {N: 1e-3}, {N: 1e-3, B: 5e-3}, {N: 1e-3, K: 3e-3, 'quantization_noise': 4e-5},
     {N: 1e-3, B: 5e-3, K: 1e-2}], ids='+'.join)
-def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_bound(
-        terms, ramp):
+def test_without_chance_coefficients_are_exact_and_their_intervals_the_bound(terms, ramp):
     axis = characterize(record_without_chance(terms, ramp), RATE)
     assert axis.goodness_of_fit.acceptable
     assert axis.goodness_of_fit.p_value > 0.9

@@ -101,8 +101,7 @@ def test_what_is_clear_is_decided_at_the_first_look(share, verdict):
 
 # Of ten at 5 % each way more than three come once in eighty; 28 is two standard deviations above.
 @pytest.mark.parametrize(('records', 'either', 'both'), [(10, 3, 3), slow(400, 28, 56)])
-def test_at_the_limit_either_word_is_said_in_one_case_of_twenty_and_the_test_ends(
-        records, either, both):
+def test_at_the_limit_either_word_is_said_in_one_case_of_twenty(records, either, both):
     words, samples = zip(*(decided(seed, DENSITY) for seed in range(records)), strict=True)
     assert max(words.count('pass'), words.count('fail')) <= either
     assert words.count('pass') + words.count('fail') <= both

@@ -79,8 +79,7 @@ def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(expo
 @pytest.mark.thorough
 @pytest.mark.parametrize(('minutes', 'exponent', 'crossing_hz'), [
     (5, 0.7, 1.0), slow(20, 0.7, 0.1)])
-def test_the_density_holds_in_records_too_short_to_know_the_exponent(minutes, exponent,
-                                                                     crossing_hz):
+def test_the_density_holds_in_records_too_short_for_the_exponent(minutes, exponent, crossing_hz):
     found = each([crossed(exponent, crossing_hz, 3000 * minutes, 50.0, seed)
                   for seed in range(20)], N, 50.0)
     # Of nine in ten that hold, fewer than 14 of 20 are as rare as 1 in 100.
@@ -116,8 +115,7 @@ def test_nothing_else_is_taken_for_a_power_law(terms, low_pass):
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'crossing_hz', 'share'), [
     (20.0, 300, 0.7, 0.26), slow(20.0, 1800, 0.7, 0.26), slow(20.0, 300, 0.1, 0.26),
     slow(50.0, 300, 5, 0.12), slow(100.0, 60, 2, 0.2), (100.0, 300, 5, 0.12)])
-def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
-        rate_hz, duration_s, crossing_hz, share):
+def test_flicker_within_a_recursive_mean_is_no_power_law(rate_hz, duration_s, crossing_hz, share):
     terms = {N: DENSITY, B: DENSITY * np.sqrt(2 * np.pi * crossing_hz)}
     records = [simulate(terms, int(rate_hz * duration_s) + 500, rate_hz, seed)
                for seed in range(4)]
@@ -150,8 +148,7 @@ def test_a_process_is_seldom_reported_as_a_random_walk_and_makes_no_flicker_too_
     # Two of ten outside come once in 12 such tests, three once in 90; these are fixed.
     ({**SLOW, K: 1e-4}, 2 * HOUR, 20, 10, 8, (0.8, 1.5)),
     ({N: 7.9e-5, B: 2.4e-5, K: 4.4e-6}, HOUR, 40, 8, 9, (0.0, np.inf))])
-def test_a_random_walk_that_goes_on_is_reported_with_its_interval(
-        terms, samples, first, seen, held, width):
+def test_a_random_walk_is_reported_with_its_interval(terms, samples, first, seen, held, width):
     walks = [axis.coefficients[K]
              for axis in simulated(terms, samples, RATE, range(first, first + 10))]
     assert sum(walk.observable for walk in walks) >= seen
@@ -164,7 +161,7 @@ def test_a_random_walk_that_goes_on_is_reported_with_its_interval(
 @pytest.mark.parametrize(('hours', 'sigma', 'time_s', 'records', 'most', 'unseen'), [
     (1, 1.5, 20.0, 10, 6, 10), slow(1, 1.5, 20.0, 40, 22, 40), slow(1, 2.0, 60.0, 40, 6, 40),
     slow(3, 1.0, 60.0, 40, 18, 40), slow(1, 0, 1.0, 200, 200, 8)])
-def test_flicker_beside_a_process_too_weak_to_be_reported_is_seldom_too_large_and_alone_is_seen(
+def test_flicker_beside_a_weak_process_is_seldom_too_large(
         hours, sigma, time_s, records, most, unseen):
     flicker, samples, kept = 3e-5, hours * HOUR, np.exp(-1 / (time_s * RATE))
     drawn = [simulate({N: 1e-4, B: flicker}, samples, RATE, seed) + lfilter(

@@ -29,8 +29,7 @@ def test_noise_that_stays_the_same_is_steady():
 @pytest.mark.parametrize(('samples', 'louder', 'until', 'between'), [
     # Two halves a tenth apart have half of it as their standard deviation.
     (65_536, 1.1, 1 / 2, 0.05e-3), (SAMPLES, 1.1, 1 / 2, 0.05e-3), (SAMPLES, 1.5, 5 / 9, 0.25e-3)])
-def test_noise_that_is_higher_at_first_is_reported_with_its_size_and_widens_the_interval(
-        samples, louder, until, between):
+def test_noise_that_is_higher_at_first_is_reported_with_its_size(samples, louder, until, between):
     record = simulate(SENSOR, samples, RATE, 1)
     steady = characterize(record, RATE)
     segments = steady.stationarity.segments
@@ -110,6 +109,5 @@ def alarms(kind, samples, seeds, period=10**6, lost=0):
     ([(1000, range(15)), (9000, range(15)), (9000, range(5), 25, 6), (9000, range(5), 60, 8)], 0),
     slow([(samples, range(100, 400)) for samples in (300, 1000, 9000, 30_000)], 11)])
 @pytest.mark.parametrize('kind', SHORT)
-def test_short_records_whose_noise_stays_the_same_hardly_ever_say_that_it_changes(
-        kind, draws, most):
+def test_short_records_whose_noise_stays_the_same_hardly_ever_say_otherwise(kind, draws, most):
     assert sum(alarms(kind, *of) for of in draws) <= most

@@ -23,8 +23,7 @@ def lines_of(samples):
     # Ten times the noise in the bin of the tone; five bins are added up.
     (17.003, 0.1, 100_000, 0.1)])
 @pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
-def test_a_sharp_line_is_found_with_its_amplitude_in_any_unit_and_its_bins_are_left_out(
-        frequency, size, samples, error, unit):
+def test_a_sharp_line_is_found_with_its_amplitude(frequency, size, samples, error, unit):
     noise = np.random.default_rng(1 if samples == 8192 else 6).normal(size=samples)
     tone = size * np.sin(2 * np.pi * frequency * np.arange(samples) * DT + 0.3)
     [line], keep = lines_of(unit * (noise + tone))
@@ -56,8 +55,7 @@ def test_the_power_of_eighty_lines_is_in_those_named_and_the_sums_of_the_others(
     (10**7, 8, 1.55, True), (10**7, 32, 1.45, False), (10**7, 32, 1.55, True),
     # What chance allows depends on all that is averaged.
     (16, 8, 2.1, True), (2, 8, 2.1, False), (128, 1, 2.1, True), (16, 1, 2.1, False)])
-def test_what_rises_by_less_than_chance_allows_or_anyone_cares_about_is_no_line(
-        blocks, scale, height, expected):
+def test_what_rises_less_than_chance_allows_is_no_line(blocks, scale, height, expected):
     ratio = np.ones(200 * scale)
     ratio[100 * scale:103 * scale] = height
     found = rises(ratio, blocks, scale)

@@ -106,8 +106,7 @@ def test_no_random_walk_process_or_low_pass_is_made_of_a_strong_cycle(shape, siz
 
 @pytest.mark.parametrize(('walk', 'size', 'period', 'error'), [
     (0.0, 3e-3, 1200, 0.05), (3e-4, 0.01, 700, 0.01), (0.0, 0.0, 1, None), (2e-4, 0.0, 1, None)])
-def test_a_cycle_of_a_few_times_the_flicker_is_named_and_where_the_mean_stands_or_walks_nothing_is(
-        walk, size, period, error):
+def test_a_cycle_of_a_few_times_the_flicker_is_named_and_nothing_else(walk, size, period, error):
     axis, remarks = characterized(simulate({**STEADY, K: walk}, len(TIME), RATE, 3)
                                   + size * sine(TIME / period + 0.2), RATE)
     if size:

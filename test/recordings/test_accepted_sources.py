@@ -230,8 +230,7 @@ CHECKED = {'bare', 'halves', 'named fields', 'px4 fifo', 'ULog', 'named columns'
 @pytest.mark.parametrize(('name', 'checked'), [
     *((name, name in CHECKED) for name in SOURCES),
     *(slow(name, True) for name in SOURCES if name not in CHECKED)])
-def test_info_analyze_check_and_the_node_read_a_source_equally(
-        name, checked, tmp_path, output_of):
+def test_info_analyze_check_and_the_node_read_a_source_equally(name, checked, tmp_path, output_of):
     source = SOURCES[name](tmp_path)
     words = [word for key, value in source.options.items()
              for word in (f'--{key.replace("_", "-")}', value)]

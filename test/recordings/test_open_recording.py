@@ -120,8 +120,7 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     (['night_0.mcap', 'night_1.mcap'], True), (['night_0.db3', 'night_1.db3'], True),
     (['a_0.mcap', 'night_1.mcap'], False), (['unit_1.mcap', 'unit_2.mcap'], False),
     (['unit_0.db3', 'unit_1.db3'], False), (['night_0.mcap', 'other_0.db3.zstd'], False)])
-def test_bag_files_without_metadata_are_one_recording_if_their_numbers_follow_in_time(
-        tmp_path, names, together):
+def test_bag_files_without_metadata_are_one_recording_if_they_follow(tmp_path, names, together):
     for number, name in enumerate(names):
         (write_db3 if name.endswith('.db3') else write_mcap)(
             tmp_path / name, block(200, first=200 * number if name.startswith('night') else 0))
@@ -154,8 +153,7 @@ def test_each_of_several_topics_is_read_as_if_by_itself(tmp_path):
                 assert [remark.values['count'] for remark in reader.remarks] == malformed
 
 
-def test_all_topics_of_a_compressed_file_have_one_copy_that_is_unpacked_once(
-        tmp_path, monkeypatch, output_of):
+def test_all_topics_of_a_compressed_file_have_one_unpacked_copy(tmp_path, monkeypatch, output_of):
     unpacked = tmp_path / 'unpacked'
     unpacked.mkdir()
     monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))

@@ -99,8 +99,7 @@ N, B = 'noise_density', 'bias_instability'
       for letter, density in (('x', 100), ('y', 100), ('z', 200))}),
     ('accel: {x: {noise_density: 100 ug/sqrt(Hz)}}', {'accel_x': {N: 100 * UG}}),
     ('gyro: {z: {rate_ramp: -5 deg/h^2}}', {'gyro_z': {'rate_ramp': -5 * DEG_H2}})])
-def test_what_stands_under_a_sensor_holds_for_its_axes_and_one_that_is_not_named_is_missing(
-        text, axes):
+def test_what_stands_under_a_sensor_holds_for_its_axes_and_others_are_missing(text, axes):
     model = parse_model(f'name: Mine\n{text}')
     assert model.name == 'Mine'
     assert model.axes == {axis: pytest.approx(values) for axis, values in axes.items()}

@@ -243,8 +243,7 @@ def test_many_missing_samples_leave_the_noise_density_right(lost):
     (0.2, 60, 3, 0.09),
     # Two standard errors of 600 axes.
     *(slow(lost, duration_s, 100, 0.068) for lost in (0.1, 0.4) for duration_s in (60, 300))])
-def test_intervals_miss_the_noise_density_in_five_of_a_hundred_at_most(
-        lost, duration_s, records, most):
+def test_intervals_miss_the_noise_density_in_five_of_a_hundred(lost, duration_s, records, most):
     outside = []
     for seed in range(9000, 9000 + records):
         messages, truth, rng = rest(duration_s=duration_s, seed=seed)
@@ -378,8 +377,7 @@ def numbers(result: Result, axes: str) -> list[float | None]:
 
 
 @pytest.mark.parametrize(('dead', 'late'), [slow(slice(0, 1), 4500), (slice(3, 6), 10_500)])
-def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_others_nothing(
-        dead, late):
+def test_an_axis_that_is_dead_first_is_used_later_and_costs_the_others_nothing(dead, late):
     messages, truth, rng = rest()
     whole = undisturbed()
     messages.samples[:late, dead] = 0.0
@@ -422,8 +420,7 @@ def test_an_axis_that_dies_and_wakes_again_is_no_motion(rate_hz, dead):
 
 @pytest.mark.parametrize(('declared', 'first', 'last', 'again'), [
     (True, 0, 6000, 15_000), (False, 5000, 15_000, 15_000), slow(False, 1000, 2000, 4000)])
-def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_back(
-        declared, first, last, again):
+def test_an_axis_absent_for_a_while_costs_the_others_nothing(declared, first, last, again):
     messages, truth, rng = rest()
     whole = undisturbed()
     gone = (messages.place % again >= first) & (messages.place % again < last)

@@ -42,8 +42,7 @@ def test_clean_messages_come_out_as_they_went_in():
 @given(seed=st.integers(0, 20), edges=st.lists(st.integers(0, 12_100), max_size=20),
        saved=st.integers(0, 12_000), looked_at=st.integers(1, 12_000))
 @example(seed=10, edges=[], saved=0, looked_at=390)
-def test_however_messages_are_split_saved_and_looked_at_the_outcome_is_the_same(
-        seed, edges, saved, looked_at):
+def test_splits_saves_and_looks_make_no_difference(seed, edges, saved, looked_at):
     block = faulty(seed)
     summary, even = run(block)
     stage, blocks, came = TimelineStage(), [], 0

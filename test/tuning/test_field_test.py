@@ -91,8 +91,7 @@ def test_a_recording_without_a_stop_is_reported_and_other_axes_are_left_out():
 @pytest.mark.parametrize('fitted_min', [None, 20, 120])
 @pytest.mark.parametrize(('terms', 'processes'), [
     ({'rate_random_walk': K}, ()), ({'bias_instability': 3e-4}, FLICKER)], ids=['N+K', 'N+B'])
-def test_factors_hold_where_the_numbers_are_stated_or_come_from_a_recording(
-        fitted_min, terms, processes):
+def test_factors_hold_for_numbers_stated_or_from_a_recording(fitted_min, terms, processes):
     """Half an hour of stops of a minute each with more noise and drift: 200 pairs."""
     walk = terms.get('rate_random_walk', 0.0)
     stated, there = axis_of(N, walk, processes), axis_of(

@@ -89,8 +89,7 @@ def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():
 @pytest.mark.parametrize(('noise', 'walk', 'more'), [
     *((noise, walk, ()) for noise in (1e-3, 2e-3) for walk in (0.0, 1e-9, 3e-5)),
     (1e-3, 2e-5, ((1e-4, 1.0),))])
-def test_the_steady_covariance_solves_the_riccati_equation_where_the_filter_arrives(
-        noise, walk, more):
+def test_the_steady_covariance_solves_the_riccati_equation(noise, walk, more):
     axis = axis_of(noise, walk, ((5e-4, 40.0), *more))
     s = state_space(axis, 1.0)
     p = steady_covariance(s)

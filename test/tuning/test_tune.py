@@ -31,8 +31,7 @@ def one(value):
 @pytest.mark.parametrize(('filters', 'drift'), [
     (Filters.with_random_walk(one(4e-6), one(9e-10), 1.0), {'walk': 3e-5}),
     (Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0), PROCESS)], ids=['walking', 'markov'])
-def test_a_filter_predicts_what_the_kalman_filter_of_its_model_predicts_and_that_happens(
-        filters, drift):
+def test_a_filter_predicts_what_the_kalman_filter_of_its_model_predicts(filters, drift):
     truth = axis_of(2e-3, **drift)
     np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0],
                                unaided_variance(truth, 1.0, HORIZONS), rtol=1e-9)

@@ -39,8 +39,7 @@ def test_a_difference_is_in_units_of_the_interval_halves_that_face_each_other():
 @pytest.mark.parametrize(('value', 'interval', 'bound', 'least'), [
     (10.0, (8.0, 13.0), 6.0, -2.0), (10.0, (8.0, 13.0), 9.0, -0.5),
     (10.0, (8.0, 13.0), 11.0, None), (-10.0, (-13.0, -8.0), 6.0, 2.0)])
-def test_a_value_that_a_bound_excludes_differs_by_its_distance_from_the_bound(
-        value, interval, bound, least):
+def test_a_value_differs_by_its_distance_from_a_bound(value, interval, bound, least):
     known = one(value, interval)
     bounded = with_coefficient(known, 'gyro_x', 'noise_density', **UNSEEN, upper95=bound)
     (down,) = compare({'known': known, 'bounded': bounded})

@@ -91,8 +91,7 @@ GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.01
     (lambda r: with_coefficient(r, 'accel_y', 'noise_density', **UNSEEN, upper95=1e-3), GRAVITY,
      'cannot tell', 'accel gravity error: accel_y: the noise density does not show, and with it '
      'what the mean is worth; record for longer')])
-def test_a_dead_axis_fails_and_what_is_not_known_is_no_verdict(
-        result, changed, text, outcome, reason):
+def test_a_dead_axis_fails_and_the_unknown_is_no_verdict(result, changed, text, outcome, reason):
     verdict = only(changed(result), text)
     assert (verdict.verdict, verdict.reason) == (outcome, reason)
 

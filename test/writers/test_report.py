@@ -91,8 +91,7 @@ def test_text_from_a_recording_stays_text(result):
 
 
 @needs_browser
-def test_a_page_that_asks_for_nothing_brings_an_axis_forward_and_switches_units(
-        result, tmp_path, browser):
+def test_a_page_asks_for_nothing_shows_an_axis_and_switches_units(result, tmp_path, browser):
     page = written(tmp_path, report_html(
         with_axes(result, 'gyro_x', spectrum=Spectrum((0.1, 1.0), (1e-6, 9e-7)))))
     browser.requests()
@@ -116,8 +115,7 @@ def test_a_page_that_asks_for_nothing_brings_an_axis_forward_and_switches_units(
 
 
 @needs_browser
-def test_the_first_screen_has_both_answers_and_configurations_are_copied_by_their_buttons(
-        result, tmp_path, browser):
+def test_the_first_screen_has_both_answers_and_buttons_copy(result, tmp_path, browser):
     browser.show(written(tmp_path, report_html(result)), width=1400, height=900)
     ends = browser.run('return [...document.querySelectorAll(".forecast, .copy-for, .remarks")]'
                        '.map(item => item.getBoundingClientRect().bottom)')

@@ -67,8 +67,7 @@ def test_a_first_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(name)
         'Accelerometer': 'use with care: bias step (z), not steady (x, y and z).'}),
     ({}, (), 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
                    'Accelerometer': 'not usable: 5.6 s at rest.'})])
-def test_the_first_lines_are_the_verdict_on_each_sensor(
-        result, changed, warnings, seconds, said):
+def test_the_first_lines_are_the_verdict_on_each_sensor(result, changed, warnings, seconds, said):
     axes = {name: replace(axis, **(changed.get(name) or {}))
             for name, axis in result.axes.items() if changed.get(name, {}) is not None}
     lines = printed(replace(

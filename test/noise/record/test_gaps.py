@@ -118,8 +118,7 @@ def with_interpolation(rows, there):
 @pytest.mark.parametrize(('pattern', 'step'), combined(
     [0.02, 0.4, 0.6, '110', '11100'], [1, 2, 16],
     everyday=[(0.02, 16), (0.4, 1), (0.6, 2), ('110', 1), ('11100', 16)]))
-def test_white_noise_that_the_timeline_interpolates_has_the_power_that_is_worked_out(
-        pattern, step):
+def test_white_noise_that_the_timeline_interpolates_has_the_power_worked_out(pattern, step):
     there = received(pattern)
     # The weight of every sample (columns) in every place (rows).
     weights = np.hstack([with_interpolation(np.eye(SAMPLES)[:, at:at + 6], there)

@@ -67,8 +67,7 @@ def test_a_split_bag_is_read_in_order(split_bag):
         ('relative_file_paths: [bag_9.mcap, bag_10.mcap, bag_11.mcap], topics_with_message_count: '
          '[{topic_metadata: {name: /imu, type: sensor_msgs/msg/Imu, serialization_format: cdr}, '
          'message_count: -1}]', 'message_count is -1')))], ids=lambda value: str(value)[:60])
-def test_without_usable_metadata_the_files_are_read_in_the_order_of_their_numbers(
-        split_bag, text, reason):
+def test_without_usable_metadata_files_are_read_by_their_numbers(split_bag, text, reason):
     (split_bag / 'metadata.yaml').unlink()
     if text is not None:
         (split_bag / 'metadata.yaml').write_text(text)
@@ -125,8 +124,7 @@ def test_of_a_compressed_file_the_same_is_read_as_of_the_file(tmp_path):
         assert len(choose_streams(packed)) == 2
 
 
-def test_a_compressed_file_is_unpacked_where_there_is_room_and_nothing_is_left_there(
-        tmp_path, monkeypatch):
+def test_a_compressed_file_is_unpacked_where_there_is_room_and_none_is_left(tmp_path, monkeypatch):
     temporary = tmp_path / 'temporary'
     temporary.mkdir()
     monkeypatch.setattr('tempfile.tempdir', str(temporary))

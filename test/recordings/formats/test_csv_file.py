@@ -165,8 +165,7 @@ def test_a_table_that_grows_is_read_as_it_was_and_one_that_is_rewritten_is_refus
      [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
     ('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
      [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1')], ids=['empty cell', 'no time'])
-def test_lines_that_are_not_numbers_are_counted_and_the_first_is_named(
-        path, text, stamps, values, count, first):
+def test_lines_that_are_no_numbers_are_counted(path, text, stamps, values, count, first):
     messages, [remark] = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
     assert np.array_equal(messages.samples[:, 0], values, equal_nan=True)
@@ -466,8 +465,7 @@ def test_times_of_another_form_are_no_numbers_and_reported(path, options):
 ], ids=['names', 'blanks', 'numbers of named columns', 'below a device',
         'below a subject', 'comment and blanks', 'two comments',
         'mark and decimal commas', *2 * ['line of units']])
-def test_columns_of_any_name_can_be_named_or_numbered_from_one_with_units_below(
-        path, text, columns, seconds, samples):
+def test_columns_of_any_name_can_be_named_or_numbered(path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
     if 'other' in text:
         assert remarks == [ignored(path, ['other'])]

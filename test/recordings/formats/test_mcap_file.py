@@ -25,8 +25,7 @@ import zstandard
 MESSAGES = block(1000)
 
 
-def test_an_image_outside_of_chunks_that_is_larger_than_a_window_is_passed_over(
-        tmp_path, monkeypatch):
+def test_an_image_outside_of_chunks_larger_than_a_window_is_passed_over(tmp_path, monkeypatch):
     path = tmp_path / 'a.mcap'
     with bags.mcap_written(path, use_chunking=False) as message:
         for number, (stamp, row) in enumerate(serialized(MESSAGES)):
@@ -90,8 +89,7 @@ def test_several_channels_of_one_topic_are_read_together(tmp_path):
     (1, lambda n: n % 100, lambda n: n, 9),
     (1, lambda _: True, lambda n: n + n // 10, 0),
 ], ids=['every fourth', 'no numbers', 'beside others', 'one counter for all topics'])
-def test_what_the_numbers_of_messages_say_was_lost_is_reported(
-        tmp_path, others, kept, number, lost):
+def test_what_is_lost_by_the_numbers_of_messages_is_reported(tmp_path, others, kept, number, lost):
     path, messages = tmp_path / 'a.mcap', 0
     with bags.mcap_written(path) as message:
         for n, (stamp, row) in enumerate(serialized(MESSAGES)):

@@ -120,8 +120,7 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize('named', ['share', 'share/my_driver/msg/Vectornav.msg', None])
-def test_definitions_are_found_in_files_packages_and_workspaces_or_sourced(
-        tmp_path, monkeypatch, named):
+def test_definitions_are_found_in_files_packages_and_workspaces(tmp_path, monkeypatch, named):
     # As ROS 2 Humble writes it, without definitions.
     path = tmp_path / 'a.db3'
     with closing(database(path, [('/sensor', DRIVER)])) as opened:
