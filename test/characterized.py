@@ -34,7 +34,6 @@ def messages(rows, rate_hz, places=0, *, gyro_alone=False):
 
 
 def in_blocks(rows, rate_hz, places=None, size=3001, **more):
-    """Wrap samples of six axes into several blocks."""
     places = np.arange(len(rows)) if places is None else places
     for begin in range(0, len(rows), size):
         part = slice(begin, begin + size)
@@ -83,12 +82,10 @@ def several(records, rate_hz):
 
 
 def simulated(terms, samples, rate_hz, seeds):
-    """Return the results of simulated records."""
     return several([simulate(terms, samples, rate_hz, seed) for seed in seeds], rate_hz)
 
 
 def said(result, code):
-    """Return the warnings of a result that have a code."""
     return [remark for remark in result.warnings if remark.code == code]
 
 
@@ -110,7 +107,6 @@ def ends(coefficient):
 
 
 def covers(interval, truth):
-    """Whether an interval holds a true value."""
     return interval[0] <= truth <= interval[1]
 
 

@@ -109,7 +109,6 @@ def only(result: Result, begin: str) -> Result:
 
 
 def without(result: Result, name: str) -> Result:
-    """Return a result that lacks an axis."""
     return replace(result, axes={one: axis for one, axis in result.axes.items() if one != name})
 
 
@@ -122,7 +121,6 @@ def with_axes(result: Result, begin: str = '', **fields: Any) -> Result:
 
 
 def with_coefficient(result: Result, begin: str, key: str, **fields: Any) -> Result:
-    """Return a result with another coefficient."""
     def changed(axis: AxisResult) -> dict[str, Any]:
         return {**axis.coefficients, key: replace(axis.coefficients[key], **fields)}
     return with_axes(result, begin, coefficients=changed)

@@ -21,7 +21,6 @@ def marked(folder: Path) -> dict[str, str]:
 
 
 def living(folder: Path) -> list[int]:
-    """Return the processes that live and have the mark of a folder."""
     mark = f'{_MARK}={folder}'.encode()
     found = []
     # What has ended and is not waited for yet has no environment any more.

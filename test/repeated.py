@@ -10,7 +10,6 @@ import pytest
 
 
 def slow(*values: Any) -> Any:
-    """Give a parameter that only the slow tests try."""
     return pytest.param(*values, marks=pytest.mark.slow)
 
 

@@ -87,7 +87,6 @@ def test_what_is_said_is_scored_by_width_and_miss(said, truth, reported, inside,
 
 def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_path):
     def battery(*more):
-        """Run the battery as `make battery` does."""
         return subprocess.run(
             [sys.executable, '-m', 'battery', '--parts', 'records', '--only', '10 s, N',
              '--records', '2', '--seed', '5', *more], cwd=ROOT, capture_output=True, text=True,

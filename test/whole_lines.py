@@ -20,7 +20,6 @@ def refused(line: 'str | Varying', error: type[Exception] = ImuAllanError,
 
 
 def unwritable(path: object, why: str) -> str:
-    """Return what is said of a file that cannot be written."""
     return (f'{path}: cannot be written ({why}); choose a folder that exists on a disk with room '
             'and may be written to')
 

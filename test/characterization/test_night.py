@@ -34,7 +34,6 @@ def stamps_of(seconds):
 
 
 def result_of(rows, readings, celsius, *, gyro_alone=True):
-    """Return the result of samples and of the readings of a thermometer."""
     stream = Characterization(kind='topic')
     stream.take(in_blocks(rows, RATE, gyro_alone=gyro_alone))
     stream.take_temperature(stamps_of(readings), celsius)

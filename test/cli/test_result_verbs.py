@@ -153,7 +153,6 @@ def test_what_is_undecided_is_explained_and_has_a_status_of_its_own(
     ('tune_beyond_what_is_known', None, 'tune seen.json --aiding 1ms --coast 5d')])
 def test_results_look_on_a_terminal_or_in_a_pipe_as_they_did(
         name, columns, command, tmp_path, monkeypatch, ran):
-    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/cli/test_result_verbs.py."""
     monkeypatch.chdir(tmp_path)
     if columns is not None:
         monkeypatch.setenv('COLUMNS', columns)

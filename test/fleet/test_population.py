@@ -17,7 +17,6 @@ TRUTH = {'noise_density': (1e-4, 0.05, 0.001), 'bias_instability': (2e-5, 0.2, 0
 
 
 def unit(rng, **factors):
-    """Make a unit, whose axes may be noisier by a factor."""
     return build_result(axes={name: axis_result(name, {
         key: median * factors.get(name, 1.0) * float(
             np.exp(between * rng.normal() + error * rng.normal()))

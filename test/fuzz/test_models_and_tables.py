@@ -70,7 +70,6 @@ def test_damaged_text_is_used_or_refused(tmp_path, judge, count, seed):
 
 
 def messages(choice: Random) -> list[bytes]:
-    """Return twenty messages, some of them damaged."""
     frame = choice.choice(['imu_link', '', 'a' * 300, 'ü\n\x1b[0m'])
     found = []
     for number in range(20):

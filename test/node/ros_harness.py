@@ -540,6 +540,5 @@ def summary(**changes: Any) -> TimelineSummary:
 
 
 def arguments(parameters: Mapping[str, Any]) -> list[str]:
-    """Give the arguments of a node that set its parameters."""
     return [word for key, value in parameters.items()
             for word in ('-p', f'{key}:={json.dumps(value)}')]

@@ -119,7 +119,6 @@ def declared(name: str) -> dict[str, DeclareLaunchArgument]:
 
 
 def launched(file: str, /, **given: str) -> list[Any]:
-    """Give what a launch file starts with these arguments."""
     context = {key: one.default_value if isinstance(one.default_value, (str, type(None)))
                else one.default_value.perform(given) for key, one in declared(file).items()}
     context |= given

@@ -81,7 +81,6 @@ class World:
 
 @pytest.fixture
 def world():
-    """Give a run that knows its IMU."""
     found = World()
     found.comes(at_rest(round(PROVEN_S * RATE_HZ)), together=100_000)
     return found

@@ -58,7 +58,6 @@ class Client:
                    if name == service) < AT_A_TIME
 
     def answers(self, *services: str) -> list[Any]:
-        """Wait for all answers, and give those of some services."""
         self._ros.until(lambda: all(future.done() for _, future in self._asked))
         return [future.result() for name, future in self._asked if name in services]
 

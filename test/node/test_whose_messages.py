@@ -207,7 +207,6 @@ class HostileWorld:
             'signal': self._signal, 'clock jump': self._clock_jump, 'pause': self._pause}
 
     def go_on(self) -> None:
-        """Let one thing happen, then the IMU be at rest."""
         kind = self.draw.choice(sorted(self._actions))
         self.happened.append(kind)
         self._actions[kind]()

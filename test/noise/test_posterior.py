@@ -120,7 +120,6 @@ def test_small_non_negative_least_squares_agrees_with_scipy():
 
 
 def fits_of(*samples):
-    """Return the fits of axes that are fitted together."""
     return fit_axes(shown(np.transpose(samples)), 1 / RATE)
 
 

@@ -24,7 +24,6 @@ WALK = 3e-4
 
 
 def each(records, key, rate=RATE):
-    """Return a coefficient of every record."""
     return [axis.coefficients[key] for axis in several(records, rate)]
 
 

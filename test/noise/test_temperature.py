@@ -32,7 +32,6 @@ def heated(seed=0):
 
 
 def walking(seed=0):
-    """Give a temperature that is a random walk of 3 K."""
     steps = np.random.default_rng(seed).standard_normal(len(TIME))
     return 20 + 3 * np.cumsum(steps) / np.sqrt(len(TIME))
 

@@ -17,7 +17,6 @@ STEADY = {N: 1e-3, B: 1e-3}
 
 
 def warmed(mean, seed, rate=50.0, hours=1.0, model=MODEL):
-    """Characterize a sensor whose mean follows a function of time."""
     time = np.arange(round(hours * 3600 * rate)) / rate
     return characterized(simulate(model, len(time), rate, seed) + mean(time), rate)
 
@@ -82,7 +81,6 @@ def heater(phase):
 
 
 def cycling(*means, seed=1, model=STEADY):
-    """Characterize the axes of a sensor, each with a mean that moves."""
     return axes_of(taken_in(np.stack([simulate(model, len(TIME), RATE, seed + axis) + mean
                                       for axis, mean in enumerate(means)], axis=1)), RATE)
 
@@ -175,7 +173,6 @@ NOISES = {
 
 
 def fits_of(records):
-    """Return the fits of records of one length, or None."""
     return [fit and fit.fit for fit in fit_axes(
         taken_in(np.transpose(records)).finished(), 1 / RATE)]
 

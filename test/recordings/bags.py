@@ -52,7 +52,6 @@ def joined(blocks: Iterable[ImuBlock]) -> ImuBlock:
 
 
 def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlock, list[Finding]]:
-    """Return all messages of a recording and the remarks on it."""
     with open_recording(path, **options) as recording:
         messages = joined(read_blocks(recording, choose_topic(recording, topic)))
         return messages, recording.remarks
@@ -70,17 +69,14 @@ def refusal(path: Path, content: str | bytes | None = None, **options: Any) -> s
 
 
 def said(path: Path, code: str, **values: object) -> Finding:
-    """Return a finding about a recording."""
     return finding(code, recording=str(path), **values)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
-    """Return the names and contents of the files in a folder."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
 def figures(reason: str) -> list[int]:
-    """Return the whole numbers that a reason names, whatever its words are."""
     return [int(number) for number in re.findall(r'\d+', reason)]
 
 
@@ -90,7 +86,6 @@ def raise_malformed(_count: int, error: Exception) -> None:
 
 
 def assert_same(first: ImuBlock, second: ImuBlock) -> None:
-    """Require every bit to agree."""
     assert first.frame_id == second.frame_id
     for field in ('header_ns', 'receive_ns', 'samples', 'absent'):
         one, other = getattr(first, field), getattr(second, field)
@@ -203,7 +198,6 @@ def chunk_starts(path: Path) -> list[int]:
 
 
 def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:
-    """Return a record of a bag with these fields in its header."""
     header = b''.join(struct.pack('<I', len(name) + 1 + len(value)) + name.encode() + b'=' + value
                       for name, value in fields.items())
     return struct.pack('<I', len(header)) + header + struct.pack('<I', len(data)) + data
@@ -211,7 +205,6 @@ def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:
 
 def write_metadata(folder: Path, files: list[str], topics: Iterable[tuple[str, str, int]],
                    **more: object) -> Path:
-    """Write the metadata.yaml of a rosbag2 directory."""
     lines = ['rosbag2_bagfile_information:', '  version: 5', '  storage_identifier: any',
              '  relative_file_paths:', *(f'    - {name}' for name in files),
              '  topics_with_message_count:']

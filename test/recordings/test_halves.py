@@ -39,7 +39,6 @@ def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
 
 
 def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> None:
-    """Require the rate and the white noise of each half."""
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
     for name, axis in result.axes.items():
         rate, sigma = (gyro_hz, 0.01) if name.startswith('gyro') else (accel_hz, 0.1)
@@ -54,7 +53,6 @@ def repeated(result: Result) -> list[dict[str, Any]]:
 
 def streams(path: Path, topic: str | None = None, **options: str
             ) -> tuple[list[Stream], list[Finding]]:
-    """Return what is read of a recording, and the remarks on it."""
     with open_recording(path, options=RecordingOptions(**options)) as recording:
         return choose_streams(recording, topic), recording.remarks
 

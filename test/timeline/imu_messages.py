@@ -55,7 +55,6 @@ def run(blocks: ImuBlock | Iterable[ImuBlock], **options: object
 
 
 def findings_of(seen: Result | TimelineSummary) -> Sequence[Finding]:
-    """Give all findings, those of a timeline or those of a whole result."""
     return seen.warnings if isinstance(seen, Result) else seen.remarks
 
 
@@ -69,7 +68,6 @@ def said(seen: Result | TimelineSummary, code: str) -> Finding:
 
 
 def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Give the grid places of all rows, and the rows."""
     places, rows = [np.empty(0, np.int64)], [np.empty((0, 6))]
     for block in blocks:
         places.append(block.first_index + np.arange(len(block)))

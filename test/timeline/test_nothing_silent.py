@@ -46,7 +46,6 @@ def lose(messages: Messages, lost: float | str, rng: np.random.Generator | None 
 
 
 def in_ticks(messages: Messages, tick: float, since: float) -> Messages:
-    """Round header stamps down to a tick."""
     return replace(messages, header=np.floor((messages.header + since) / tick) * tick)
 
 
@@ -72,7 +71,6 @@ def late_by_half(messages: Messages, rng: np.random.Generator, by: float) -> Mes
 
 
 def outages(messages: Messages, rng: np.random.Generator, on_s: float, off_s: float) -> Messages:
-    """Lose everything for a while, again and again."""
     there, at = np.zeros(len(messages.place), bool), 0.0
     while at < messages.header[-1]:
         lasts = on_s * rng.uniform(0.5, 1.5)
@@ -99,7 +97,6 @@ def in_batches(messages: Messages, size: int, rate_hz: float, apart_s: float = 2
 
 
 def missed(messages: Messages) -> int:
-    """Give how many samples are missing between the messages."""
     return int(messages.place[-1] - messages.place[0]) + 1 - len(messages.place)
 
 
@@ -122,7 +119,6 @@ def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: in
 
 
 def received(messages: Messages, stamps: np.ndarray) -> Messages:
-    """Leave only stamps of reception."""
     return replace(messages, header=0 * messages.header, receive=stamps)
 
 

@@ -27,7 +27,6 @@ TERMS = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 1e
 
 
 def rest(seconds, noise=1.0, drift=1.0, seed=0):
-    """Return samples of both axes, shape (n, 6), the others absent."""
     n = round(seconds * RATE)
     rows = np.full((n, 6), np.nan)
     for axis in range(2):

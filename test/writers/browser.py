@@ -118,7 +118,6 @@ class Browser:
         self._address = address
 
     def call(self, path: str, body: dict[str, Any] | None = None, method: str = '') -> Any:
-        """Send a command; without a body, ask."""
         request = Request(self._address + path, method=method or ('POST' if body else 'GET'),
                           data=json.dumps(body).encode() if body else None,
                           headers={'Content-Type': 'application/json'})

@@ -24,7 +24,6 @@ from whole_lines import refused, Varying
 
 
 def one(value, interval):
-    """Make a result with one value and its interval."""
     result = build_result(axes={'gyro_x': axis_result('gyro_x', {'noise_density': 1.0})})
     return with_coefficient(result, 'gyro_x', 'noise_density', value=value, ci95=interval)
 

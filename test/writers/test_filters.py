@@ -523,7 +523,6 @@ def test_files_for_matlab_run_in_octave(tmp_path):
     ('as_wished', ExportOptions(aiding_s=1.0, coast_s=7200.0, conservative=True,
                                 inflate={'N': 2.0, 'K': 5.0}))])
 def test_a_file_for_kalibr_says_what_it_said(name, options):
-    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_filters.py."""
     slow = with_axes(DRIFTING, 'gyro_x', power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
     text = export_as_wished(slow, 'kalibr', options)
     # The last digits depend on how SciPy comes to the best numbers.

@@ -25,7 +25,6 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
     # Each value above its interval, terms that no axis shows with their bounds, and the mean.
     ('80_verbose', 80, {'verbose': True}), ('140_si', 140, {'units': 'si', 'verbose': True})])
 def test_a_result_looks_on_the_terminal_as_it_did(result, name, width, options):
-    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_table.py."""
     text = '\n'.join(line.rstrip() for line in printed(result, width, **options).splitlines())
     assert max(map(len, text.splitlines())) <= width
     assert '…' not in text
@@ -36,7 +35,7 @@ def test_a_result_looks_on_the_terminal_as_it_did(result, name, width, options):
     'dead_axis', 'driving', 'five_seconds', 'g_and_degrees', 'three_hours', 'two_minutes',
     'vibration', 'warm_up'])
 def test_a_first_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(name):
-    """As above; `screens/` holds the results of eight typical recordings."""
+    """`screens/` holds the results of eight typical recordings."""
     stored = load_result(Path(__file__).with_name('screens') / f'{name}.json')
     lines = [line.rstrip() for line in printed(stored).splitlines()]
     # The last of 24 says how to save.

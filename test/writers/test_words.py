@@ -207,7 +207,6 @@ def test_sentences_are_short_and_plain(code):
 
 
 def test_every_finding_is_said_as_it_was():
-    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_words.py."""
     assert {found.code for found in SAID} == set(WORDS)
     assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID),
                      'snapshots/findings.txt')

@@ -44,13 +44,11 @@ def read(path: Path, **options: object) -> tuple[ImuBlock, list[Finding]]:
 
 
 def read_text(path: Path, text: str, **options: object) -> tuple[ImuBlock, list[Finding]]:
-    """Read a file with this content."""
     path.write_text(text)
     return read(path, **options)
 
 
 def named(**columns: str) -> RecordingOptions:
-    """Return the options that say which column is what."""
     return RecordingOptions(columns=tuple(columns.items()))
 
 

@@ -32,7 +32,6 @@ def framed(kind: bytes, body: bytes) -> bytes:
 
 
 def write(path: Path, topics: dict[str, tuple[str, list[bytes]]]) -> Path:
-    """Write topics: their format, and the bytes of each message."""
     data = b'ULog\x01\x12\x35\x01' + pack('<Q', 0) + framed(b'B', bytes(40))
     for name, (form, _) in topics.items():
         data += framed(b'F', f'{name}:{form}'.encode())

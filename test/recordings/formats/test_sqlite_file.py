@@ -144,7 +144,6 @@ def from_script(*statements: str | tuple[str, Callable[[], Iterable[tuple[object
 
 
 def written(folder: Path) -> Path:
-    """Write 2000 messages."""
     return write_db3(folder / 'a.db3', block(2000))
 
 

@@ -47,12 +47,10 @@ def sample(number: int) -> np.ndarray:
 
 
 def samples(count: int) -> np.ndarray:
-    """Return the first `count` samples."""
     return np.array([sample(number) for number in range(count)]).reshape(-1, 6)
 
 
 def vector(store: Any, values: Sequence[float]) -> Any:
-    """Make a Vector3."""
     return store.types['geometry_msgs/msg/Vector3'](*map(float, values))
 
 
@@ -85,7 +83,6 @@ def recorded(folder: Path, kind: str, definitions: dict[str, str],
 
 
 def write_ros1(path: Path, store: Any, type_name: str, messages: Iterable[bytes]) -> Path:
-    """Write serialized messages with the rosbags library as a ROS 1 bag."""
     with Ros1Writer(path) as writer:
         connection = writer.add_connection('/sensor', type_name, typestore=store)
         for number, message in enumerate(messages):
