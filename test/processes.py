@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from typing import Any
 
 _MARK = 'IMU_ALLAN_TEST'
 
@@ -63,10 +64,15 @@ raise SystemExit(importlib.import_module(entry).main())
 """
 
 
+def python(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run this interpreter, and keep what it says."""
+    return subprocess.run([sys.executable, *map(str, arguments)], **{
+        'check': False, 'capture_output': True, 'text': True, 'timeout': 300, **options})
+
+
 def interrupted(entry: str, module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the main of a module, which is interrupted while it imports another."""
-    return subprocess.run([sys.executable, '-c', _INTERRUPTED, entry, module, *arguments],
-                          check=False, capture_output=True, text=True, timeout=300)
+    return python('-c', _INTERRUPTED, entry, module, *arguments)
 
 
 def wait_until(reached: Callable[[], object], timeout_s: float = 30.0) -> None:
@@ -92,8 +98,7 @@ def run(*arguments: object, patience_s: float = 120.0) -> tuple[int, str, str, f
     """Run the command; returns status, stdout, stderr, CPU time in s and largest memory in kB."""
     with tempfile.TemporaryDirectory() as folder:
         measured = Path(folder, 'measured')
-        done = subprocess.run(
-            [sys.executable, '-c', _METER, str(measured), sys.executable, '-m', 'imu_allan',
-             *map(str, arguments)], capture_output=True, text=True, timeout=patience_s, check=True)
+        done = python('-c', _METER, measured, sys.executable, '-m', 'imu_allan', *arguments,
+                      timeout=patience_s, check=True)
         status, seconds, kilobytes = json.loads(measured.read_text())
     return status, done.stdout, done.stderr, seconds, kilobytes

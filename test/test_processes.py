@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 
-from processes import living, marked, wait_until
+from processes import living, marked, python, wait_until
 import pytest
 
 STARTS = """
@@ -56,8 +56,7 @@ def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path):
 @pytest.mark.parametrize('slow_s', ['0', '0.1'])
 def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s):
     """Also on a busy machine, where a thread takes its time to begin."""
-    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
-                          text=True, timeout=30, check=False)
+    done = python('-c', IN_A_CALLBACK, slow_s, timeout=30)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')
 
 
@@ -88,13 +87,12 @@ def test_no_verb_imports_or_obeys_what_lies_in_the_current_folder(tmp_path, shor
     script = tmp_path / 'bin' / 'imu_allan'
     script.parent.mkdir()
     script.write_text(SCRIPT)
-    done = subprocess.run([
-        sys.executable, str(script), f'info {short_recording}',
+    done = python(
+        script, f'info {short_recording}',
         f'analyze {short_recording} --json r.json --output out',
         'simulate m.yaml --duration 30s --output simulated', 'export r.json --for kalibr',
         'report r.json --output report', 'check r.json --spec m.yaml --allow-undecided',
-        f'analyze {short_recording} simulated --jobs 2'], cwd=downloaded, capture_output=True,
-        text=True, timeout=300, check=False)
+        f'analyze {short_recording} simulated --jobs 2', cwd=downloaded)
     assert not trace.exists(), trace.read_text()
     assert (done.returncode, done.stderr) == (0, '')
     assert done.stdout.count(': 30 s, gyro N') == 2

@@ -15,6 +15,7 @@ import sys
 from imu_allan.cli.main import main
 from imu_allan.writers.datasheet import live
 import numpy as np
+from processes import python
 import pytest
 from test_packaging import cloned, SOURCES
 
@@ -188,8 +189,7 @@ def test_links_pictures_and_files_that_are_named_are_there(page):
 
 def made_by(program):
     """Return what a program prints that imports the makers of pages."""
-    return subprocess.run([sys.executable, '-c', program], check=True, capture_output=True,
-                          text=True, cwd=ROOT / 'docs').stdout
+    return python('-c', program, check=True, cwd=ROOT / 'docs').stdout
 
 
 @pytest.mark.parametrize('page', ['commands', 'findings'])
@@ -213,9 +213,8 @@ def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypa
 def test_documentation_builds_without_warnings(tmp_path):
     for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
-    subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',
-                    '-q', '-d', str(tmp_path / 'doctrees'), str(ROOT / 'docs'),
-                    str(tmp_path / 'html')], check=True)
+    python('-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n', '-q', '-d',
+           tmp_path / 'doctrees', ROOT / 'docs', tmp_path / 'html', check=True)
     page = (tmp_path / 'html' / 'statistics.html').read_text()
     # What draws the formulas lies beside the pages, and nothing is fetched from elsewhere.
     [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)

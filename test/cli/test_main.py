@@ -12,7 +12,7 @@ from imu_allan.cli.main import command_parser
 from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
 from imu_allan.writers.sentences import WORDS
-from processes import interrupted, wait_until
+from processes import interrupted, python, wait_until
 import pytest
 from whole_lines import Varying
 
@@ -32,8 +32,7 @@ def test_a_verb_waits_for_nothing_heavy_that_it_does_not_need(recording, words, 
             'atexit.register(lambda: print({*sys.argv[1].split()} & {*sys.modules}))\n'
             'from imu_allan.cli.main import main\nmain(sys.argv[2:])')
     before = os.times()
-    answer = subprocess.run([sys.executable, '-c', code, heavy, *words], cwd=recording,
-                            capture_output=True, text=True, check=True)
+    answer = python('-c', code, heavy, *words, cwd=recording, check=True)
     after = os.times()
     assert answer.stderr == ''
     assert answer.stdout.endswith('\nset()\n')
@@ -206,10 +205,8 @@ def test_a_stream_that_is_closed_or_full_is_one_line(recording, leading, path, c
 
 @pytest.mark.parametrize(('package', 'verb'), [('mcap', 'analyze'), ('zstandard', 'info')])
 def test_a_package_that_rosdep_does_not_install_is_one_line(recording, package, verb):
-    done = subprocess.run(
-        [sys.executable, '-c', f'import sys; sys.modules[{package!r}] = None\n'
-         f'from imu_allan.cli.main import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))'],
-        capture_output=True, text=True, timeout=60, check=False)
+    done = python('-c', f'import sys; sys.modules[{package!r}] = None\nfrom imu_allan.cli.main '
+                  f'import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))')
     assert (done.returncode, done.stderr) == (
         1, f'imu_allan: needs the Python package {package}, which is not installed; rosdep does '
         f'not know it: pip install {package}\n')

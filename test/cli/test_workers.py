@@ -21,7 +21,7 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
-from processes import living, marked, wait_until
+from processes import living, marked, python, wait_until
 import pytest
 from repeated import slow
 from whole_lines import refused, Varying
@@ -102,10 +102,9 @@ def test_ctrl_c_as_a_folder_is_made_to_unpack_into_removes_it(tmp_path, packed):
     program, temporary = tmp_path / 'interrupted.py', tmp_path / 'temporary'
     program.write_text(MAKE_FOLDER_INTERRUPTED)
     temporary.mkdir()
-    done = subprocess.run(
-        [sys.executable, '-m', 'interrupted', 'info', str(packed)], timeout=60, cwd=tmp_path,
-        env=marked(tmp_path) | {'TMPDIR': str(temporary)}, check=False, capture_output=True)
-    assert (done.returncode, done.stderr, list(temporary.iterdir())) == (130, b'', [])
+    done = python('-m', 'interrupted', 'info', packed, cwd=tmp_path,
+                  env=marked(tmp_path) | {'TMPDIR': str(temporary)})
+    assert (done.returncode, done.stderr, list(temporary.iterdir())) == (130, '', [])
 
 
 def test_jobs_give_the_same_results_and_errors_in_order(recording, tmp_path, model, fails_with):

@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 import re
 import subprocess
-import sys
 from typing import Any
 from xml.etree import ElementTree
 
 from imu_allan.node.interface import CHARACTERIZATION, help_text, SETTINGS, SIMULATOR
+from processes import python
 import pytest
 from rclpy.node import Node
 from ros_harness import Driver, ENTRY_POINTS, LATCHED
@@ -28,9 +28,7 @@ def test_help_describes_a_node_without_starting_ros(program):
     start = (f'import sys; from {ENTRY_POINTS[program]} import main; status = main(); '
              'print("rclpy" in sys.modules); sys.exit(status)')
     text = help_text(INTERFACES[program])
-    done = subprocess.run([sys.executable, '-c', start, '--help'], capture_output=True,
-                          text=True, check=True)
-    assert done.stdout == f'{text}\nFalse\n'
+    assert python('-c', start, '--help', check=True).stdout == f'{text}\nFalse\n'
     assert text.startswith(f'usage: {program} ')
     for setting in INTERFACES[program].settings:
         assert f'  {setting.name} (' in text

@@ -5,7 +5,6 @@
 import os
 from pathlib import Path
 import signal
-import subprocess
 import sys
 import time
 
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.node.checkpoint import StateFile
 from imu_allan.writers.result_file import load_result
 from imu_allan.writers.verdict import closing_lines
-from processes import interrupted
+from processes import interrupted, python
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -315,9 +314,7 @@ def test_without_ros_or_ros_args_a_line_says_what_to_do(
     (tmp_path / 'rclpy.py').write_text(
         'raise ModuleNotFoundError("No module named \'rclpy\'", name="rclpy")')
     paths = os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])
-    done = subprocess.run([sys.executable, '-m', ENTRY_POINTS[program], *arguments],
-                          capture_output=True, text=True, check=False,
-                          env={**os.environ, 'PYTHONPATH': paths})
+    done = python('-m', ENTRY_POINTS[program], *arguments, env={**os.environ, 'PYTHONPATH': paths})
     assert (done.returncode, done.stdout, done.stderr) == (status, '', f'{program}: {line}\n')
 
 
@@ -341,8 +338,7 @@ def test_the_node_imports_nothing_from_the_current_folder(tmp_path):
     script.write_text('import sys\nfrom imu_allan.node.imu_allan_node import main\n'
                       'sys.exit(main())\n')
     # What is wrong is said once all has been imported.
-    done = subprocess.run([sys.executable, str(script), '--ros-args', '-p', 'motion:=ignore'],
-                          cwd=current, capture_output=True, text=True, check=False)
+    done = python(script, '--ros-args', '-p', 'motion:=ignore', cwd=current)
     assert not trace.exists(), trace.read_text()
     assert done.stderr == ("imu_allan_node: parameter motion: 'ignore' is not one of exclude, "
                            'keep\n')

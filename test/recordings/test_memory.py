@@ -4,12 +4,12 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-import subprocess
 import sys
 
 from bags import block
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.write import write_recording
+from processes import python
 import pytest
 from repeated import slow
 
@@ -56,8 +56,7 @@ def test_eight_times_the_length_takes_the_same_memory(tmp_path, write, few, more
     resident = []
     for messages in (few, 8 * few):
         path = write(tmp_path / str(messages), messages)
-        count, most = subprocess.run([sys.executable, '-c', READ, str(path)], check=True,
-                                     capture_output=True, text=True).stdout.split()
+        count, most = python('-c', READ, path, check=True).stdout.split()
         assert int(count) == messages
         resident.append(int(most))
     assert resident[1] < resident[0] + more_kib

@@ -6,8 +6,6 @@ from contextlib import closing
 from dataclasses import replace
 import os
 from pathlib import Path
-import subprocess
-import sys
 import tempfile
 
 import bags
@@ -17,6 +15,7 @@ from imu_allan.recordings import open_recording, read_blocks, recordings_in
 from imu_allan.recordings.formats import compressed_file
 from imu_messages import encode_imu
 import numpy as np
+from processes import python
 import pytest
 from whole_lines import refused
 import zstandard
@@ -90,10 +89,9 @@ def test_a_topic_that_is_not_clear_is_one_line(tmp_path, topics, topic, reason):
 
 @pytest.mark.usefixtures('children_unmeasured')
 def test_importing_recordings_loads_no_container_library():
-    loaded = subprocess.run(
-        [sys.executable, '-c', 'import sys, imu_allan.recordings; print(*sys.modules)'],
-        check=True, capture_output=True, text=True).stdout.split()
-    assert not {'mcap', 'sqlite3', 'rosbags', 'yaml', 'zstandard', 'pint', 'scipy'} & set(loaded)
+    loaded = python('-c', 'import sys, imu_allan.recordings; print(*sys.modules)', check=True)
+    assert {'mcap', 'sqlite3', 'rosbags', 'yaml', 'zstandard', 'pint', 'scipy'}.isdisjoint(
+        loaded.stdout.split())
 
 
 def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):

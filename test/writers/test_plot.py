@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 from math import degrees
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
 from exact_results import axis_result, with_axes
@@ -16,6 +14,7 @@ import matplotlib
 from matplotlib.axis import Axis
 from matplotlib.text import Text
 from on_terminal import FLAT
+from processes import python
 import pytest
 from whole_lines import refused
 
@@ -110,7 +109,7 @@ def test_drawing_needs_no_display_and_no_pyplot():
     script = ('import sys; from imu_allan.writers import plot; '
               'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
               'assert "matplotlib.pyplot" not in sys.modules')
-    subprocess.run([sys.executable, '-c', script], check=True)
+    python('-c', script, check=True)
 
 
 @pytest.mark.parametrize('width_cm', [8.5, 17.0])
