@@ -7,7 +7,6 @@ from itertools import pairwise
 from bags import assert_same, block, raise_malformed
 from hypothesis import given, settings, strategies as st
 from imu_allan import cdr
-from imu_allan.block import ImuBlock
 from imu_allan.cdr import blocks_from_messages, decode_imu_rows, encode_imu_rows
 from imu_messages import encode_imu
 import numpy as np
@@ -20,7 +19,7 @@ SERIALIZATIONS = st.sampled_from([('cdr', '<'), ('cdr', '>'), ('ros1', '<')])
 MESSAGE = encode_imu(5, np.arange(6.), 'imu')
 
 
-def decoded(message: bytes) -> ImuBlock:
+def decoded(message):
     [after] = blocks_from_messages([message], np.zeros(1, np.int64), raise_malformed)
     return after
 

@@ -155,7 +155,7 @@ def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, short_re
     assert '3,000 samples at 100 Hz, 30 s' in text[end:].splitlines()
 
 
-def shared_folder(folder: Path) -> Path:
+def shared_folder(folder):
     """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
     folder.mkdir()
     folder.chmod(0o1777)

@@ -3,7 +3,6 @@
 """The pages are in plain English: short sentences, the field's terms, and a glossary of them."""
 
 import ast
-from collections.abc import Iterator
 from pathlib import Path
 from pydoc_data.topics import topics
 import re
@@ -44,11 +43,11 @@ TERMS_OF_ART = (
 GLOSSARY = (ROOT / 'docs' / 'glossary.md').read_text()
 
 
-def paragraphs(text: str) -> Iterator[str]:
+def paragraphs(text):
     """Yield the prose of a page: no code, no tables, no formulas in lines of their own."""
     for pattern in (r'^(`{3,}).*?^\1\s*$', r'^\$\$.*?^\$\$[^\n]*$'):
         text = re.sub(pattern, '\n', text, flags=re.MULTILINE | re.DOTALL)
-    lines: list[str] = []
+    lines = []
     for line in [*text.splitlines(), '']:
         item = re.match(r'\s*([-*]|\d+\.) (.*)', line)
         if item or line.startswith(('|', '#')) or not line.strip():
@@ -60,7 +59,7 @@ def paragraphs(text: str) -> Iterator[str]:
             lines.append(line.strip())
 
 
-def sentences(text: str) -> Iterator[str]:
+def sentences(text):
     """Yield sentences without the code and the targets of links in them."""
     for paragraph in paragraphs(text):
         prose = re.sub(r'`[^`]*`', 'CODE', paragraph)
@@ -68,7 +67,7 @@ def sentences(text: str) -> Iterator[str]:
         yield from filter(None, re.split(ENDS, prose))
 
 
-def words_of(text: str) -> int:
+def words_of(text):
     """Count what holds a letter or a digit."""
     return sum(bool(re.search(r'\w', word)) for word in text.split())
 
@@ -82,7 +81,7 @@ def test_sentences_of_a_page_are_short_and_have_no_english_of_its_own(page):
     assert not [text for text in prose if PRIVATE.search(text)]
 
 
-def shown_strings(path: Path) -> Iterator[str]:
+def shown_strings(path):
     """Yield the text of a module that a user may read: several words, 0 for a figure."""
     tree = ast.parse(path.read_text())
     nodes = list(ast.walk(tree))
@@ -140,7 +139,7 @@ def test_every_term_of_art_that_is_shown_is_in_the_glossary():
     assert not {term for term in used if not re.search(rf'\b{term}', GLOSSARY, re.IGNORECASE)}
 
 
-def words_shown() -> set[str]:
+def words_shown():
     """Return the words of screens, commands, node, findings and verdicts, in lower case."""
     texts = [text for part in ('.', 'cli', 'node', 'recordings', 'writers')
              for path in (ROOT / 'imu_allan' / part).glob('*.py') for text in shown_strings(path)
@@ -153,7 +152,7 @@ def words_shown() -> set[str]:
             for word in re.findall(r'[A-Za-z][a-z]+', re.sub(codes, '', text))}
 
 
-def forms_of(word: str) -> set[str]:
+def forms_of(word):
     """Return a word without its ending, and as it may stand in a list."""
     endings = (('s', ''), ('es', ''), ('ed', ''), ('d', ''), ('ing', ''), ('ing', 'e'), ('ly', ''),
                ('ies', 'y'), ('ied', 'y'), ('er', ''), ('st', ''), ('est', ''))

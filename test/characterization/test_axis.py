@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is reported of the fit, beside the curve and of its two halves."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 import tracemalloc
-from typing import Any
 import warnings
 
 from characterized import B, characterized, K, messages, N, one_axis, several, shown, taken_in
@@ -16,7 +14,7 @@ from imu_allan.characterization.findings import halves_remarks
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity
 from imu_allan.noise.uncertainty import bounded
-from imu_allan.result import AxisResult, Backtest, GoodnessOfFit, Innovations, Span
+from imu_allan.result import Backtest, GoodnessOfFit, Innovations, Span
 from imu_allan.tuning.backtest import backtest
 import numpy as np
 import pytest
@@ -146,8 +144,7 @@ def test_the_model_describes_records_of_a_hundred_samples():
     assert np.mean(misfits) <= 0.05
 
 
-def axis_of(first: float, second: float, steps: int = 118,
-            shorter: Innovations | None = None) -> AxisResult:
+def axis_of(first, second, steps=118, shorter=None):
     """Return an axis whose halves had these errors over a minute, under each other's model."""
     innovations = shorter or Innovations(10.0, 1.0, 700, (1.0, 1.0)), Innovations(
         60.0, (first + second) / 2, steps, (first, second))
@@ -204,7 +201,7 @@ def test_which_axes_are_said_to_change_and_over_what_time(axes, over):
 @pytest.mark.parametrize('hours', [1 / 6, 1 / 3, 1.0, 3.0])
 def test_steady_sensors_are_hardly_ever_reported_to_change(hours):
     """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
-    kinds: list[Mapping[str, Any]] = [
+    kinds = [
         {}, {K: 1e-5}, {B: 3e-4},
         *({'gauss_markov': {'sigma': sigma, 'correlation_time_s': time_s}}
           for sigma, time_s in ((2e-3, 10.0), (5e-4, 100.0), (1e-3, 3000.0)))]

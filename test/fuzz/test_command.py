@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command as a process of its own: hostile names, very many gaps."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 import json
 
@@ -42,7 +41,7 @@ def test_names_from_a_recording_steer_neither_terminal_nor_page_nor_file(tmp_pat
     assert yaml.safe_load(out)['rostopic'] == printable('/' + HOSTILE)
 
 
-def with_gaps(count: int) -> Iterator[ImuBlock]:
+def with_gaps(count):
     """Give messages at rest on a grid of 100 Hz, with so many gaps of 0.2 s, eight between two."""
     for first in range(0, 8 * count, 8000):
         numbers = np.arange(first, first + 8000)

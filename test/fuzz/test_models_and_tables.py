@@ -4,7 +4,6 @@
 
 from functools import partial
 from pathlib import Path
-from random import Random
 
 from imu_allan.cdr import blocks_from_messages
 from imu_allan.errors import ImuAllanError
@@ -25,13 +24,13 @@ MODEL_WORDS = ['gyro', 'accel', 'x', 'mean', 'gauss_markov', 'sigma', 'noise_den
 CSV_WORDS = ['gyro_x', 'time_s', 'time_ns', 'accel_z', 'gyro_x_deg/s', ';', ',', '"', '#']
 
 
-def damaged(text: str, choice: Random, words: list[str]) -> bytes:
+def damaged(text, choice, words):
     if choice.random() < .8:
         return mutated_text(text, choice, words).encode(errors='surrogatepass')
     return mutated_bytes(text.encode(), choice)
 
 
-def judge_model(folder: Path, choice: Random) -> None:
+def judge_model(folder, choice):
     path = folder / 'model.yaml'
     path.write_bytes(damaged(choice.choice(MODELS), choice, MODEL_WORDS))
     simulate = partial(run_command, 'simulate', path, '--duration', '1s', '--rate', 10, '--output')
@@ -48,14 +47,14 @@ def judge_model(folder: Path, choice: Random) -> None:
         simulate(folder / f'{choice.random()}')
 
 
-def table(rows: int, choice: Random) -> str:
+def table(rows, choice):
     header = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
     values = np.random.default_rng(choice.randrange(9)).normal(size=(rows, 6)) * 1e-3
     return '\n'.join([header, *(f'{k / 100:.2f},' + ','.join(f'{v:.6g}' for v in row)
                                 for k, row in enumerate(values.tolist()))])
 
 
-def judge_csv(folder: Path, choice: Random) -> None:
+def judge_csv(folder, choice):
     path = folder / 'a.csv'
     path.write_bytes(damaged(table(200, choice), choice, CSV_WORDS))
     run_command('info', path, '--no-progress')
@@ -69,7 +68,7 @@ def test_damaged_text_is_used_or_refused(tmp_path, judge, count, seed):
     each(count, seed, lambda choice: judge(tmp_path, choice))
 
 
-def messages(choice: Random) -> list[bytes]:
+def messages(choice):
     frame = choice.choice(['imu_link', '', 'a' * 300, 'ü\n\x1b[0m'])
     found = []
     for number in range(20):
@@ -79,7 +78,7 @@ def messages(choice: Random) -> list[bytes]:
     return found
 
 
-def judge_messages(choice: Random) -> None:
+def judge_messages(choice):
     batch = messages(choice)
     single, reasons = [], []
     for message in batch:

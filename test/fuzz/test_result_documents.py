@@ -6,14 +6,13 @@ from dataclasses import replace
 from html.parser import HTMLParser
 import io
 import json
-from pathlib import Path
 from random import Random
 import xml.etree.ElementTree as ET
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.result import GaussMarkov, PowerLaw, Result, Span, Tone
+from imu_allan.result import GaussMarkov, PowerLaw, Span, Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -31,7 +30,7 @@ SPECIFICATION = ('name: Limits\ngyro: {noise_density: 0.3 deg/sqrt(h), rate_ramp
                  'accel: {noise_density: 150 ug/sqrt(Hz), bias_instability: 40 ug}\n')
 
 
-def measured() -> Result:
+def measured():
     """Characterize a minute of a simulated IMU; what it lacks of a long record is added."""
     run = Characterization(kind='recording', path='a/b', topic='/imu', options=TimelineOptions())
     for block in simulated_blocks(parse_model(SPECIFICATION), 100.0, 6000, start_ns=10**18):
@@ -56,7 +55,7 @@ TEXT = RESULT.to_json()
 class Judge:
     """Runs the verbs on one damaged result file."""
 
-    def __init__(self, folder: Path, share_drawn: float) -> None:
+    def __init__(self, folder, share_drawn):
         self.share_drawn = share_drawn
         self.file, self.whole = folder / 'result.json', folder / 'whole.json'
         self.output, self.specification = folder / 'out', folder / 'limits.yaml'
@@ -64,7 +63,7 @@ class Judge:
         self.specification.write_text(SPECIFICATION)
         self.used = 0
 
-    def __call__(self, content: bytes, choice: Random) -> None:
+    def __call__(self, content, choice):
         self.file.write_bytes(content)
         try:
             result = load_result(self.file)
@@ -93,7 +92,7 @@ class Judge:
                 run_command('report', *files, '--output', self.output, '--format', form)
 
 
-def a_result(judge: Judge, choice: Random) -> None:
+def a_result(judge, choice):
     kind = choice.random()
     if kind < .75:
         document = mutations.mutated_document(DOCUMENT, choice, same_types=choice.random() < .8)

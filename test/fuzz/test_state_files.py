@@ -3,17 +3,13 @@
 """State files whose arrays were changed and whose checksum is right: gone on with or refused."""
 
 import json
-from random import Random
-from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 from mutations import each, EXTREMES, mutated_bytes, mutated_text, NUMBERS, rounds
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
@@ -24,11 +20,11 @@ MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
 SETUP = resuming.Setup('/imu', TimelineOptions())
 
 
-def blocks(count: int, start_ns: int) -> list[ImuBlock]:
+def blocks(count, start_ns):
     return list(simulated_blocks(MODEL, 100.0, count, start_ns=start_ns))
 
 
-def saved_state() -> dict[str, NDArray[Any]]:
+def saved_state():
     run = resuming.Run(resuming.Lane(Characterization(
         kind='topic', path=None, topic='/imu', options=SETUP.options)))
     for start in (10**18 - 100 * 10**9, 10**18):
@@ -43,7 +39,7 @@ CONTENT = checkpoint.encode_state(STATE)
 MORE = blocks(300, 10**18 + 60 * 10**9)
 
 
-def damaged(choice: Random) -> dict[str, NDArray[Any]]:
+def damaged(choice):
     """Return the state with one to three arrays changed."""
     state = dict(STATE)
     for _ in range(choice.choice([1, 1, 2, 3])):
@@ -69,7 +65,7 @@ def damaged(choice: Random) -> dict[str, NDArray[Any]]:
     return state
 
 
-def resumed(content: bytes) -> bool:
+def resumed(content):
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
@@ -86,7 +82,7 @@ def resumed(content: bytes) -> bool:
 
 @rounds(35)
 def test_damaged_states_are_gone_on_with_or_refused(count, seed):
-    def judge(choice: Random) -> None:
+    def judge(choice):
         resumed(checkpoint.encode_state(damaged(choice)) if choice.random() < .8
                 else mutated_bytes(CONTENT, choice))
 

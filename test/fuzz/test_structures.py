@@ -4,7 +4,6 @@
 
 from contextlib import suppress
 from pathlib import Path
-from random import Random
 import sqlite3
 import tempfile
 import time
@@ -45,13 +44,13 @@ OTHERS = [*(f'CREATE VIEW {{name}} AS SELECT {query}' for query in (
           "UPDATE sqlite_master SET name = '{other}' WHERE name = '{name}'"]
 
 
-def value(choice: Random) -> object:
+def value(choice):
     return choice.choice([
         None, 1, 2, 'text', b'', 1.5, choice.choice(ROWS), choice.choice(ROWS)[:-8], b'x' * 70_000,
         choice.choice(TEXTS), min(choice.choice(EXTREMES), 2**63 - 1), -1, 'cdr', IMU, '/imu'])
 
 
-def hostile_database(folder: Path, choice: Random) -> Path:
+def hostile_database(folder, choice):
     """Make a database out of statements of which any may fail."""
     path = folder / 'a.db3'
     database = sqlite3.connect(path)
@@ -76,14 +75,14 @@ def hostile_database(folder: Path, choice: Random) -> Path:
     return path
 
 
-def attempt(database: sqlite3.Connection, statement: str, values: object = ()) -> None:
+def attempt(database, statement, values=()):
     # What is made by chance need not be possible.
     database.set_progress_handler(lambda: True, 3_000_000)
     with suppress(sqlite3.Error, UnicodeEncodeError, OverflowError):
         database.execute(statement, values).fetchmany(1)
 
 
-def judge_schema(choice: Random) -> None:
+def judge_schema(choice):
     with tempfile.TemporaryDirectory() as folder:
         path = hostile_database(Path(folder), choice)
         before = sorted(Path(folder).iterdir())
@@ -91,7 +90,7 @@ def judge_schema(choice: Random) -> None:
         assert sorted(Path(folder).iterdir()) == before
 
 
-def judge_log(choice: Random) -> None:
+def judge_log(choice):
     """Put a write-ahead log whose parts are anything beside a database."""
     with tempfile.TemporaryDirectory() as folder:
         path = write_db3(Path(folder) / 'a.db3', MESSAGES)
@@ -105,7 +104,7 @@ def judge_log(choice: Random) -> None:
         assert files_in(Path(folder)) == before
 
 
-def judge_decoding(text: str, message: bytes, options: RecordingOptions) -> None:
+def judge_decoding(text, message, options):
     """Require blocks, or one line."""
     began = time.process_time()
     try:
@@ -129,7 +128,7 @@ MESSAGE = bytes(STORE.serialize_cdr(STORE.types['a/msg/F'](
 PATHS = ('imus[0].angular_velocity', 'rest[0:3]', 'header.stamp.sec,rest[0],rest[1]', 'names[0]')
 
 
-def judge_fields(choice: Random) -> None:
+def judge_fields(choice):
     """Damage the definition of a message, the message, or the path of a field of it."""
     parts = [DEFINITION.encode(), MESSAGE, choice.choice(PATHS).encode()]
     damaged = choice.randrange(3)

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drivers, their clocks, the computer and errors of its own do to a node."""
 
-from collections.abc import Callable
 import json
 import os
 import re
 import struct
 import subprocess
 import time
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.node.imu_type import message_class
@@ -24,11 +22,11 @@ from std_srvs.srv import Trigger
 from whole_lines import Varying
 
 
-def meanwhile(driver: Driver, condition: Callable[[], Any]) -> None:
+def meanwhile(driver, condition):
     """Publish at about the rate of the stamps until the condition holds."""
     began, first = time.monotonic(), driver.next
 
-    def going_on() -> Any:
+    def going_on():
         due = round((time.monotonic() - began) * RATE_HZ) - (driver.next - first)
         driver.publish(max(due, 0))
         return condition()
@@ -67,7 +65,7 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
     for line in (malformed, missing,
                  f'every message on {driver.topic} can be decoded again; 1 message could not be '
                  'in all', rejected):
-        assert node.lines.count(line) == 1, node.log  # type: ignore[arg-type]
+        assert node.lines.count(line) == 1, node.log
 
 
 def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_no_nan(
@@ -115,19 +113,18 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(ros, size, f
     assert node.stop() == 0
 
 
-def message(index: int, value: float | None = None, *, stamp: int | None = None,
-            frame_id: str = 'imu', absent: tuple[bool, bool] = (False, False)) -> bytes:
+def message(index, value=None, *, stamp=None, frame_id='imu', absent=(False, False)):
     sample = np.random.default_rng(index).normal(0, 0.01, 6) if value is None else [value] * 6
     return encode_imu(START_NS + index * 5_000_000 if stamp is None else stamp,
                       np.asarray(sample), frame_id, absent)
 
 
-def with_stamp(index: int, seconds: int, nanoseconds: int) -> bytes:
+def with_stamp(index, seconds, nanoseconds):
     given = message(index)
     return given[:4] + struct.pack('<iI', seconds, nanoseconds) + given[12:]
 
 
-HOSTILE: dict[str, Callable[[int], bytes]] = {
+HOSTILE = {
     'every value is NaN': lambda i: message(i, float('nan')),
     'values too large for squares': lambda i: message(i, 1e300),
     'both fields declared absent': lambda i: message(i, absent=(True, True)),
@@ -152,7 +149,7 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(ros, health
             'reports.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
     driver = Driver(ros).wait_for_node()
 
-    def topics() -> dict[str, type]:
+    def topics():
         return {name: message_class(kind)
                 for name, [kind] in ros.node.get_topic_names_and_types()
                 if name.startswith(f'{ros.name("imu_allan")}/')}

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """High rates, busy computers, long runs: nothing is lost, nothing grows."""
 
-from collections.abc import Iterator
 from contextlib import contextmanager
 from math import log
 import subprocess
@@ -19,7 +18,7 @@ from ros_harness import assert_kept_up, Health, LARGEST_MB, PATIENCE_S, resident
 
 
 @contextmanager
-def busy_cores(count: int) -> Iterator[None]:
+def busy_cores(count):
     processes = [subprocess.Popen([sys.executable, '-c', 'while True: pass'])
                  for _ in range(count)]
     try:
@@ -65,7 +64,7 @@ def test_memory_and_cost_stay_as_samples_pile_up(ros, hours, speed, best_effort)
     health, total = Health(ros), hours * 3.6e6
     samples, memories, cpu = [], [], []
 
-    def arrived() -> bool:
+    def arrived():
         # A fit comes and goes within a second: a single look would be a matter of luck.
         memories[-1] = max(memories[-1], resident_mb(node.popen.pid))
         return sum(health.number('reception', key) for key in ('received', 'lost')) >= (
@@ -98,7 +97,7 @@ accel: {noise_density: 2e-3 m/s^2/sqrt(Hz), bias_instability: 4e-4 m/s^2,
 RATE_HZ = 25.0
 
 
-def phases(draw: np.random.Generator, hours: float) -> Iterator[tuple[float, ...]]:
+def phases(draw, hours):
     """Give the day of a robot: seconds, how it is shaken, its bends and turns, and its engine."""
     now_s = 120.0
     yield now_s, 0.0, 0.0, 0.0, 0.0, 0.0

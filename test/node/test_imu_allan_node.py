@@ -17,10 +17,9 @@ from imu_allan.tuning.tune import tune
 from imu_allan.writers.result_file import load_result
 import numpy as np
 import pytest
-from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros_harness import entries, Health, RATE_HZ, Ros, said_in
+from ros_harness import entries, Health, RATE_HZ, said_in
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -50,11 +49,11 @@ def live(shared_ros):
     return ros
 
 
-def values(array: DiagnosticArray) -> dict[str, dict[str, str]]:
+def values(array):
     return {status.name.rpartition(': ')[2]: entries(status) for status in array.status}
 
 
-def latest(ros: Ros, kind: type, topic: str) -> object:
+def latest(ros, kind, topic):
     """Join late and get what was published last."""
     messages = ros.listen(kind, topic)
     return ros.until(lambda: messages)[0]
@@ -227,16 +226,16 @@ def test_reset_begins_anew_and_says_so_on_every_topic(live):
         f'{live.name("imu/data_raw")} yet')
 
 
-def parameter(name: str, value: object) -> ParameterMessage:
+def parameter(name, value):
     return Parameter(name, value=value).to_parameter_msg()
 
 
-def set_parameter(ros: Ros, name: str, value: object) -> SetParametersResult:
+def set_parameter(ros, name, value):
     response = ros.call(SetParameters, 'imu_allan/set_parameters',
                         SetParameters.Request(parameters=[parameter(name, value)]))
     return response.results[0]
 
 
-def change(ros: Ros, name: str, value: object) -> None:
+def change(ros, name, value):
     answer = set_parameter(ros, name, value)
     assert answer.successful, answer.reason

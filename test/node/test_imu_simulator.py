@@ -4,13 +4,10 @@ import json
 from pathlib import Path
 import signal
 import time
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import imu_allan
-from imu_allan.block import ImuBlock
 from imu_allan.cdr import blocks_from_messages
-from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
@@ -29,17 +26,17 @@ SAMPLES = 13_000
 class Recording:
     """What a subscription has received so far."""
 
-    def __init__(self, subscription: DrainedSubscription) -> None:
+    def __init__(self, subscription):
         self._subscription = subscription
-        self.blocks: list[ImuBlock] = []
+        self.blocks = []
 
-    def __len__(self) -> int:
+    def __len__(self):
         batch = self._subscription.take()
         self.blocks += blocks_from_messages(
             batch.messages, batch.receive_ns, lambda _, error: pytest.fail(str(error)))
         return sum(map(len, self.blocks))
 
-    def __getattr__(self, part: str) -> Any:
+    def __getattr__(self, part):
         return np.concatenate([getattr(block, part) for block in self.blocks])
 
 
@@ -133,7 +130,7 @@ def test_a_model_that_is_not_there_is_one_line(ros):
         'shipped; give the path of a noise model YAML file\n')
 
 
-def backtests(document: Any) -> dict[str, Any]:
+def backtests(document):
     return {name: axis['backtest'] for name, axis in document['axes'].items()}
 
 

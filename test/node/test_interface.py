@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 import re
 import subprocess
-from typing import Any
 from xml.etree import ElementTree
 
 from imu_allan.node.interface import CHARACTERIZATION, help_text, SETTINGS, SIMULATOR
@@ -154,14 +153,14 @@ def test_every_parameter_is_documented_with_default_and_range(title, settings):
 
 def test_the_python_example_and_the_expression_read_a_coefficient(ros):
     class InThisDomain(Node):
-        def __init__(self, name: str) -> None:
+        def __init__(self, name):
             super().__init__(name, context=ros.node.context, namespace=ros.namespace)
 
-    names: dict[str, Any] = {}
+    names = {}
     [code] = re.findall(r'^```python\n(import math\n.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
     exec(compile(code, 'ros_interface.md', 'exec'), names)
     [expression] = re.findall(r'`(json\.loads.*?)`', PAGE)
-    results: list[String] = []
+    results = []
     example = type('Filter', (names['Filter'], InThisDomain), {})()
     example.create_subscription(String, 'imu_allan/result', results.append, LATCHED)
     ros.executor.add_node(example)

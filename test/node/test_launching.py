@@ -32,7 +32,7 @@ PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
 LaunchContext = dict[str, str]
 
 
-def taking(kind: str, *positional: str, **keywords: Any) -> Any:
+def taking(kind, *positional, **keywords):
     """Give a class of the arguments, with defaults, that the Jazzy version documents alone."""
     return make_dataclass(kind, [*positional, *(
         (name, Any, field(default=default, kw_only=True)) for name, default in keywords.items())])
@@ -53,7 +53,7 @@ ThisLaunchFileDir = taking('ThisLaunchFileDir')
 class LaunchConfiguration:
     name: str
 
-    def perform(self, context: LaunchContext) -> str:
+    def perform(self, context):
         return context[self.name]
 
 
@@ -61,7 +61,7 @@ class LaunchConfiguration:
 class PathJoinSubstitution:
     parts: Sequence[Any]
 
-    def perform(self, _: LaunchContext) -> str:
+    def perform(self, _):
         first, *others = self.parts
         assert first == FindPackageShare('imu_allan')
         return str(ROOT.joinpath(*others))
@@ -73,7 +73,7 @@ Node = taking(
     sigkill_timeout='5')
 
 
-def command(node: Any, folder: Path) -> list[str]:
+def command(node, folder):
     """Give the arguments of the command line of a node; parameters go to files in `folder`."""
     words = [*node.arguments, '--ros-args', '-r', f'__ns:=/{node.namespace.lstrip("/")}',
              '-r', f'__node:={node.name}']
@@ -101,7 +101,7 @@ MODULES = {
     'launch_ros.substitutions': {'FindPackageShare': FindPackageShare}}
 
 
-def described(name: str) -> list[Any]:
+def described(name):
     modules = {module: ModuleType(module) for module in MODULES}
     for module, kinds in MODULES.items():
         vars(modules[module]).update(kinds)
@@ -114,11 +114,11 @@ def described(name: str) -> list[Any]:
     return list(file.generate_launch_description().entities)
 
 
-def declared(name: str) -> dict[str, DeclareLaunchArgument]:
+def declared(name):
     return {one.name: one for one in described(name) if isinstance(one, DeclareLaunchArgument)}
 
 
-def launched(file: str, /, **given: str) -> list[Any]:
+def launched(file, /, **given):
     context = {key: one.default_value if isinstance(one.default_value, (str, type(None)))
                else one.default_value.perform(given) for key, one in declared(file).items()}
     context |= given
@@ -227,7 +227,7 @@ def spinning(ros, executor, namespaces):
                             'from rclpy.experimental import EventsExecutor\n').replace(
             '    executor.spin()\n', '    while rclpy.ok():\n        executor.spin_once(1.0)\n')
     code = code.replace('MultiThreadedExecutor', executor)
-    parameters: dict[str, Any] = {'publish_period': 0.5}
+    parameters = {'publish_period': 0.5}
     for namespace in namespaces:
         parameters |= lossless(f'{namespace}/imu/data_raw')
     process = subprocess.Popen(
@@ -263,7 +263,7 @@ def test_imus_in_one_process_run_in_any_executor_and_share_what_is_large(ros, ex
                  for name in alone]
         feed(ros, [*alone, *sides])
 
-        def is_shared() -> bool:
+        def is_shared():
             return all(resident_mb(process.pid) - resident_mb(node.popen.pid)
                        < (count - 1) * MOST_MB for node in nodes)
 

@@ -112,7 +112,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
                "alphanumerics, '_', '~', '{', or '}': ")
     twist, accel = 'imu_type:=geometry_msgs/msg/TwistStamped', 'accel_topic:=/a'
     used = StateFile(ros.folder / 'used')
-    cases: list[tuple[list[str], str]] = [
+    cases = [
         ([f'state_file:={used.path}'], f'state_file {used.path}: is in use by another node; give '
          'every node a file of its own'),
         (['publish_period:=5'],
@@ -201,7 +201,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros, health):
     ros.until(lambda: driver.publish(500) or health.number('reception', 'lost') > 1000)
     last = driver.next
 
-    def accounted_for() -> bool:
+    def accounted_for():
         driver.publish(1)
         received, lost = (health.number('reception', key) for key in ('received', 'lost'))
         assert received + lost <= driver.next
@@ -214,7 +214,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros, health):
         'messages')
     # Said while it is recent, which on a busy machine it no longer is by now.
     assert health.said('reception', line, b'\1')
-    assert node.lines.count(line) >= 1  # type: ignore[arg-type]
+    assert node.lines.count(line) >= 1
     assert health.number('reception', 'queue') == 10
     assert 'too unevenly' not in node.log
 
@@ -265,7 +265,7 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(shared_ros, shared_driv
     ros, driver, health = shared_ros, shared_driver, Health(shared_ros)
     before = driver.next
 
-    def received(count: int) -> None:
+    def received(count):
         ros.until(lambda: health.number('reception', 'received') == before + count)
 
     # What the test before left under way belongs to no run of this one.

@@ -18,9 +18,9 @@ def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros):
     ros.until(publisher.get_subscription_count)
     publisher.publish(Imu())
     publisher.publish(Imu())
-    found: list[rclpy_inside.Taken] = []
+    found = []
 
-    def came() -> bool:
+    def came():
         found.extend(rclpy_inside.drain(subscription, Imu, 10))
         return len(found) == 2
 

@@ -4,18 +4,15 @@
 
 from dataclasses import replace
 import math
-from pathlib import Path
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
-from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.diagnostics import (
     diagnostics_message,
-    Facts,
     reception_conditions,
     timeline_conditions,
     waiting_for,
@@ -25,10 +22,10 @@ from imu_allan.node.result_messages import result_messages
 from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
-from imu_allan.result import Coefficient, GoodnessOfFit, Result, Timeline, Tone, TurnOnBias
+from imu_allan.result import Coefficient, GoodnessOfFit, Timeline, Tone, TurnOnBias
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.timeline import TimelineOptions, TimelineSummary
+from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.result_file import save_result
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
@@ -54,8 +51,7 @@ def result():
     return with_coefficient(found, 'gyro_y', K, observable=True, value=1e-5, ci95=(9e-6, 1.1e-5))
 
 
-def shown(part: str, facts_: Facts, summary_: TimelineSummary, result: Result | None = None
-          ) -> DiagnosticStatus:
+def shown(part, facts_, summary_, result=None):
     array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
     [status] = [one for one in array.status if one.name == f'imu_allan: {part}']
     return status
@@ -229,8 +225,7 @@ def test_progress_is_reported_every_minute_and_later_every_hour(heard):
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
 
 
-def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
-       presence: float | None = None) -> Result:
+def at(result, seconds, observable, wait_s=None, presence=None):
     """Give the result as that of another time, in which K of one axis shows or not."""
     axis = result.axes['gyro_x']
     walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None, presence=presence) if observable
@@ -241,7 +236,7 @@ def at(result: Result, seconds: float, observable: bool, wait_s: float | None = 
         axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, K: walk})})
 
 
-def published(looks: ShownTerms, fit: Result) -> Coefficient:
+def published(looks, fit):
     return looks.judged(fit).axes['gyro_x'].coefficients[K]
 
 
@@ -285,17 +280,17 @@ def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
                          ).observable == observable
 
 
-def run_of(model: str, seed: int = 0) -> Characterization:
+def run_of(model, seed=0):
     return characterized(*simulated_blocks(parse_model(model), 100.0, 20_000, seed=seed))
 
 
-def written(folder: Path, limit: str) -> str:
+def written(folder, limit):
     path = folder / 'spec.yaml'
     path.write_text(f'gyro: {{noise_density: {limit} rad/s/sqrt(Hz)}}')
     return str(path)
 
 
-def above(limit: str) -> str:
+def above(limit):
     return '; '.join(f'gyro_{letter} N: the 95 % interval is above {limit} rad/s/sqrt(Hz) '
                      '(measured <number>, <number> .. <number>)' for letter in 'xyz')
 

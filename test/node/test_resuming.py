@@ -10,7 +10,6 @@ import pickle
 import random
 import signal
 import time
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given, settings, strategies
@@ -48,7 +47,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     run.lanes[0].update([at_rest(2000)])
     good, whole = encode_state(pack(run, setup)), encode_state({'a': np.zeros(9)})
     no_state = 'it is not a state file of imu_allan'
-    cases: list[tuple[str, bytes, list[str], str]] = [
+    cases = [
         ('damaged', whole[:100], [], 'its checksum is wrong'),
         ('damaged', whole, [], 'its arrays do not belong together (setup is missing)'),
         ('foreign', b'a photo of my robot', [], no_state),
@@ -91,7 +90,7 @@ def test_kills_at_any_moment_leave_a_whole_state_and_cost_one_period(ros, health
     driver = Driver(ros, depth=5000)
     state_file = ros.folder / 'state'
     kept, at_stake, starved_s = 0, 0, 0.0
-    received: list[tuple[float, int]] = []
+    received = []
     for turn in range(kills):
         node = start(ros)
         driver.wait_for_node()
@@ -197,7 +196,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, heal
 
 
 def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_path, monkeypatch):
-    log = Log(heard)  # type: ignore[arg-type]
+    log = Log(heard)
     worker, state = Worker(log), tmp_path / 'state'
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
         'state_file': str(state), 'output_dir': str(tmp_path / 'output'),
@@ -212,7 +211,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     storage.checkpoint(runs[0]).result()
     runs[0].lanes[0].update([at_rest(500, start_s=20.0)])
 
-    def full(*_: Any, **__: Any) -> None:
+    def full(*_, **__):
         raise ImuAllanError('No space left on device')
 
     with monkeypatch.context() as patched:
@@ -234,11 +233,11 @@ STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3,
 CONTENT = encode_state(STATE)
 
 
-def framed(payload: bytes, version: int = VERSION) -> bytes:
+def framed(payload, version=VERSION):
     return b'imu_allan.state/%d\n' % version + hashlib.sha256(payload).digest() + payload
 
 
-def assert_damaged(content: bytes) -> None:
+def assert_damaged(content):
     with pytest.raises(UnusableState) as caught:
         decode_state(content)
     assert caught.value.reason == 'damaged'
@@ -258,7 +257,7 @@ def test_a_state_changed_or_cut_anywhere_or_of_any_payload_is_unusable(position,
 
 def test_pickles_are_never_loaded(tmp_path):
     class Bomb:
-        def __reduce__(self) -> tuple[object, ...]:
+        def __reduce__(self):
             return (Path.touch, (tmp_path / 'exploded',))
 
     arrays = io.BytesIO()
@@ -268,7 +267,7 @@ def test_pickles_are_never_loaded(tmp_path):
     assert not (tmp_path / 'exploded').exists()
 
 
-def in_folder(folder: Path) -> set[str]:
+def in_folder(folder):
     return {path.name for path in folder.iterdir()}
 
 
@@ -287,7 +286,7 @@ def test_a_state_is_for_nobody_else_and_stays_where_a_save_fails(tmp_path, monke
                          'not written; the one before it stays')):
         file.save({'sums': np.zeros(9_000_000)})
 
-    def full(*_: object) -> None:
+    def full(*_):
         raise OSError(28, 'No space left on device')
 
     monkeypatch.setattr('os.fsync', full)

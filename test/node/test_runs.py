@@ -5,20 +5,17 @@
 from dataclasses import replace
 import json
 from operator import itemgetter
-from pathlib import Path
-from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.node import run as run_module
-from imu_allan.node.checkpoint import decode_state, encode_state, UnusableState
+from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.publishers import MIXED, Publishers
-from imu_allan.node.run import new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.noise.random_effects import random_effects
-from imu_allan.result import Source, Timeline
-from imu_allan.timeline import TimelineOptions, TimelineSummary
+from imu_allan.result import Source
+from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, START_NS
@@ -26,15 +23,14 @@ from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, STA
 RATE_HZ, PROVEN_S = 100.0, 300.0
 SETUP = Setup('/imu', TimelineOptions())
 HALVES = Setup('/gyro', TimelineOptions(), accel_topic='/accel')
-Messages = list[tuple[int, float]]
 
 
-def resumed(run: Run, setup: Setup = SETUP) -> Run:
+def resumed(run, setup=SETUP):
     """Give the run that a node goes on with, which was killed."""
     return unpack(decode_state(encode_state(pack(run, setup))), setup)
 
 
-def rebooted(run: Run, boot: Path, name: str) -> Run:
+def rebooted(run, boot, name):
     """Give the run that a node goes on with after the boot of that name."""
     state = pack(run, SETUP)
     boot.write_text(name)
@@ -44,19 +40,18 @@ def rebooted(run: Run, boot: Path, name: str) -> Run:
 class World:
     """What comes to a node, which looks at the run now and then."""
 
-    def __init__(self, run: Run | None = None, setup: Setup = SETUP) -> None:
-        heard: Any = Heard()
-        self.lines: list[str] = heard.lines
+    def __init__(self, run=None, setup=SETUP):
+        heard = Heard()
+        self.lines = heard.lines
         self.facts = [Facts(topic, 10_000, 0.0, '') for topic, _ in setup.streams]
         # Who is there, and the runs that others have taken the place of.
-        self.there: set[str] = set()
-        self.replaced: list[tuple[Run, UnusableState]] = []
+        self.there = set()
+        self.replaced = []
         self.runs = Runs(setup, run or new_run(setup), self.facts, lambda: 0.5,
                          lambda run, why: self.replaced.append((run, why)), Log(heard),
                          lambda _: self.there)
 
-    def comes(self, *blocks: ImuBlock, publisher: int = 1, number: int = 0, together: int = 100
-              ) -> None:
+    def comes(self, *blocks, publisher=1, number=0, together=100):
         """Take messages in bundles of so many; then the node knows by which stamps they come."""
         for block in blocks:
             for first in range(0, len(block), together):
@@ -64,18 +59,18 @@ class World:
         for lane, seen in zip(self.runs.run.lanes, self.summaries(), strict=True):
             lane.known.learn(Source('topic', None, '/imu', None, None, seen.clock))
 
-    def summaries(self) -> list[TimelineSummary]:
+    def summaries(self):
         streams = [lane.snapshot().characterization for lane in self.runs.run.lanes]
         for stream in streams:
             stream.finish()
         return [stream.summary() for stream in streams]
 
     @property
-    def timeline(self) -> Timeline:
+    def timeline(self):
         return self.summaries()[0].timeline
 
     @property
-    def samples(self) -> int:
+    def samples(self):
         return self.timeline.samples
 
 
@@ -94,7 +89,7 @@ def boot(monkeypatch, tmp_path):
     return path
 
 
-def ended(run: Run) -> list[Any]:
+def ended(run):
     """Give what is noted of the power-ons that have ended."""
     state = run.lanes[0].characterization.to_state()
     return list(json.loads(str(state['memory/power_ons'])))
@@ -209,7 +204,7 @@ def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_fe
 def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
     world = World(setup=HALVES)
 
-    def comes(name: str, *part: float, **other: str) -> None:
+    def comes(name, *part, **other):
         world.comes(replace(half(name, *part), **other), number=('gyro', 'accel').index(name))
 
     comes('gyro', 12.0)
@@ -313,7 +308,7 @@ def test_power_ons_one_soon_after_the_other_are_no_slow_turn():
     assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
 
 
-def stream(first: int, count: int, start_s: float) -> Messages:
+def stream(first, count, start_s):
     """Give numbers of messages of one publisher, and when they are received, at 200 Hz."""
     return [(first + i, start_s + i * 0.005) for i in range(count)]
 
@@ -357,10 +352,10 @@ def test_two_that_started_together_are_mixed_until_one_is_left():
 
 
 def test_without_numbers_another_set_of_offers_is_another_publisher():
-    offers: set[bytes] = set()
+    offers = set()
     publishers = Publishers(lambda: set(offers))
 
-    def sender(seconds: float, *there: bytes) -> int:
+    def sender(seconds, *there):
         offers.clear()
         offers.update(there)
         keys, lost = publishers.of(None, np.full(3, round(seconds * SECOND)))

@@ -4,13 +4,12 @@
 
 import random
 import time
-from typing import Any
 
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from repeated import slow
-from ros_harness import assert_kept_up, Driver, Health, Process, Ros, too_early
+from ros_harness import assert_kept_up, Driver, Health, too_early
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import SetBool, Trigger
 
@@ -24,7 +23,7 @@ AT_A_TIME = 5
 """Requests to one service that wait for their answer; the queue of a client holds ten answers."""
 
 
-def any_value(draw: random.Random) -> ParameterValue:
+def any_value(draw):
     kind = draw.randrange(10)
     texts = [draw.choice(TEXTS) for _ in range(draw.randrange(4))]
     return ParameterValue(
@@ -38,12 +37,12 @@ def any_value(draw: random.Random) -> ParameterValue:
 class Client:
     """Asks without waiting for every answer, and keeps what was answered."""
 
-    def __init__(self, ros: Ros) -> None:
+    def __init__(self, ros):
         self._ros = ros
-        self._clients: dict[str, Any] = {}
-        self._asked: list[tuple[str, Any]] = []
+        self._clients = {}
+        self._asked = []
 
-    def ask(self, kind: type, service: str, request: Any = None) -> None:
+    def ask(self, kind, service, request=None):
         if service not in self._clients:
             client = self._ros.node.create_client(kind, self._ros.name(f'imu_allan/{service}'))
             self._ros.until(client.service_is_ready)
@@ -52,16 +51,16 @@ class Client:
         self._asked.append((service, self._clients[service].call_async(
             request or kind.Request())))
 
-    def has_room(self, service: str) -> bool:
+    def has_room(self, service):
         """Whether a further request to the service need not wait."""
         return sum(not future.done() for name, future in self._asked
                    if name == service) < AT_A_TIME
 
-    def answers(self, *services: str) -> list[Any]:
+    def answers(self, *services):
         self._ros.until(lambda: all(future.done() for _, future in self._asked))
         return [future.result() for name, future in self._asked if name in services]
 
-    def ask_anything(self, draw: random.Random) -> None:
+    def ask_anything(self, draw):
         # Not where the node writes: these tests leave nothing outside of their folder.
         names = [draw.choice([name for name in NAMES if name != 'output_dir'])
                  for _ in range(draw.randrange(3))]
@@ -73,7 +72,7 @@ class Client:
                 Parameter(name=name, value=any_value(draw)) for name in names]))] * 2)))
 
 
-def assert_well(node: Process) -> None:
+def assert_well(node):
     assert node.running, node.log
     assert 'Traceback' not in node.log, node.log
 

@@ -4,7 +4,6 @@
 
 import json
 import sys
-from typing import Any
 
 from bags import mcap_written, serialized
 from characterized import celsius_at
@@ -33,7 +32,7 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(ros, health):
     for driver in drivers.values():
         driver.wait_for_node()
 
-    def saved(samples: int) -> dict[str, Any]:
+    def saved(samples):
         for driver in drivers.values():
             driver.until_taken()
         return dict(ros.saved_with(samples))
@@ -97,7 +96,7 @@ def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros):
             vector.x, vector.y, vector.z = row
             publishers[name].publish(message)
 
-    def whole() -> Any:
+    def whole():
         document = ros.saved_with(len(blocks['gyro']))
         return document['axes'] if len(document['axes']) == 6 else None
 
@@ -129,7 +128,7 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
     assert message_class('geometry_msgs/TwistStamped') is TwistStamped
     with refused('os/msg/../Imu: not the name of a message type, such as sensor_msgs/msg/Imu'):
         message_class('os/msg/../Imu')
-    malformed: list[int] = []
+    malformed = []
     [block] = decoder('geometry_msgs/msg/TwistStamped', 'twist.angular', 'twist.linear')(
         [b'\0\1\0\0short', serialize_message(message)], np.array([7, 8]) * 10**9,
         lambda count, _: malformed.append(count))
@@ -161,7 +160,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_given_units
         publisher.publish(reading)
         driver.replay(block.part(slice(first, first + 8)))
 
-    def fitted() -> Any:
+    def fitted():
         document = json.loads(results[-1].data) if results else {'timeline': {'samples': 0}}
         return document if document['timeline']['samples'] == 7200 else None
 

@@ -7,19 +7,18 @@ import json
 import random
 import signal
 import time
-from typing import Any
 
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import assert_density, at_rest, Driver, NOISE, Process, RATE_HZ, Ros, Sensor
+from ros_harness import assert_density, at_rest, Driver, NOISE, RATE_HZ, Sensor
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from whole_lines import Varying
 
 
-def saved(ros: Ros, sensor: Sensor) -> Any:
+def saved(ros, sensor):
     assert sensor.driver is not None
     sensor.driver.until_taken()
     return ros.saved()
@@ -29,7 +28,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     state, reason = ros.folder / 'state', "it is of frame_id 'imu', the messages now have 'other'"
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'state_file': str(state)})
 
-    def measure_until(sensor: Sensor, words: str, frame_id: str = 'imu') -> None:
+    def measure_until(sensor, words, frame_id='imu'):
         ros.until(lambda: sensor.measure(5.0, frame_id=frame_id) or words in node.log,
                   timeout=90.0)
 
@@ -192,12 +191,12 @@ COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
 class HostileWorld:
     """Draws what happens next to an IMU, to its driver and to the node, or in place of them."""
 
-    def __init__(self, ros: Ros, seed: int, polled: int) -> None:
+    def __init__(self, ros, seed, polled):
         self.ros = ros
         self.draw = random.Random(seed)
         self.polled = polled
-        self.happened: list[str] = []
-        self.nodes: list[Process] = []
+        self.happened = []
+        self.nodes = []
         self.imu = Sensor(ros, 100.0, seed)
         self._start()
         self.imu.plug_in()
@@ -206,46 +205,46 @@ class HostileWorld:
             'stranger instead': self._instead, 'rate': self._rate,
             'signal': self._signal, 'clock jump': self._clock_jump, 'pause': self._pause}
 
-    def go_on(self) -> None:
+    def go_on(self):
         kind = self.draw.choice(sorted(self._actions))
         self.happened.append(kind)
         self._actions[kind]()
         self.rest(20.0)
         assert self.nodes[-1].running, (self.happened[-5:], self.nodes[-1].log)
 
-    def rest(self, seconds: float) -> None:
+    def rest(self, seconds):
         """Measure in peace, and leave the node its time."""
         for _ in range(2):
             self.imu.measure(seconds / 2, self.polled)
             self.ros.executor.spin_once(timeout_sec=0.1)
 
     @property
-    def driver(self) -> Driver:
+    def driver(self):
         assert self.imu.driver is not None
         return self.imu.driver
 
-    def _start(self) -> None:
+    def _start(self):
         self.nodes.append(self.ros.start('imu_allan_node', {
             'publish_period': 0.5, 'checkpoint_period': 1.0,
             'state_file': str(self.ros.folder / 'state')}))
         self.ros.until(lambda: 'characterizing the IMU' in self.nodes[-1].log)
 
-    def _plug_in(self, sensor: Sensor) -> None:
+    def _plug_in(self, sensor):
         """Plug in a sensor in place of the one before, which takes its time."""
         time.sleep(PLUG_S)
         sensor.plug_in(self.draw.uniform(PLUG_S, 60.0))
 
-    def _replug(self) -> None:
+    def _replug(self):
         self.imu.unplug()
         self.imu.bias[:3] = [self.draw.gauss(0, 10 * NOISE) for _ in range(3)]
         self._plug_in(self.imu)
 
-    def _other(self) -> Sensor:
+    def _other(self):
         other = Sensor(self.ros, 100.0, self.draw.randrange(1000))
         other.now_s = self.imu.now_s
         return other
 
-    def _instead(self) -> None:
+    def _instead(self):
         other = self._other()
         kind = self.draw.choice(('noise', 'frame_id', 'rate'))
         if kind == 'noise':
@@ -259,7 +258,7 @@ class HostileWorld:
         self.imu.now_s = other.now_s
         self._plug_in(self.imu)
 
-    def _beside(self) -> None:
+    def _beside(self):
         other = self._other()
         other.noise *= 5
         other.plug_in(0.0)
@@ -268,13 +267,13 @@ class HostileWorld:
             other.measure(0.04)
         other.unplug()
 
-    def _rate(self) -> None:
+    def _rate(self):
         rate_hz = self.imu.rate_hz
         self.imu.rate_hz *= 1 + self.draw.choice((-1, 1)) * self.draw.uniform(0.01, 0.1)
         self.imu.measure(8.0, self.polled)
         self.imu.rate_hz = rate_hz
 
-    def _signal(self) -> None:
+    def _signal(self):
         assert self.driver.publisher.wait_for_all_acked()
         assert self.nodes[-1].stop(self.draw.choice((
             signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))) == 0
@@ -282,10 +281,10 @@ class HostileWorld:
         self._start()
         self.imu.plug_in()
 
-    def _clock_jump(self) -> None:
+    def _clock_jump(self):
         self.imu.now_s += self.draw.choice((1, 3600, 100_000))
 
-    def _pause(self) -> None:
+    def _pause(self):
         assert self.driver.publisher.wait_for_all_acked()
         self.ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True))
         self.imu.measure(2.0, self.polled)

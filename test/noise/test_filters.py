@@ -86,11 +86,11 @@ def test_the_curve_behind_a_slow_filter_bounds_no_flicker_that_is_there():
         assert flicker < found.upper95 < 4 * flicker
 
 
-def sensor(seed: int, **more: float) -> np.ndarray:
+def sensor(seed, **more):
     return simulate({N: 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
 
 
-def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: float) -> np.ndarray:
+def hour_without_bias(time_s, seed, hours=1.0, **terms):
     """Ten samples a second of a gyroscope with flicker, behind a filter that has settled."""
     settling = int(20 * time_s) * 10
     rows = simulate({**GYRO, **terms}, settling + round(hours * 36_000), 10.0, seed)
@@ -106,19 +106,19 @@ def test_a_filter_is_reported_where_flicker_hides_the_level_of_the_white_noise(t
     assert axis.high_passed_hz == pytest.approx(1 / (2 * np.pi * time_s), rel=0.5)
 
 
-def slow_noise(exponent: float, minutes: float, seed: int) -> np.ndarray:
+def slow_noise(exponent, minutes, seed):
     """Fifty samples a second of white noise that f^-exponent crosses at 0.1 Hz."""
     count, rate, rng = round(minutes * 3000), 50.0, np.random.default_rng(seed)
     size = np.sqrt(rate * (2 * np.pi * 0.1 / rate)**exponent)
     return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
 
 
-def zero_taken_every_minute(seed: int) -> np.ndarray:
+def zero_taken_every_minute(seed):
     minutes = simulate(GYRO, 36_600, 10.0, seed).reshape(-1, 600)
     return (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel()
 
 
-def missed(*values: object, of: str):
+def missed(*values, of):
     """Mark a share that the posterior does not reach, with what it reports."""
     return pytest.param(*values, marks=pytest.mark.xfail(strict=True, reason=f'seen in {of}'))
 
@@ -197,7 +197,7 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
                                            'record the raw topic') for verdict in verdicts)
 
 
-def counts_one_by_one() -> np.ndarray:
+def counts_one_by_one():
     """Give an angle in counts of 3.6 arc seconds, of which one sample of a hundred has one."""
     count = 1.732e-5
     rates = simulate({N: 6e-7}, round(3600 * RATE_HZ), RATE_HZ, 4)

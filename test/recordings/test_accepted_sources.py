@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every source that is accepted, asked of info, analyze, check and what the node decodes with."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 import json
 from pathlib import Path
 import re
 from struct import pack
-from typing import Any
 
 from bags import joined, mcap_written
 from imu_allan.cli.main import main
@@ -50,25 +48,24 @@ class Source:
     """A recording, the options it needs, and what its samples are."""
 
     path: Path
-    options: dict[str, Any] = field(default_factory=dict)
-    kinds: dict[str, str] = field(default_factory=dict)
-    rates: tuple[float, ...] = (RATE_HZ,)
+    options: dict = field(default_factory=dict)
+    kinds: dict = field(default_factory=dict)
+    rates: tuple = (RATE_HZ,)
     first_ns: int = int(TIMES_US[0]) * 1000
     coarseness: float = 0.0
     stamped: bool = True
 
 
-def header(store: Any, number: int) -> Any:
+def header(store, number):
     return stamped(store, number, stamp_ns=int(TIMES_US[number]) * 1000)
 
 
-def imu(store: Any, number: int, gyro: bool = True, accel: bool = True) -> Any:
+def imu(store, number, gyro=True, accel=True):
     return other_types.imu(store, number, header(store, number),
                            SAMPLES[number] * np.repeat([gyro, accel], 3))
 
 
-def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], Any]],
-         **more: Any) -> Source:
+def mcap(folder, *topics, **more):
     """Write topics of ROS 2 messages: type, definitions, and what makes message n."""
     kinds = {}
     path = folder / 'a.mcap'
@@ -84,27 +81,24 @@ def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], 
     return Source(path, kinds=kinds, **more)
 
 
-def typed(kind: str, text: str, make: Callable[[Any, int], Iterable[Any]],
-          inner: dict[str, str] | None = None, **more: Any) -> Callable[[Path], Source]:
+def typed(kind, text, make, inner=None, **more):
     """Make messages of one type out of the values of their fields."""
     return lambda folder: mcap(
         folder, (kind, {**(inner or {}), kind: text},
                  lambda store, n: store.types[kind](*make(store, n))), **more)
 
 
-def flat(kind: str, names: str, scales: tuple[float, float] = (1.0, 1.0)
-         ) -> Callable[[Path], Source]:
+def flat(kind, names, scales=(1.0, 1.0)):
     """Make messages of a header, an acceleration and a rate."""
     text = ''.join(f'geometry_msgs/Vector3 {name}\n' for name in names.split())
     return typed(kind, f'std_msgs/Header header\n{text}', lambda store, n: (
         header(store, n), vector(store, ACCEL[n] * scales[1]), vector(store, GYRO[n] * scales[0])))
 
 
-def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]], **more: Any,
-        ) -> Callable[[Path], Source]:
+def px4(name, text, *values, **more):
     """Make messages of one type of px4_msgs, or of two with a half each."""
-    def of(kind: str, half: int) -> tuple[str, dict[str, str], Callable[[Any, int], Any]]:
-        def make(store: Any, n: int) -> Any:
+    def of(kind, half):
+        def make(store, n):
             made = tuple(values[half](n))
             return store.types[kind](*made) if made else None
 
@@ -116,12 +110,12 @@ def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]], **more: A
         rates=(RATE_HZ,) * len(names), **more)
 
 
-def one_of(half: np.ndarray) -> Callable[[int], Iterable[Any]]:
+def one_of(half):
     return lambda n: (TIMES_US[n] + 90, TIMES_US[n], 1, *half[n].astype(F32), 20.0, 0)
 
 
-def fifo_of(half: np.ndarray, scale: float) -> Callable[[int], Iterable[Any]]:
-    def values(n: int) -> Iterable[Any]:
+def fifo_of(half, scale):
+    def values(n):
         if n % 10 != 9:
             return ()
         raw = np.zeros((3, 32), np.int16)
@@ -138,14 +132,14 @@ named_fields = typed(
     options={'gyro': 'raw[3:6] deg/s', 'accel': 'raw[0:3] g', 'stamp': 't s'})
 
 
-def halves(folder: Path) -> Source:
+def halves(folder):
     kind = 'sensor_msgs/msg/Imu'
     return mcap(folder, (kind, {}, lambda store, n: imu(store, n, accel=False)),
                 (kind, {}, lambda store, n: None if n % 2 else imu(store, n, gyro=False)),
                 rates=(RATE_HZ, RATE_HZ / 2))
 
 
-def ros1(folder: Path) -> Source:
+def ros1(folder):
     store = store_with({}, 'ros1')
     kind = 'sensor_msgs/msg/Imu'
     # The steps of the receive stamps are others; those of the header count.
@@ -153,7 +147,7 @@ def ros1(folder: Path) -> Source:
         bytes(store.serialize_ros1(imu(store, n), kind)) for n in range(COUNT)]))
 
 
-def ulog(folder: Path) -> Source:
+def ulog(folder):
     pytest.importorskip('pyulog')
     from test_px4_ulog import COMBINED, write as write_ulog
 
@@ -162,7 +156,7 @@ def ulog(folder: Path) -> Source:
         for n in range(COUNT)])}))
 
 
-def ardupilot(folder: Path) -> Source:
+def ardupilot(folder):
     pytest.importorskip('pymavlink')
     from test_ardupilot_log import write as write_ardupilot
 
@@ -171,7 +165,7 @@ def ardupilot(folder: Path) -> Source:
         for n in range(COUNT)]))
 
 
-def named_columns(folder: Path) -> Source:
+def named_columns(folder):
     path = folder / 'a.csv'
     rows = np.column_stack([TIMES_US / 1e6, np.degrees(GYRO), ACCEL]).tolist()
     path.write_text('\n'.join(['t,a,b,c,d,e,f', *(','.join(map(str, row)) for row in rows), '']))
@@ -179,7 +173,7 @@ def named_columns(folder: Path) -> Source:
                          'time=t,gyro_x=a,gyro_y=b,gyro_z=c,accel_x=d,accel_y=e,accel_z=f'})
 
 
-SOURCES: dict[str, Callable[[Path], Source]] = {
+SOURCES = {
     'bare': lambda folder: mcap(folder, ('sensor_msgs/msg/Imu', {}, imu)),
     'ROS 1': ros1, 'halves': halves, 'named fields': named_fields,
     'nested': typed('my_driver/msg/Out', 'std_msgs/Header header\nstring raw\n'

@@ -2,14 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutated recordings: an error or a part; no exception, long wait, or sample with a bad sum."""
 
-from collections.abc import Callable
-from pathlib import Path
 from random import Random
-from typing import Any
 
 import bags
 from bags import block
-from imu_allan.block import ImuBlock
 from mutations import assert_harmless_on_a_terminal, LONGEST_S, mutated_bytes, read_in_part
 import numpy as np
 from processes import run
@@ -21,30 +17,30 @@ MESSAGES = block(600)
 SAMPLES = {row.tobytes() for row in MESSAGES.samples}
 
 
-def by(write: Callable[..., Path], *arguments: Any, **options: Any) -> Callable[[Path], Path]:
+def by(write, *arguments, **options):
     return lambda folder: write(folder / 'a', MESSAGES, *arguments, **options)
 
 
-def db3_zstd(folder: Path) -> Path:
+def db3_zstd(folder):
     path = bags.write_db3(folder / 'a', MESSAGES)
     path.write_bytes(zstandard.compress(path.read_bytes()))
     return path
 
 
-def csv(folder: Path) -> Path:
+def csv(folder):
     path = folder / 'a.csv'
     np.savetxt(path, np.column_stack([np.arange(600) / 100, MESSAGES.samples]), delimiter=',',
                comments='', header='time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
     return path
 
 
-def metadata(folder: Path) -> Path:
+def metadata(folder):
     bags.write_mcap(folder / 'a_0.mcap', MESSAGES)
     return bags.write_metadata(
         folder, ['a_0.mcap'], [('/imu', bags.IMU, 600), ('/x', 'a_msgs/msg/B', 0)])
 
 
-def ulog(folder: Path) -> Path:
+def ulog(folder):
     """Write a log with pyulog: of samples, of bursts, and of increments."""
     pyulog = pytest.importorskip('pyulog')
     from test_px4_ulog import combined, fifo, one, write as write_ulog
@@ -58,7 +54,7 @@ def ulog(folder: Path) -> Path:
     return folder / 'a.ulg'
 
 
-def ardupilot(folder: Path) -> Path:
+def ardupilot(folder):
     """Write a log with pymavlink: of one message for all, of one a sensor, and of batches."""
     pytest.importorskip('pymavlink')
     from test_ardupilot_log import batches, imu, raw, write as write_log
@@ -78,7 +74,7 @@ SOURCES = CHECKED | {
     'csv': csv, 'metadata': metadata, 'ulog': ulog, 'ardupilot': ardupilot}
 
 
-def assert_recorded(topic: str, messages: ImuBlock) -> None:
+def assert_recorded(topic, messages):
     """Require of the topic that was written that its samples are among those that were."""
     if topic == '/imu':
         assert {row.tobytes() for row in messages.samples} <= SAMPLES

@@ -3,16 +3,13 @@
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
-from imu_allan.finding import Finding, finding
+from imu_allan.finding import finding
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -21,7 +18,7 @@ from whole_lines import refused
 NOISE = np.random.default_rng(5)
 
 
-def block(rate_hz: float, count: int, gyro: bool, accel: bool) -> ImuBlock:
+def block(rate_hz, count, gyro, accel):
     """Return white noise of the halves that are there; the other is exactly zero."""
     stamps = START_NS + np.rint(np.arange(count) / rate_hz * 1e9).astype(np.int64)
     there = np.repeat([gyro, accel], 3)
@@ -30,7 +27,7 @@ def block(rate_hz: float, count: int, gyro: bool, accel: bool) -> ImuBlock:
     return ImuBlock(stamps, stamps + 1000, samples, np.zeros((count, 2), np.bool_), 'imu')
 
 
-def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
+def write(path, topics):
     with mcap_written(path) as message:
         for topic, messages in topics.items():
             for stamp, row in serialized(messages):
@@ -38,7 +35,7 @@ def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
     return path
 
 
-def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> None:
+def assert_characterized(result, gyro_hz, accel_hz):
     assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
     for name, axis in result.axes.items():
         rate, sigma = (gyro_hz, 0.01) if name.startswith('gyro') else (accel_hz, 0.1)
@@ -47,12 +44,11 @@ def assert_characterized(result: Result, gyro_hz: float, accel_hz: float) -> Non
             sigma / rate**0.5, rel=0.1)
 
 
-def repeated(result: Result) -> list[dict[str, Any]]:
+def repeated(result):
     return [found.values for found in result.warnings if found.code == 'repeated_half']
 
 
-def streams(path: Path, topic: str | None = None, **options: str
-            ) -> tuple[list[Stream], list[Finding]]:
+def streams(path, topic=None, **options):
     with open_recording(path, options=RecordingOptions(**options)) as recording:
         return choose_streams(recording, topic), recording.remarks
 

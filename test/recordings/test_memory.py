@@ -2,12 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Memory that does not depend on the length of a recording."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
 import sys
 
 from bags import block
-from imu_allan.block import ImuBlock
 from imu_allan.recordings.write import write_recording
 from processes import python
 import pytest
@@ -24,17 +21,17 @@ print(count, re.search(r'VmHWM:\s+(\d+)', open('/proc/self/status').read())[1])
 """
 
 
-def blocks(messages: int) -> Iterator[ImuBlock]:
+def blocks(messages):
     for first in range(0, messages, 10_000):
         yield block(10_000, first=first)
 
 
-def bag(storage: str, compression: str) -> Callable[[Path, int], Path]:
+def bag(storage, compression):
     return lambda path, messages: write_recording(
         path, blocks(messages), storage=storage, compression=compression)
 
 
-def ulog(path: Path, messages: int) -> Path:
+def ulog(path, messages):
     """Write the messages of a short log again and again."""
     pytest.importorskip('pyulog')
     from test_px4_ulog import combined, COUNT, framed, write

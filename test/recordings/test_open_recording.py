@@ -129,7 +129,7 @@ def test_bag_files_without_metadata_are_one_recording_if_they_follow(tmp_path, n
             open_recording(tmp_path)
 
 
-def write_packed_db3(path: Path) -> Path:
+def write_packed_db3(path):
     """Write three topics in turn, of which the first has messages that are none."""
     plain = path.with_suffix('.plain')
     with closing(bags.database(plain, [(f'/imu_{n}', bags.IMU) for n in range(3)])) as opened:
@@ -155,10 +155,10 @@ def test_all_topics_of_a_compressed_file_have_one_unpacked_copy(tmp_path, monkey
     unpacked = tmp_path / 'unpacked'
     unpacked.mkdir()
     monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))
-    made: list[int] = []
+    made = []
     once = compressed_file.make_folder
 
-    def counted() -> Path:
+    def counted():
         made.append(len(list(unpacked.iterdir())))
         return once()
 

@@ -10,7 +10,7 @@ import pytest
 COUNT = 20_000
 
 
-def recording(stamps, samples, rows=slice(None)) -> Fingerprint:
+def recording(stamps, samples, rows=slice(None)):
     stamps, samples = stamps[rows], samples[rows]
     fingerprint = Fingerprint()
     list(fingerprint.watch([ImuBlock(stamps, stamps, samples,

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature beside an IMU, from every kind of recording that has one."""
 
-from pathlib import Path
-from typing import Any
 
 from bags import mcap_written, serialized, START_NS
 from characterized import celsius_at
@@ -12,7 +10,6 @@ from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.thermometers import temperatures, thermometer_of
-from imu_allan.result import Result
 import numpy as np
 from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
@@ -36,8 +33,7 @@ def samples():
     return rows
 
 
-def write(path: Path, samples: np.ndarray, thermometers: dict[str, str],
-          imu: str = '/imu/data_raw', headers: bool = True) -> Path:
+def write(path, samples, thermometers, imu='/imu/data_raw', headers=True):
     """Write an Imu topic, and one for each thermometer, with its frame_id; every 2 s."""
     definition = full_definition(STORE, TEMPERATURE)
     stamps = START_NS + np.rint(SECONDS[:len(samples)] * 1e9).astype(np.int64)
@@ -53,7 +49,7 @@ def write(path: Path, samples: np.ndarray, thermometers: dict[str, str],
     return path
 
 
-def follows(result: Result) -> bool:
+def follows(result):
     """Tell whether the coefficient was found, and on gyro_x alone."""
     found = {name: axis.trend.temperature for name, axis in result.axes.items()
              if axis.trend is not None and axis.trend.temperature is not None}
@@ -73,7 +69,7 @@ def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, output_of, he
     assert '  temperature from /imu/temperature' in output_of('info', path).splitlines()
 
 
-def chosen(path: Path, **options: str) -> str | None:
+def chosen(path, **options):
     with open_recording(path, options=RecordingOptions(**options)) as recording:
         found = thermometer_of(recording, recording.topics[0].name)
         return None if found is None else found.name
@@ -128,7 +124,7 @@ def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(tmp_path, options
     # One that is missing leaves the others in degrees Celsius.
     kelvin[7] = np.nan
 
-    def message(store: Any, number: int) -> Any:
+    def message(store, number):
         return store.types[type_name](
             stamped(store, number), vector(store, sample(number)[:3]),
             vector(store, sample(number)[3:]), kelvin[number],

@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that imu_allan writes, read by itself and by others."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 import sqlite3
 
 from bags import assert_same, block, read
-from imu_allan.block import ImuBlock
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.write import write_recording
 import numpy as np
@@ -65,7 +63,7 @@ def test_metadata_and_database_are_of_jazzys_version(tmp_path):
 
 
 def test_what_is_interrupted_leaves_nothing(tmp_path):
-    def interrupted() -> Iterator[ImuBlock]:
+    def interrupted():
         yield block(5000)
         raise KeyboardInterrupt
 

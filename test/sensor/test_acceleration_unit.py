@@ -4,7 +4,6 @@
 
 from characterized import messages
 from hypothesis import given, settings, strategies as st
-from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization, characterize
 from imu_allan.node.run import Lane
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 EVERY, ACCELERATION = slice(6), slice(3, 6)
-FAULTS: dict[str, list[tuple[slice, slice, float | None]]] = {
+FAULTS = {
     'nothing': [], 'zeros': [(slice(40), EVERY, 0.0)],
     'bump': [(slice(10, 30), ACCELERATION, None)],
     'set down': [(slice(1500), ACCELERATION, None)],
@@ -23,7 +22,7 @@ FAULTS: dict[str, list[tuple[slice, slice, float | None]]] = {
 """At the start: what stands in place of the samples, or, None, that noise is added."""
 
 
-def at_rest_in_g(fault: str = 'nothing', count: int = 6000) -> ImuBlock:
+def at_rest_in_g(fault='nothing', count=6000):
     noise = np.random.default_rng(0)
     samples = noise.normal(0, 0.002, (count, 6))
     samples[:, 5] += 1
@@ -98,7 +97,7 @@ def test_messages_without_acceleration_do_not_wait(value):
     assert [len(part) for part in AccelerationUnit()(block)] == [100]
 
 
-def lane_of(block: ImuBlock, size: int) -> Lane:
+def lane_of(block, size):
     lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
     for part in cut(block, range(0, len(block), size)):
         lane.update([part])

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Knocks, turns and drives are cut out and listed, noise is not; what rests between is used."""
 
-from collections.abc import Callable
 from functools import partial
 from io import StringIO
 from itertools import count
 
-from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.block import EvenBlock
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.writers.table import print_result
@@ -15,23 +14,21 @@ from imu_messages import codes, rows_by_place, run, said, SIGMA, still
 import numpy as np
 import pytest
 from repeated import slow
-from scenarios import at_rest, characterized, Messages, MOVES, Truth
+from scenarios import at_rest, characterized, MOVES
 from whole_lines import refused
 
 N = 0.0045 * np.pi / 180
 B = 0.0014 * np.pi / 180
 K = 6.5e-5 * np.pi / 180
 
-Axis = Callable[[int, np.ndarray], np.ndarray]
 
-
-def covered(spans, start_s: float, duration_s: float) -> bool:
+def covered(spans, start_s, duration_s):
     return any(span.start_s <= start_s + 1e-6
                and span.start_s + span.duration_s >= start_s + duration_s - 1e-6
                for span in spans)
 
 
-def times(block: ImuBlock) -> np.ndarray:
+def times(block):
     return (block.header_ns - block.header_ns[0]) / 1e9
 
 
@@ -111,16 +108,15 @@ def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
     assert rows_by_place(even)[0][-1] == 119_999
 
 
-def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
+def noise_at_rest(kind, rate_hz, seed):
     """Give six axes at rest, of `kind`."""
     seeds = count(100 * seed)
     sigma = N * rate_hz ** 0.5
 
-    def axis(*tones: tuple[float, float], slope: float = 0.0, warm_up: float = 0.0,
-             step: float = 0.0, **coefficients: object) -> Axis:
+    def axis(*tones, slope=0.0, warm_up=0.0, step=0.0, **coefficients):
         stream = NoiseStream(coefficients, rate_hz, next(seeds))
 
-        def draw(rows: int, time: np.ndarray) -> np.ndarray:
+        def draw(rows, time):
             values = stream.draw(rows) + slope * time + warm_up * (1 - np.exp(-time / 600)) + sum(
                 amplitude * np.sin(2 * np.pi * frequency_hz * time)
                 for frequency_hz, amplitude in tones)
@@ -186,7 +182,7 @@ def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(rate_hz, 
         assert summary.mostly_motion == (rows < 400)
 
 
-def driven(moving: str, times: float) -> tuple[Messages, Truth]:
+def driven(moving, times):
     """Give 400 s of messages that shake by `times` the noise, and sway, while they move."""
     rng = np.random.default_rng(1)
     messages, truth = at_rest(40_000, 100.0, rng)

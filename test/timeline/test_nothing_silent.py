@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that made a number wrong without a word: each is right now, or reported."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
-from imu_allan.finding import Finding, finding
-from imu_allan.result import Result
+from imu_allan.finding import finding
 from imu_allan.timeline.foreign_samples import alternates, are_interleaved
 from imu_messages import codes, cut, rows_by_place, run, said
 import numpy as np
 import pytest
 from repeated import slow
 import scenarios
-from scenarios import at_rest, characterized, compose, Messages, MORE_FAULTS, SIGMA, Truth, verdict
+from scenarios import at_rest, characterized, compose, MORE_FAULTS, SIGMA, verdict
 from scipy.signal import butter, lfilter
 from whole_lines import refused
 
@@ -23,45 +21,41 @@ APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
 """Between the means of two sensors."""
 
 
-def rest(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0
-         ) -> tuple[Messages, Truth, np.random.Generator]:
+def rest(rate_hz=100.0, duration_s=150.0, seed=0):
     rng = np.random.default_rng(seed)
     return (*at_rest(round(rate_hz * duration_s), rate_hz, rng), rng)
 
 
-def gyro(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0
-         ) -> tuple[Messages, Truth, np.random.Generator]:
+def gyro(rate_hz=100.0, duration_s=150.0, seed=0):
     """Give a gyroscope alone: nearly all of the time goes into the fits of the axes."""
     messages, truth, rng = rest(rate_hz, duration_s, seed)
     messages.absent[:, 1] = True
     return messages, truth, rng
 
 
-def lose(messages: Messages, lost: float | str, rng: np.random.Generator | None = None
-         ) -> Messages:
+def lose(messages, lost, rng=None):
     """Lose a share of the messages at random, or in turn where a pattern has zeros."""
     n = len(messages.place)
     return messages.pick(np.resize([one == '1' for one in lost], n) if isinstance(lost, str)
                          else rng.random(n) >= lost)
 
 
-def in_ticks(messages: Messages, tick: float, since: float) -> Messages:
+def in_ticks(messages, tick, since):
     return replace(messages, header=np.floor((messages.header + since) / tick) * tick)
 
 
-def one_clock(messages: Messages) -> Messages:
+def one_clock(messages):
     return replace(messages, receive=messages.header.copy())
 
 
-def dated_back(messages: Messages, size: int, interval: float, rate_hz: float = 100.0
-               ) -> Messages:
+def dated_back(messages, size, interval, rate_hz=100.0):
     """Stamp batches back from when they are read, by an interval that is not the true one."""
     place = messages.place
     return replace(messages, header=((place // size + 1) * size
                                      - (size - 1 - place % size) * interval) / rate_hz)
 
 
-def late_by_half(messages: Messages, rng: np.random.Generator, by: float) -> Messages:
+def late_by_half(messages, rng, by):
     """Let a fifth of the messages be late by more or less than half an interval of 10 ms."""
     n = len(messages.place)
     delay = (rng.random(n) < 0.2) * by + rng.exponential(0.02, n)
@@ -70,7 +64,7 @@ def late_by_half(messages: Messages, rng: np.random.Generator, by: float) -> Mes
         header + 1e-4 + rng.exponential(2e-4, n)))
 
 
-def outages(messages: Messages, rng: np.random.Generator, on_s: float, off_s: float) -> Messages:
+def outages(messages, rng, on_s, off_s):
     there, at = np.zeros(len(messages.place), bool), 0.0
     while at < messages.header[-1]:
         lasts = on_s * rng.uniform(0.5, 1.5)
@@ -79,8 +73,7 @@ def outages(messages: Messages, rng: np.random.Generator, on_s: float, off_s: fl
     return messages.pick(there)
 
 
-def overrun(messages: Messages, rng: np.random.Generator, share: float, shifts: bool
-            ) -> Messages:
+def overrun(messages, rng, share, shifts):
     """Poll late now and then; the timer starts anew then, or leaves out the time that passed."""
     n = len(messages.place)
     by = np.where(rng.random(n) < share, rng.uniform(0.3, 1.5, n), 0)
@@ -90,17 +83,17 @@ def overrun(messages: Messages, rng: np.random.Generator, share: float, shifts: 
         shifts | np.append(True, by[:-1] <= 1))
 
 
-def in_batches(messages: Messages, size: int, rate_hz: float, apart_s: float = 2e-5) -> Messages:
+def in_batches(messages, size, rate_hz, apart_s=2e-5):
     """Stamp messages when a batch of them is read."""
     stamps = (messages.place // size + 1) * size / rate_hz + messages.place % size * apart_s
     return replace(messages, header=stamps, receive=stamps + 1e-3)
 
 
-def missed(messages: Messages) -> int:
+def missed(messages):
     return int(messages.place[-1] - messages.place[0]) + 1 - len(messages.place)
 
 
-def unsure(remarks: Sequence[Finding], name: str = 'hidden_share') -> float:
+def unsure(remarks, name='hidden_share'):
     """Give a share that stamps which come too unevenly leave open; 0 if they are not reported."""
     for found in remarks:
         if found.code == 'uneven_stamps':
@@ -109,8 +102,7 @@ def unsure(remarks: Sequence[Finding], name: str = 'hidden_share') -> float:
     return 0.0
 
 
-def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: int | None = None
-                 ) -> None:
+def assert_right(result, truth, tolerance=0.03, axes=None):
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     assert len(result.axes) in ((3, 6) if axes is None else (axes,))
     for axis in result.axes.values():
@@ -118,22 +110,22 @@ def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: in
         assert density.value == pytest.approx(truth.density, rel=tolerance)
 
 
-def received(messages: Messages, stamps: np.ndarray) -> Messages:
+def received(messages, stamps):
     return replace(messages, header=0 * messages.header, receive=stamps)
 
 
-def in_pairs(messages: Messages) -> np.ndarray:
+def in_pairs(messages):
     """Stamp messages of 40 Hz as a USB device does that hands over two samples at a time."""
     return messages.header + 0.0185 * (messages.place % 2 == 0)
 
 
-def now_and_then_late(messages: Messages, rng: np.random.Generator) -> Messages:
+def now_and_then_late(messages, rng):
     """Let one step in seven be a tenth longer, which the median of the steps is not."""
     steps = rng.choice([1.0, 1.1], len(messages.place), p=[0.86, 0.14])
     return one_clock(replace(messages, header=np.cumsum(steps) / steps.mean() / 100))
 
 
-STAMPS: list[tuple[str, float, float, float, float, Callable[..., Messages]]] = [
+STAMPS = [
     ('outages of any length', 100.0, 400, 1e-4, 0, partial(outages, on_s=1, off_s=3)),
     ('few messages between outages', 5.0, 1200, 1e-4, 0, lambda m, _: replace(
         m, receive=np.full(len(m.place), m.receive[-1])).pick(m.place % 24 < 3)),
@@ -275,8 +267,7 @@ def test_headers_in_whole_seconds_or_batches_are_no_witness_against_losses(batch
     assert unsure(summary.remarks) == pytest.approx(1 / 9, abs=1e-3)
 
 
-def in_turn(offset: float, apart: np.ndarray, noisier: float, lost: float | str = 0.0,
-            rate_hz: float = 100.0) -> Messages:
+def in_turn(offset, apart, noisier, lost=0.0, rate_hz=100.0):
     """Give messages of two sensors in turn, the second `offset` of an interval later."""
     messages, _, rng = rest(rate_hz, 60)
     messages.header = (messages.place // 2 + offset * (messages.place % 2)) * 2 / rate_hz
@@ -302,14 +293,13 @@ def test_two_publishers_with_one_frame_id_are_reported(said_code, two):
     assert found == {said_code} if said_code else found
 
 
-def hum(cycles: float, axes: Sequence[float], noise: float = 1.0, wander: float = 0.0
-        ) -> Callable[[np.ndarray], np.ndarray]:
+def hum(cycles, axes, noise=1.0, wander=0.0):
     """Give noise and a vibration, so large on each axis."""
     return lambda white: noise * white + np.array(axes) * np.cos(
         2 * np.pi * cycles * np.arange(len(white)) + wander * np.cumsum(white[:, 0]))[:, None]
 
 
-def coarse(sigma: float, *filtered: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:
+def coarse(sigma, *filtered):
     """Give filtered noise of `sigma` steps, anywhere between two of them."""
     return lambda white: 0.00106 * np.rint(
         sigma * lfilter(*filtered, white, axis=0) + white[0] / 3)
@@ -362,12 +352,12 @@ def test_clocks_of_different_speed_are_reported(speed, back_s):
 
 
 @cache
-def undisturbed() -> Result:
+def undisturbed():
     """Give the result of 15 000 messages that nothing has happened to."""
     return characterized(rest()[0])
 
 
-def numbers(result: Result, axes: str) -> list[float | None]:
+def numbers(result, axes):
     return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
             if name.startswith(axes)]
 

@@ -13,7 +13,7 @@ import pytest
 from whole_lines import refused
 
 
-def faulty(seed: int, count: int = 12_000) -> ImuBlock:
+def faulty(seed, count=12_000):
     """Give messages with every fault at once: drops, repeats, swaps, NaN, a gap, a knock."""
     rng = np.random.default_rng(seed)
     block = still(count, seed=seed, late=rng.exponential(0.1, count))
@@ -166,7 +166,7 @@ def test_single_stamps_far_from_the_others_are_left_out():
     assert sum(one.new_run for one in even) == 1
 
 
-def micro_for_nanoseconds(stamps: np.ndarray) -> np.ndarray:
+def micro_for_nanoseconds(stamps):
     return stamps // 10**9 * 10**9 + stamps % 10**9 // 1000
 
 
@@ -344,7 +344,7 @@ def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):
     assert_counted(block, lost, rate_hz)
 
 
-def assert_counted(block: ImuBlock, lost: set[int], rate_hz: float) -> None:
+def assert_counted(block, lost, rate_hz):
     places = np.arange(len(block.header_ns))
     summary, even = run(block.part(np.setdiff1d(places, list(lost))), motion='keep')
     assert summary.timeline.missing == len(lost)
@@ -367,7 +367,7 @@ def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
     count = data.draw(st.integers(1, 9000))
 
-    def stamps() -> np.ndarray:
+    def stamps():
         places = np.arange(count)
         return data.draw(st.sampled_from([
             lambda: START_NS + places * 10_000_000, lambda: START_NS - places * 10_000_000,

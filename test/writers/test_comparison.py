@@ -11,7 +11,7 @@ from browser import faults_of, needs_browser, pages_in_print
 from exact_results import axis_result, build_result, only, UNSEEN, with_coefficient
 from imu_allan.fleet.population import Outlier
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Inspection, Result
+from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.figure import units_figure
@@ -71,7 +71,7 @@ def test_the_table_names_a_result_without_steering_the_terminal(result):
 
 
 def test_what_differs_is_said_first_and_of_all_axes_together():
-    def unit(n: float, k: float) -> Result:
+    def unit(n, k):
         axes = {name: axis_result(name, {'noise_density': n, 'rate_random_walk': (
             k if name == 'gyro_x' else 1e-5)}) for name in AXES}
         return build_result(axes=axes)

@@ -8,12 +8,11 @@ import re
 import shutil
 import subprocess
 import tempfile
-from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from exact_results import axis_result, build_result, only, with_axes, with_coefficient
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
+from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.atomic import CONFIGURATION, kind_of
@@ -35,7 +34,7 @@ OPENCV = ('openvins', 'orb_slam3', 'vins_fusion', 'vins_fusion_midpoint', 'okvis
 NASTY = 'evil"\n- key: {x: 1}\n*/ {"x": 1} /* %YAML:1.0 # \x1b[2J \u2028 $(rm) </script>'
 
 
-def near(value: float) -> object:
+def near(value):
     return pytest.approx(value, rel=1e-5, abs=0)
 
 
@@ -44,7 +43,7 @@ def export(result, consumer, rate_hz=None):
     return export_as_wished(result, consumer, ExportOptions(rate_hz, as_measured=True))
 
 
-def build(bound: float = 1e-6, **fields: Any) -> Result:
+def build(bound=1e-6, **fields):
     """Return six axes whose sigma is 10 K at 200 s: the driving density 10 K sqrt(2/200) is K."""
     axes = {}
     for sensor, n, k in (('gyro', GYRO_N, GYRO_K), ('accel', ACCEL_N, ACCEL_K)):
@@ -69,7 +68,7 @@ DEAD = {'curve': FLAT, 'drift_model': None,
         'coefficients': axis_result('gyro_x', {}, dict.fromkeys(TERMS, 0.0)).coefficients}
 
 
-def opencv(text: str) -> dict:
+def opencv(text):
     cv2 = pytest.importorskip('cv2', reason='opencv-python-headless is not installed')
 
     def value(node):
@@ -85,19 +84,19 @@ def opencv(text: str) -> dict:
     return value(storage.root())
 
 
-def xml(text: str) -> object:
+def xml(text):
     def value(element):
         inside = element.attrib | {child.tag: value(child) for child in element}
         return inside or float(element.text)
     return value(ElementTree.fromstring(text))
 
 
-def octave(text: str) -> dict[str, list[float]]:
+def octave(text):
     found = re.findall(r"^([\w.]+) = \[([^\]]*)\]'?;", text, re.MULTILINE)
     return {name: [float(value) for value in values.split(',')] for name, values in found}
 
 
-def qgroundcontrol(text: str) -> dict[str, tuple[float, int]]:
+def qgroundcontrol(text):
     """Read parameters as QGroundControl's ParameterManager::readParametersFromStream does."""
     parameters = {}
     for line in text.splitlines():
@@ -109,7 +108,7 @@ def qgroundcontrol(text: str) -> dict[str, tuple[float, int]]:
     return parameters
 
 
-def mavlink(text: str) -> dict[str, float]:
+def mavlink(text):
     mavparm = pytest.importorskip('pymavlink.mavparm', reason='pymavlink is not installed')
     parameters = mavparm.MAVParmDict()
     with tempfile.NamedTemporaryFile('w', suffix='.params') as file:
@@ -119,8 +118,8 @@ def mavlink(text: str) -> dict[str, float]:
     return dict(parameters)
 
 
-def python(text: str) -> dict:
-    found: dict[str, dict] = {}
+def python(text):
+    found = {}
     exec(text, found)
     return found['imu_config']
 
@@ -138,11 +137,11 @@ READERS = {
 """As each consumer reads its file, where that is not YAML."""
 
 
-def read(consumer: str, text: str) -> dict:
+def read(consumer, text):
     return READERS.get(consumer, yaml.safe_load)(text)
 
 
-def triple(value: float) -> list[object]:
+def triple(value):
     """Give what x, y and z have of something whose bound on z says nothing."""
     return [near(value), near(value / 2), near(value / 10)]
 
@@ -152,7 +151,7 @@ ACCEL_COVARIANCE = [near(0.64), 0, 0, 0, near(0.16), 0, 0, 0, near(6.4e-3)]
 GYRO_COVARIANCE = [near(1.6e-3), 0, 0, 0, near(4e-4), 0, 0, 0, near(1.6e-5)]
 
 
-def densities(*keys: str) -> dict[str, float]:
+def densities(*keys):
     """Call N and K of the accelerometer, then of the gyroscope, as a consumer does."""
     return dict(zip(keys, (ACCEL_N, ACCEL_K, GYRO_N, GYRO_K), strict=True))
 
@@ -163,7 +162,7 @@ LIO_SAM = {'imuTopic': '/imu/data_raw', **densities('imuAccNoise', 'imuAccBiasN'
                                                     'imuGyrBiasN')}
 
 
-def diagonal(value: float) -> list[list[object]]:
+def diagonal(value):
     return [[near(value) if i == j else 0 for j in range(3)] for i in range(3)]
 
 
@@ -543,7 +542,7 @@ def test_a_result_without_drift_model_gives_the_measured_numbers_and_says_so():
 
 # What the comment expects is expected of the numbers in the file.
 
-def said(text: str) -> dict[str, list[float]]:
+def said(text):
     """Read the range of the expected NIS, and of the squared error, of each sensor."""
     found = re.findall(r'(gyro|accel): expected NIS (\S+)(?: to (\S+))?; squared error after '
                        r'[^;]*?unaided (\S+)(?: to (\S+))? times', text)

@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated faults: every front end shows the same findings in the same order, on one screen."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import replace
 import json
 import re
-from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.characterization.stream import Characterization
 from imu_allan.node.result_messages import remark_values
-from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import certificate_html, check
@@ -31,29 +27,26 @@ SPEC = parse_model('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}\n'
                    'accel: {noise_density: 200 ug/sqrt(Hz)}\n')
 
 
-Fault = Callable[[ImuBlock], ImuBlock | None]
-
-
-def lossy(block: ImuBlock) -> ImuBlock:
+def lossy(block):
     return block.part(np.random.default_rng(2).random(len(block)) > 0.2)
 
 
-def slower_later(block: ImuBlock) -> None:
+def slower_later(block):
     for stamps in (block.header_ns, block.receive_ns):
         stamps[6000:] += stamps[6000:] - stamps[6000]
 
 
-def jumped(block: ImuBlock) -> None:
+def jumped(block):
     block.header_ns[6000:] -= int(3600e9)
 
 
-def replayed(block: ImuBlock) -> None:
+def replayed(block):
     block.receive_ns[:] -= (block.receive_ns - block.receive_ns[0]) * 9 // 10
 
 
-def samples(rows: Any, columns: Any, become: Any) -> Fault:
+def samples(rows, columns, become):
     """Give a fault in some rows and columns of the samples: a number, or what becomes of them."""
-    def fault(block: ImuBlock) -> None:
+    def fault(block):
         x = block.samples
         x[rows, columns] = become(x[rows, columns]) if callable(become) else become
     return fault
@@ -62,7 +55,7 @@ def samples(rows: Any, columns: Any, become: Any) -> Fault:
 ALL, GYRO, ACCEL = slice(None), slice(0, 3), slice(3, 6)
 NUMBER = np.arange(12_000.0)[:, None]
 
-FAULTS: dict[str, tuple[Fault, str | None]] = {
+FAULTS = {
     'constant': (samples(ALL, 2, 0.5), 'constant_axis'),
     'saturated': (samples(ALL, 0, lambda x: np.clip(x, -1e-4, 1e-4)), 'saturated'),
     'deadband': (samples(ALL, 1, lambda x: np.where(np.abs(x) < 1e-3, 0.0, x)), 'deadband'),
@@ -98,7 +91,7 @@ AT_ONCE = (
 """Faults that leave each other to be found, for one record."""
 
 
-def recorded(faults: Iterable[str]) -> Result:
+def recorded(faults):
     """Two minutes of a simulated IMU at rest with some faults."""
     [block] = simulated_blocks(parse_model(
         'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}'),

@@ -59,7 +59,7 @@ def test_a_figure_that_a_file_does_not_have_is_not_said(value):
     assert message_of(replace(of_some_topic, message='as stored')) == 'as stored'
 
 
-def of_all(code: str, name: str, figures: list[float], **values: object) -> Finding:
+def of_all(code, name, figures, **values):
     """Return a finding about three axes, of which one figure differs."""
     [one] = for_display([finding(code, (axis,), severity=None, recording=None,
                                  **{name: figure}, **values)

@@ -18,7 +18,7 @@ SIZE = 8
 SAMPLES = 1024
 
 
-def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
+def cells_with(counts, rows):
     """Give cells of white noise, of which those with a count of 0 are missing."""
     keys = np.flatnonzero(counts)
     return Cells(keys, rows[:, keys] * np.sqrt(counts[keys]), counts[keys])

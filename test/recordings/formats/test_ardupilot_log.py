@@ -3,7 +3,6 @@
 """ArduPilot logs, which pymavlink writes, and reads along."""
 
 from array import array
-from pathlib import Path
 from struct import calcsize
 import sys
 
@@ -29,10 +28,9 @@ FORMATS = {
     'ISBD': (135, 'QHHaaa', 'TimeUS,N,seqno,x,y,z'),
     'IMU2': (136, 'QffffffIIfBBHH',
              'TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz')}
-Message = tuple[str, tuple[object, ...]]
 
 
-def write(path: Path, messages: list[Message]) -> Path:
+def write(path, messages):
     """Write a log with pymavlink: the formats, then the messages in their order."""
     known = {name: DFReader.DFFormat(number, name, 0, form, columns)
              for name, (number, form, columns) in FORMATS.items()}
@@ -45,20 +43,20 @@ def write(path: Path, messages: list[Message]) -> Path:
     return path
 
 
-def imu(count: int = 300, step_us: int = 2500, number: int = 0) -> list[Message]:
+def imu(count=300, step_us=2500, number=0):
     samples = np.sin(np.arange(count)[:, None] * np.arange(1, 7) + number).astype(np.float32)
     return [('IMU', (1000 + n * step_us, number, *samples[n], 0, 0, 41.5, 1, 1, 400, 400))
             for n in range(count)]
 
 
-def raw(name: str, step_us: int, count: int, sigma: float) -> list[Message]:
+def raw(name, step_us, count, sigma):
     samples = NOISE.normal(0, sigma, (count, 3))
     return [(name, (7 + n * step_us, 0, n * step_us + 5, *samples[n])) for n in range(count)]
 
 
-def batches(sensor: int, count: int, sigma: float) -> list[Message]:
+def batches(sensor, count, sigma):
     """Return batches of 1024 samples at 1 kHz, one every 2 s, in units of 1 / 1000."""
-    found: list[Message] = []
+    found = []
     noise = np.random.default_rng(sensor)
     for batch in range(count):
         start = (2 * batch + sensor) * 1_000_000

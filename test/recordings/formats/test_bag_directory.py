@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """rosbag2 directories: split, compressed, of all versions, incomplete, hostile."""
 
-from pathlib import Path
 
 import bags
 from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, write_metadata
@@ -18,7 +17,7 @@ NO_FILE = ': no file that metadata.yaml lists is there; copy them beside it'
 NO_BAG = 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
 
 
-def compress(path: Path) -> Path:
+def compress(path):
     """Replace a file by its zstd-compressed form, as rosbag2 does."""
     packed = path.with_name(f'{path.name}.zstd')
     packed.write_bytes(zstandard.compress(path.read_bytes()))
@@ -44,7 +43,7 @@ def test_a_split_bag_is_read_in_order(split_bag):
         assert recording.other_topics == {'/other': 'a_msgs/msg/B'}
         assert recording.size_bytes == sum(
             path.stat().st_size for path in split_bag.glob('*.mcap'))
-        positions: list[int] = []
+        positions = []
         after = bags.joined(read_blocks(recording, '/imu', positions.append))
         assert recording.remarks == []
     assert_same(block(1500), after)
@@ -110,7 +109,7 @@ def test_files_compressed_as_a_whole_are_read(tmp_path):
         assert remarks == []
 
 
-def packed_gigabyte(size: int) -> bytes:
+def packed_gigabyte(size):
     """Return a gigabyte of zeros, compressed, which declares its size or (-1) none."""
     compressor = zstandard.ZstdCompressor().compressobj(size=size)
     return b''.join(compressor.compress(bytes(1 << 22)) for _ in range(256)) + compressor.flush()

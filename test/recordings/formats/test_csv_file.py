@@ -2,17 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """CSV recordings."""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import pi
-from pathlib import Path
 import time
 
 import bags
 from bags import no_axes, NO_TIME, refusal, said, START_NS
 from hypothesis import given, HealthCheck, settings, strategies as st
-from imu_allan.block import ImuBlock
-from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.halves import choose_streams
@@ -37,23 +33,22 @@ def path(tmp_path):
     return tmp_path / 'imu.csv'
 
 
-def read(path: Path, **options: object) -> tuple[ImuBlock, list[Finding]]:
+def read(path, **options):
     """Read a file, which lacks axes on purpose."""
     block, remarks = bags.read(path, **options)
     return block, [remark for remark in remarks if remark.code != 'axis_not_finite']
 
 
-def read_text(path: Path, text: str, **options: object) -> tuple[ImuBlock, list[Finding]]:
+def read_text(path, text, **options):
     path.write_text(text)
     return read(path, **options)
 
 
-def named(**columns: str) -> RecordingOptions:
+def named(**columns):
     return RecordingOptions(columns=tuple(columns.items()))
 
 
-def ignored(path: Path, columns: list[str], *, perhaps_axes: bool = False,
-            count: int | None = None) -> Finding:
+def ignored(path, columns, *, perhaps_axes=False, count=None):
     return said(path, 'ignored_columns', perhaps_axes=perhaps_axes, columns=columns,
                 count=len(columns) if count is None else count)
 
@@ -132,7 +127,7 @@ def test_a_file_of_many_blocks_is_read_whole(path):
                header=','.join(['time_s', *AXES]))
     assert path.stat().st_size > 4 << 20
     with open_recording(path) as recording:
-        positions: list[int] = []
+        positions = []
         blocks = list(read_blocks(recording, 'csv', positions.append))
     assert np.concatenate([block.samples for block in blocks]).tobytes() == samples.tobytes()
     stamps = np.concatenate([block.header_ns for block in blocks])
@@ -171,17 +166,17 @@ def test_lines_that_are_no_numbers_are_counted(path, text, stamps, values, count
                           severity='act')
 
 
-def table(header: str, row: Callable[[int, Iterator[str]], list[str]], mark: str = ',') -> str:
+def table(header, row, mark=','):
     """Return a table of 30 rows, each made of its number and the three values."""
     lines = [mark.join(row(place, map(str, values))) for place, values in enumerate(ROWS.tolist())]
     return '\n'.join([header, *lines, ''])
 
 
-def plain(place: int, values: Iterator[str]) -> list[str]:
+def plain(place, values):
     return [str(place / 100), *values]
 
 
-def with_commas(cells: Iterable[str]) -> list[str]:
+def with_commas(cells):
     return [cell.replace('.', ',') for cell in cells]
 
 
@@ -278,7 +273,7 @@ ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
 ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' * 9 + '\n'
 
 
-def fields(form: str) -> str:
+def fields(form):
     """Return the columns of an Imu, named by field and axis."""
     return ','.join(form.format(field, axis) for field in (
         'angular_velocity', 'linear_acceleration') for axis in 'xyz')

@@ -3,7 +3,6 @@
 """Plot data as Foxglove exports it: a path after the other, a number a line."""
 
 from csv import DictReader
-from pathlib import Path
 
 from bags import read, refusal, said
 from imu_allan.recordings import open_recording
@@ -17,12 +16,12 @@ FIELDS = [f'{name}.{axis}' for name in ('angular_velocity', 'linear_acceleration
           for axis in 'xyz']
 
 
-def stamp(number: int, later_ns: int = 0) -> str:
+def stamp(number, later_ns=0):
     time = number * 5_000_000 + later_ns
     return f'{START + time // 10**9}.{time % 10**9:09d}'
 
 
-def write(path: Path, topics: dict[str, float], more: str = '', headers: bool = True) -> Path:
+def write(path, topics, more='', headers=True):
     lines = [HEAD] + [
         f'{n / 200},{stamp(n, 1234)},{stamp(n) if headers else ""},{topic}.{field},'
         f'{float(SAMPLES[n, column]) * scale!r}'

@@ -38,7 +38,7 @@ def test_an_image_outside_of_chunks_larger_than_a_window_is_passed_over(tmp_path
     assert remarks == []
 
 
-def unlimited() -> ReadingLimits:
+def unlimited():
     limits = ReadingLimits(Path(__file__), 1_000_000)
     limits.begin(0)
     return limits
@@ -134,7 +134,7 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(tmp_path, com
     assert counts == sorted(set(counts))
 
 
-def what_damages(path: Path, start: int) -> str:
+def what_damages(path, start):
     """Read a file of which the chunk at `start` alone is damaged; gives the reported reason."""
     after, [remark] = read(path)
     assert 800 < len(after) < 1000
@@ -181,26 +181,26 @@ def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, si
     assert remarks[0].code == 'damaged_recording'
 
 
-def record(opcode: int, body: bytes) -> bytes:
+def record(opcode, body):
     return bytes([opcode]) + struct.pack('<Q', len(body)) + body
 
 
-def text(content: bytes) -> bytes:
+def text(content):
     return struct.pack('<I', len(content)) + content
 
 
-def message(data: bytes, channel: int = 1) -> bytes:
+def message(data, channel=1):
     return record(5, struct.pack('<HIQQ', channel, 0, 1, 1) + data)
 
 
-def chunk(plain: bytes) -> bytes:
+def chunk(plain):
     """Return a chunk that zstd expands to these bytes."""
     packed = zstandard.compress(plain)
     return record(6, struct.pack('<QQQI', 0, 1, len(plain), 0) + text(b'zstd')
                   + struct.pack('<Q', len(packed)) + packed)
 
 
-def with_chunks(path: Path, added: bytes) -> Path:
+def with_chunks(path, added):
     """Write a recording in which others follow its chunks."""
     write_mcap(path, MESSAGES)
     content = path.read_bytes()
@@ -223,7 +223,7 @@ def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
     assert figures(broken.values['first'])[1:] == [1000]
 
 
-def channel(number: int, schema: int, topic: bytes) -> bytes:
+def channel(number, schema, topic):
     return record(4, struct.pack('<HH', number, schema) + text(topic) + text(b'cdr') + bytes(4))
 
 
@@ -239,7 +239,7 @@ def test_a_million_channels_take_neither_time_nor_memory(tmp_path):
     assert time.process_time() - start < 20
 
 
-def channels(first: int, definitions: list[bytes]) -> bytes:
+def channels(first, definitions):
     """Describe topics of an MCAP, of a type each."""
     return b''.join(
         record(3, struct.pack('<H', number) + text(b'a/msg/T%d' % number) + text(b'ros2msg')

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """PX4 logs, written field by field as the ULog specification says, and by pyulog itself."""
 
-from pathlib import Path
 from struct import pack
 
 from bags import assert_same, read, said
@@ -27,11 +26,11 @@ THIN = ('(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in 
 NO_FIELD = '(px4_msgs/msg/SensorCombined); its format has no field '
 
 
-def framed(kind: bytes, body: bytes) -> bytes:
+def framed(kind, body):
     return pack('<H', len(body)) + kind + body
 
 
-def write(path: Path, topics: dict[str, tuple[str, list[bytes]]]) -> Path:
+def write(path, topics):
     data = b'ULog\x01\x12\x35\x01' + pack('<Q', 0) + framed(b'B', bytes(40))
     for name, (form, _) in topics.items():
         data += framed(b'F', f'{name}:{form}'.encode())
@@ -44,18 +43,18 @@ def write(path: Path, topics: dict[str, tuple[str, list[bytes]]]) -> Path:
     return path
 
 
-def combined(step: int = 1) -> tuple[str, list[bytes]]:
+def combined(step=1):
     return COMBINED[1], [
         pack('<Q3fIi3f', TIMES_US[n] * step, *SAMPLES[n, :3], 4000, 0, *SAMPLES[n, 3:])
         for n in range(COUNT)]
 
 
-def one(columns: slice, step_us: int = 4_000) -> tuple[str, list[bytes]]:
+def one(columns, step_us=4_000):
     return ONE, [pack('<QQI3f', 90 + n * step_us, n * step_us + 1, 7, *SAMPLES[n, columns])
                  for n in range(COUNT)]
 
 
-def fifo() -> tuple[str, list[bytes]]:
+def fifo():
     return FIFO, [pack('<QQIffB12h', 9, 1_000_000 + 500 * n, 7, 125.0, 0.5, 4, *range(n, n + 12))
                   for n in range(COUNT)]
 

@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """rosbag2 databases: whole, unfinished, damaged, made to cost time, memory or files."""
 
-from collections.abc import Callable, Iterable
 from contextlib import closing
 import os
-from pathlib import Path
 import shutil
 import sqlite3
 
@@ -125,10 +123,9 @@ ENDLESS = ('WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELE
            '1 AS topic_id, i AS timestamp, randomblob(336) AS data FROM n')
 
 
-def from_script(*statements: str | tuple[str, Callable[[], Iterable[tuple[object, ...]]]],
-                first: Callable[[Path], Path] | None = None) -> Callable[[Path], Path]:
+def from_script(*statements, first=None):
     """Make a database by statements, some with rows; topic /imu is entered with its table."""
-    def make(folder: Path) -> Path:
+    def make(folder):
         path = folder / 'a.db3' if first is None else first(folder)
         with closing(sqlite3.connect(path)) as database:
             for statement in statements:
@@ -143,11 +140,11 @@ def from_script(*statements: str | tuple[str, Callable[[], Iterable[tuple[object
     return make
 
 
-def written(folder: Path) -> Path:
+def written(folder):
     return write_db3(folder / 'a.db3', block(2000))
 
 
-HOSTILE: dict[str, Callable[[Path], Path]] = {
+HOSTILE = {
     'endless view of messages': from_script(TOPICS, f'CREATE VIEW messages AS {ENDLESS}'),
     'endless view of topics': from_script(MESSAGES, (
         'CREATE VIEW topics AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) '

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder of tables, a sensor each, as phones record them."""
 
-from pathlib import Path
 
 from bags import no_axes, NO_TIME
 from imu_allan import analyze
@@ -20,8 +19,7 @@ WITHOUT_AXES = 'time,seconds_elapsed,z,y,x\n1,2,3,4,5\n'
 BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
 
 
-def write(folder: Path, name: str, rate_hz: int, sigma: float, up: float = 0.0,
-          header: str = 'time,seconds_elapsed,z,y,x') -> None:
+def write(folder, name, rate_hz, sigma, up=0.0, header='time,seconds_elapsed,z,y,x'):
     """Write ten seconds of a sensor as Sensor Logger does."""
     noise = RNG.normal([up, 0, 0], sigma, (10 * rate_hz, 3))
     (folder / f'{name}.csv').write_text('\n'.join([header, *(

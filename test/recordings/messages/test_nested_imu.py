@@ -3,10 +3,8 @@
 """Messages of other types: an Imu inside, found by the definition, or fields by their names."""
 
 from contextlib import closing
-from pathlib import Path
 
 from bags import database, figures, insert, raise_malformed, read, refusal, said
-from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
@@ -40,12 +38,12 @@ def driver_messages(inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
             np.arange(extras(number), dtype=np.float32)), DRIVER)
 
 
-def mcap_of(path: Path, **options) -> Path:
+def mcap_of(path, **options):
     return write_mcap(path / 'a.mcap', DRIVER, full_definition(STORE, DRIVER),
                       driver_messages(**options))
 
 
-def assert_read(path: Path, count: int = COUNT) -> ImuBlock:
+def assert_read(path, count=COUNT):
     """Require every bit of the first samples, with their stamps."""
     messages, remarks = read(path)
     assert remarks == []

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading in a process or thread of its own: the same messages, and nothing left behind."""
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
@@ -30,7 +29,7 @@ def every_recording_is_worth_a_process(monkeypatch):
     monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0)
 
 
-def children() -> list[int]:
+def children():
     found = []
     for process in Path('/proc').glob('[0-9]*'):
         # One may end meanwhile.
@@ -41,7 +40,7 @@ def children() -> list[int]:
     return found
 
 
-def threads() -> int:
+def threads():
     return sum(thread.name.startswith('imu_allan') for thread in threading.enumerate())
 
 
@@ -123,7 +122,7 @@ def test_a_thread_reads_where_a_process_cannot_or_need_not(tmp_path, monkeypatch
 def test_a_consumer_that_stops_early_ends_the_thread_and_closes_the_source():
     closed = []
 
-    def endless() -> Iterator[int]:
+    def endless():
         try:
             while True:
                 yield 1
