@@ -23,7 +23,6 @@ def imported(path: Path) -> frozenset[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path}: relative import'
-            assert node.module is not None
             parts = {f'{node.module}.{alias.name}' for alias in node.names
                      if f'{node.module}.{alias.name}' in MODULES}
             found |= parts

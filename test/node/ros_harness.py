@@ -462,7 +462,6 @@ class Sensor:
 
     def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
         """Publish what it measures meanwhile, each sample so many times."""
-        assert self.driver is not None
         count = round(seconds * self.rate_hz)
         self.driver.replay(at_rest(
             count, self.rate_hz, start_s=self.now_s, seed=self.random, noise=self.noise,

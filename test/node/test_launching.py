@@ -106,8 +106,6 @@ def described(name):
     for module, kinds in MODULES.items():
         vars(modules[module]).update(kinds)
     spec = importlib.util.spec_from_file_location(name, ROOT / 'launch' / f'{name}.launch.py')
-    assert spec is not None
-    assert spec.loader is not None
     file = importlib.util.module_from_spec(spec)
     with mock.patch.dict(sys.modules, modules):
         spec.loader.exec_module(file)

@@ -19,7 +19,6 @@ from whole_lines import Varying
 
 
 def saved(ros, sensor):
-    assert sensor.driver is not None
     sensor.driver.until_taken()
     return ros.saved()
 
@@ -218,11 +217,6 @@ class HostileWorld:
             self.imu.measure(seconds / 2, self.polled)
             self.ros.executor.spin_once(timeout_sec=0.1)
 
-    @property
-    def driver(self):
-        assert self.imu.driver is not None
-        return self.imu.driver
-
     def _start(self):
         self.nodes.append(self.ros.start('imu_allan_node', {
             'publish_period': 0.5, 'checkpoint_period': 1.0,
@@ -274,7 +268,7 @@ class HostileWorld:
         self.imu.rate_hz = rate_hz
 
     def _signal(self):
-        assert self.driver.publisher.wait_for_all_acked()
+        assert self.imu.driver.publisher.wait_for_all_acked()
         assert self.nodes[-1].stop(self.draw.choice((
             signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))) == 0
         self.imu.unplug()
@@ -285,10 +279,10 @@ class HostileWorld:
         self.imu.now_s += self.draw.choice((1, 3600, 100_000))
 
     def _pause(self):
-        assert self.driver.publisher.wait_for_all_acked()
+        assert self.imu.driver.publisher.wait_for_all_acked()
         self.ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True))
         self.imu.measure(2.0, self.polled)
-        assert self.driver.publisher.wait_for_all_acked()
+        assert self.imu.driver.publisher.wait_for_all_acked()
         self.ros.call(SetBool, 'imu_allan/pause')
 
 
@@ -309,7 +303,7 @@ def test_a_hostile_time_is_one_run_of_one_imu(ros, seconds, seed, polled):
                      if term != 'noise_density' and found['observable']}
             assert not shown, world.happened
         results.clear()
-    world.driver.until_taken()
+    world.imu.driver.until_taken()
     document = ros.saved()
     assert_density(document, 100.0)
     lines = [line for node in world.nodes for line in node.lines]

@@ -188,7 +188,6 @@ def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw, rate_
     assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=1e-3 if late else 1e-6)
     assert summary.timeline.missing == 0
     assert np.array_equal(rows_by_place(even)[1], block.samples)
-    assert summary.start_time is not None
     assert summary.start_time.startswith('2023-11-14T22:13:20')
 
 

@@ -163,8 +163,6 @@ def faults_of(page: Path, browser: Browser, width: int, dark: bool) -> list[Any]
 @contextmanager
 def running_browser() -> Iterator[Browser]:
     """Start a browser with a profile of its own; it ends with the context."""
-    assert CHROMIUM
-    assert DRIVER
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, subprocess.Popen(
             [DRIVER, '--port=0'], stdout=subprocess.PIPE, text=True) as driver:
         try:
