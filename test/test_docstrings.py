@@ -13,6 +13,12 @@ import pytest
 from sources import MODULES, PACKAGE
 
 PAGE = (PACKAGE.parent / 'docs' / 'statistics.md').read_text()
+NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_noise': 'Q',
+         'gauss_markov': 'Gauss-Markov process', 'power_law': 'exponent',
+         'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
+         'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
+         'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
+OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
 
 
 @pytest.mark.parametrize('module', sorted(
@@ -41,14 +47,6 @@ def test_public_numerics_name_an_equation_and_show_an_example(name):
     docstring = getattr(imu_allan, name).__doc__
     assert re.search(r'\(\d\d?\)', docstring)
     assert '>>>' in docstring
-
-
-NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_noise': 'Q',
-         'gauss_markov': 'Gauss-Markov process', 'power_law': 'exponent',
-         'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
-         'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
-         'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
-OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
 
 
 @pytest.mark.parametrize('shape', [

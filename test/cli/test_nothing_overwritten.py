@@ -7,6 +7,11 @@ import shutil
 
 import pytest
 
+INPUT = 'is an input of this command, which would be overwritten; name another file'
+OTHER = 'exists and is no {}, so it is not replaced; name another file, or remove this one'
+RESULT = 'document imu_allan.result'
+EMPTY = 'names no file; is a variable of the shell empty?'
+
 
 @pytest.fixture
 def folder(tmp_path, recording, result_file, monkeypatch):
@@ -26,12 +31,6 @@ def folder(tmp_path, recording, result_file, monkeypatch):
     (tmp_path / 'planted' / 'result.json').symlink_to(tmp_path / 'r.json')
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-INPUT = 'is an input of this command, which would be overwritten; name another file'
-OTHER = 'exists and is no {}, so it is not replaced; name another file, or remove this one'
-RESULT = 'document imu_allan.result'
-EMPTY = 'names no file; is a variable of the shell empty?'
 
 
 @pytest.mark.parametrize(('arguments', 'line'), [

@@ -42,6 +42,13 @@ OTHERS = [*(f'CREATE VIEW {{name}} AS SELECT {query}' for query in (
           "UPDATE sqlite_master SET sql = 'x' WHERE name = '{name}'",
           "UPDATE sqlite_master SET rootpage = 3 WHERE name = '{name}'",
           "UPDATE sqlite_master SET name = '{other}' WHERE name = '{name}'"]
+STORE = store_with({'a/msg/F': 'std_msgs/Header header\nstring[] names\nsensor_msgs/Imu[2] imus\n'
+                               'float32[<=4] rest\n'})
+DEFINITION = full_definition(STORE, 'a/msg/F')
+MESSAGE = bytes(STORE.serialize_cdr(STORE.types['a/msg/F'](
+    stamped(STORE, 1), ['a', 'bc'], [imu(STORE, 1), imu(STORE, 2)], np.ones(3, np.float32)),
+    'a/msg/F'))
+PATHS = ('imus[0].angular_velocity', 'rest[0:3]', 'header.stamp.sec,rest[0],rest[1]', 'names[0]')
 
 
 def value(choice):
@@ -117,15 +124,6 @@ def judge_decoding(text, message, options):
         assert str(error).isprintable()
         assert len(str(error)) < 1000
     assert time.process_time() - began < LONGEST_S
-
-
-STORE = store_with({'a/msg/F': 'std_msgs/Header header\nstring[] names\nsensor_msgs/Imu[2] imus\n'
-                               'float32[<=4] rest\n'})
-DEFINITION = full_definition(STORE, 'a/msg/F')
-MESSAGE = bytes(STORE.serialize_cdr(STORE.types['a/msg/F'](
-    stamped(STORE, 1), ['a', 'bc'], [imu(STORE, 1), imu(STORE, 2)], np.ones(3, np.float32)),
-    'a/msg/F'))
-PATHS = ('imus[0].angular_velocity', 'rest[0:3]', 'header.stamp.sec,rest[0],rest[1]', 'names[0]')
 
 
 def judge_fields(choice):

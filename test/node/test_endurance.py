@@ -16,6 +16,14 @@ import pytest
 from repeated import slow
 from ros_harness import assert_kept_up, Health, LARGEST_MB, PATIENCE_S, resident_mb
 
+MODEL = parse_model("""
+gyro: {noise_density: 1e-4 rad/s/sqrt(Hz), bias_instability: 2e-5 rad/s,
+       rate_random_walk: 2e-6 rad/s^2/sqrt(Hz)}
+accel: {noise_density: 2e-3 m/s^2/sqrt(Hz), bias_instability: 4e-4 m/s^2,
+        rate_random_walk: 5e-5 m/s^3/sqrt(Hz), z: {mean: 9.81 m/s^2}}
+""")
+RATE_HZ = 25.0
+
 
 @contextmanager
 def busy_cores(count):
@@ -86,15 +94,6 @@ def test_memory_and_cost_stay_as_samples_pile_up(ros, hours, speed, best_effort)
         assert memories[-1] < 1.1 * memories[0]
         costs = np.diff(cpu) / np.diff(samples)
         assert costs[-1] < 1.25 * costs[0]
-
-
-MODEL = parse_model("""
-gyro: {noise_density: 1e-4 rad/s/sqrt(Hz), bias_instability: 2e-5 rad/s,
-       rate_random_walk: 2e-6 rad/s^2/sqrt(Hz)}
-accel: {noise_density: 2e-3 m/s^2/sqrt(Hz), bias_instability: 4e-4 m/s^2,
-        rate_random_walk: 5e-5 m/s^3/sqrt(Hz), z: {mean: 9.81 m/s^2}}
-""")
-RATE_HZ = 25.0
 
 
 def phases(draw, hours):

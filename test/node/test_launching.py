@@ -30,6 +30,10 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
 # `launch` has no wheels: these show what a launch file says, no more.
 LaunchContext = dict[str, str]
+IMPORTS = 'from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor\n'
+MOST_MB = 40
+"""Of each further IMU in a process."""
+SAMPLES = 2000
 
 
 def taking(kind, *positional, **keywords):
@@ -203,12 +207,6 @@ def test_the_demo_hands_its_arguments_to_the_simulator():
         name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in (
             ('model', str), ('rate', float), ('speed', float), ('duration', float))}]
     assert simulator.namespace == node.namespace
-
-
-IMPORTS = 'from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor\n'
-MOST_MB = 40
-"""Of each further IMU in a process."""
-SAMPLES = 2000
 
 
 @contextmanager

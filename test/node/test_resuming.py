@@ -33,6 +33,10 @@ PERIOD_S = 1.0
 LATE_S = 0.2
 """How late a report may be about what had been received."""
 SETUP = Setup('/imu', TimelineOptions())
+STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
+         'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
+         'empty': np.empty((0, 6))}
+CONTENT = encode_state(STATE)
 
 
 def start(ros):
@@ -225,12 +229,6 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     assert kept.summary().timeline.samples == 2000
     assert 'error its latest samples are not in it: No space left on device' in heard.lines
     storage.close(is_over=False)
-
-
-STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
-         'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
-         'empty': np.empty((0, 6))}
-CONTENT = encode_state(STATE)
 
 
 def framed(payload, version=VERSION):

@@ -17,6 +17,11 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from whole_lines import Varying
 
+PLUG_S = 2.5
+"""Nobody plugs in faster: whoever sends again sooner has only been slow."""
+COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
+"""Samples of the IMU that may be lost: what comes meanwhile, and what is held for a look at it."""
+
 
 def saved(ros, sensor):
     sensor.driver.until_taken()
@@ -179,12 +184,6 @@ def test_a_recording_in_a_loop_is_counted_once(ros, health):
     driver.until_taken()
     assert ros.saved()['timeline']['samples'] == 3000
     assert set(document['axes']) == set(AXES)
-
-
-PLUG_S = 2.5
-"""Nobody plugs in faster: whoever sends again sooner has only been slow."""
-COSTS = {'rate': 1300, 'stranger beside': 300, 'pause': 300}
-"""Samples of the IMU that may be lost: what comes meanwhile, and what is held for a look at it."""
 
 
 class HostileWorld:

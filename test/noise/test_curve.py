@@ -13,6 +13,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+DT = 0.25
+SHAPES = {'quantization_noise': (1.1, spectrum.quantization),
+          N: (1.3, spectrum.white), B: (1.5, spectrum.flicker),
+          K: (0.9, spectrum.random_walk)}
+"""Terms of about one size, and their spectra."""
+
 
 def test_nbs14_and_stable32_to_the_printed_digits():
     points = octaves(shown([892, 809, 823, 798, 671, 644, 883, 903, 677]))
@@ -51,13 +57,6 @@ def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyo
     full = 4 if samples == 300_000 else len(tau)
     np.testing.assert_allclose(found[:full], expected[:full], rtol=1e-9)
     np.testing.assert_allclose(found, expected, rtol=1e-2)
-
-
-DT = 0.25
-SHAPES = {'quantization_noise': (1.1, spectrum.quantization),
-          N: (1.3, spectrum.white), B: (1.5, spectrum.flicker),
-          K: (0.9, spectrum.random_walk)}
-"""Terms of about one size, and their spectra."""
 
 
 def edf_of_spectrum(keys, size, stride, count):

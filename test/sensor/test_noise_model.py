@@ -25,6 +25,10 @@ COMMA = 'has a decimal comma where a point belongs'
 NO_NUMBER = 'does not begin with a number'
 NO_RATE = 'is not in a unit that can be turned into rad/s'
 RIGHT = "write a number with its unit, such as '1 deg/h' or '1 rad/s'"
+CONSUMER = parse_model(
+    'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}\n'
+    'accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, '
+    'correlation_time: 30 s}}')
 
 
 @pytest.mark.parametrize(('text', 'unit', 'expected'), [
@@ -196,12 +200,6 @@ def test_every_shipped_model_is_read_and_table_2_has_the_values_of_the_paper():
     assert shipped['allan_variance_table2'].axes['gyro_x'] == pytest.approx({
         'quantization_noise': 2e-4 * DEG, N: 8e-3 * DEG_ROOT_H, B: 0.1 * DEG_H,
         'rate_random_walk': 8.080228018e-8, 'rate_ramp': 5 * DEG_H2})
-
-
-CONSUMER = parse_model(
-    'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}\n'
-    'accel: {noise_density: 100 ug/sqrt(Hz), gauss_markov: {sigma: 50 ug, '
-    'correlation_time: 30 s}}')
 
 
 def test_every_axis_has_noise_of_its_own_and_another_seed_gives_other_noise():

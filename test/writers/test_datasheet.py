@@ -24,6 +24,11 @@ from whole_lines import refused, Varying
 SIGMA, RATE_HZ = 0.01, 100.0
 DENSITY = SIGMA / np.sqrt(RATE_HZ)
 WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))[:, :3]
+SILENT = schema.Stationarity(False, 0.0, tuple(
+    schema.Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
+    for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9))))
+NOISE = 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}'
+GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.011 rad/s}}'
 
 
 def only(result, text):
@@ -53,13 +58,6 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     verdicts = check(result, parse_model('gyro: {noise_density: 2.5 deg/sqrt(h)}'),
                      shortest_s=4 * 3600.0)
     assert [one.verdict for one in verdicts] == ['cannot tell', 'fail', 'cannot tell']
-
-
-SILENT = schema.Stationarity(False, 0.0, tuple(
-    schema.Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
-    for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9))))
-NOISE = 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}'
-GRAVITY, ZERO_BIAS = 'accel: {gravity_error: 5 mg}', 'gyro: {x: {zero_bias: 0.011 rad/s}}'
 
 
 @pytest.mark.parametrize(('changed', 'text', 'outcome', 'reason'), [

@@ -26,6 +26,12 @@ EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
 """The same times of the day, without the day."""
 LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
 THERE = 'there are time_s, time_ms, gx_dps, w0'
+ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
+            'field.orientation.x,field.orientation_covariance0,field.angular_velocity.x,'
+            'field.angular_velocity.y,field.angular_velocity.z,field.angular_velocity_covariance0,'
+            'field.linear_acceleration.x,field.linear_acceleration.y,'
+            'field.linear_acceleration.z,field.linear_acceleration_covariance0\n')
+ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' * 9 + '\n'
 
 
 @pytest.fixture
@@ -263,14 +269,6 @@ def test_the_digits_and_the_unit_of_times_are_those_of_most_rows(path, before, c
     messages, _ = read_text(path, f'{head}\n{before}{rows[cut:]}')
     assert (messages.header_ns - START_NS - 1).tolist()[-29:] == [
         place * 10_000_001 for place in range(1, 30)]
-
-
-ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
-            'field.orientation.x,field.orientation_covariance0,field.angular_velocity.x,'
-            'field.angular_velocity.y,field.angular_velocity.z,field.angular_velocity_covariance0,'
-            'field.linear_acceleration.x,field.linear_acceleration.y,'
-            'field.linear_acceleration.z,field.linear_acceleration_covariance0\n')
-ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' * 9 + '\n'
 
 
 def fields(form):

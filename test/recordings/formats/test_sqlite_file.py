@@ -16,6 +16,12 @@ import pytest
 from repeated import slow
 
 WHOLE = block(5000)
+TOPICS = ('CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, '
+          'serialization_format TEXT)')
+MESSAGES = ('CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, '
+            'data BLOB)')
+ENDLESS = ('WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id, '
+           '1 AS topic_id, i AS timestamp, randomblob(336) AS data FROM n')
 
 
 def test_every_bit_of_the_old_schema_is_read_in_order_even_where_stamps_go_back(tmp_path):
@@ -113,14 +119,6 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     assert_same(block(4), after.part(slice(4)))
     assert remark == said(path, 'malformed_messages', what='message', count=3, topic='/imu',
                           type='sensor_msgs/Imu', first='not a blob of 1,048,576 bytes at most')
-
-
-TOPICS = ('CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, '
-          'serialization_format TEXT)')
-MESSAGES = ('CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, '
-            'data BLOB)')
-ENDLESS = ('WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id, '
-           '1 AS topic_id, i AS timestamp, randomblob(336) AS data FROM n')
 
 
 def from_script(*statements, first=None):

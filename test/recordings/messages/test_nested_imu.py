@@ -23,6 +23,10 @@ TEXT = ('std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'
 STORE = store_with({DRIVER: TEXT})
 COUNT = 200
 STAMPS = START_NS + other_types.STEP_NS * np.arange(COUNT)
+SINGLE = samples(COUNT).astype(np.float32)
+OWN = 'my_driver/msg/Frame'
+OWN_TEXT = ('float64 t\nfloat32[6] raw\nInner inner\nint16 gx\nint16 gy\nint16 gz\nstring name\n')
+INNER = {'my_driver/msg/Inner': 'geometry_msgs/Point[2] points\nbuiltin_interfaces/Time when\n'}
 
 
 def driver_messages(inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
@@ -198,12 +202,6 @@ def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
 def test_a_type_that_is_no_single_imu_is_refused_with_the_reason(kind, definition, reason):
     with refused(reason):
         imu_messages(kind, full_definition(store_with({kind: definition}), kind))
-
-
-SINGLE = samples(COUNT).astype(np.float32)
-OWN = 'my_driver/msg/Frame'
-OWN_TEXT = ('float64 t\nfloat32[6] raw\nInner inner\nint16 gx\nint16 gy\nint16 gz\nstring name\n')
-INNER = {'my_driver/msg/Inner': 'geometry_msgs/Point[2] points\nbuiltin_interfaces/Time when\n'}
 
 
 def own(folder):
