@@ -133,8 +133,7 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_makereport(item: pytest.Item,
-                              call: pytest.CallInfo[None]) -> Iterator[None]:
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
     """Skip a test that comes upon something that only PyPI has, where that is missing."""
     outcome: Any = yield
     _skip_if_lacking(outcome.get_result(), call, item.path)

@@ -136,8 +136,7 @@ def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_an
     assert scores['bias_instability'] == {'false': 0.5}
     assert scores['rate_random_walk'] == {'reported': 0.0}
     for truth, score in ((1.0, 0.2), (1.2, 0.2 / 1.2 + 40 / 12)):
-        assert accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (
-            pytest.approx(score))
+        assert accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (pytest.approx(score))
 
 
 def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed():

@@ -24,8 +24,7 @@ OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
 @pytest.mark.parametrize('module', sorted(
     name for name, path in MODULES.items() if '>>>' in path.read_text()))
 def test_examples_give_what_they_say(module):
-    failed, _ = doctest.testmod(import_module(module),
-                                optionflags=doctest.NORMALIZE_WHITESPACE)
+    failed, _ = doctest.testmod(import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE)
     assert not failed
 
 

@@ -104,8 +104,7 @@ def test_sentences_of_the_program_are_short_and_have_no_english_of_its_own():
     texts += (ROOT / 'config' / 'imu_allan.yaml').read_text().splitlines()
     assert len(texts) > 1000
     # What an option or an argument is called.
-    assert not [text for text in texts
-                if PRIVATE.search(re.sub(r'\bcoast(_s)?\b', '', text))]
+    assert not [text for text in texts if PRIVATE.search(re.sub(r'\bcoast(_s)?\b', '', text))]
 
 
 def test_no_name_or_comment_has_english_of_its_own():

@@ -97,8 +97,7 @@ def fresh_environment():
 
 def environment(path, *packages):
     """Make a virtual environment with `packages`; return its folder of programs."""
-    subprocess.run([sys.executable, '-m', 'venv', str(path)], check=True,
-                   env=fresh_environment())
+    subprocess.run([sys.executable, '-m', 'venv', str(path)], check=True, env=fresh_environment())
     subprocess.run([str(path / 'bin' / 'python'), '-m', 'pip', 'install', '--quiet', *packages],
                    check=True, env=fresh_environment())
     return path / 'bin'

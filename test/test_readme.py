@@ -112,8 +112,7 @@ def test_command_of_the_tool_runs_as_printed(command, workplace, monkeypatch, ca
     assert done.stderr == ''
 
 
-@pytest.mark.parametrize('block', [
-    block for page in PAGES for block in blocks(page, 'python')])
+@pytest.mark.parametrize('block', [block for page in PAGES for block in blocks(page, 'python')])
 def test_python_of_the_pages_runs(block, workplace, monkeypatch):
     import imu_allan
     monkeypatch.chdir(workplace)

@@ -32,8 +32,7 @@ def node(shared_ros):
     for name in ('rosbags', 'mcap', 'zstandard', 'lz4', 'jinja2', 'rich'):
         (missing / f'{name}.py').write_text(
             f'raise ModuleNotFoundError("No module named {name!r}", name={name!r})')
-    return shared_ros.start('imu_allan_node', {'publish_period': 0.5},
-                            prepend_path=missing)
+    return shared_ros.start('imu_allan_node', {'publish_period': 0.5}, prepend_path=missing)
 
 
 @pytest.fixture(scope='module')

@@ -71,8 +71,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     # Nobody has asked for the state at home, whose place takes nothing.
     home = ros.folder / 'home'
     home.write_text('in the way')
-    *results, (status, text) = start_repeatedly(
-        ros, [*arguments, []], env={'ROS_HOME': str(home)})
+    *results, (status, text) = start_repeatedly(ros, [*arguments, []], env={'ROS_HOME': str(home)})
     state = home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
     assert (status, said_in(text)[0]) == (
         0, f'nothing is kept over a crash: state_file {state}: cannot be written (Not a '

@@ -48,8 +48,7 @@ class Client:
             self._ros.until(client.service_is_ready)
             self._clients[service] = client
         self._ros.until(lambda: self.has_room(service))
-        self._asked.append((service, self._clients[service].call_async(
-            request or kind.Request())))
+        self._asked.append((service, self._clients[service].call_async(request or kind.Request())))
 
     def has_room(self, service):
         """Whether a further request to the service need not wait."""

@@ -106,10 +106,8 @@ def mcap_written(path: Path, profile: str = 'ros2', **options: Any,
                   definition: str = '', encodings: tuple[str, str] = ('cdr', 'ros2msg'),
                   number: int = 0, sequence: int = 0) -> None:
             if (topic, number) not in channels:
-                schema = kind and writer.register_schema(
-                    kind, encodings[1], definition.encode())
-                channels[topic, number] = writer.register_channel(
-                    topic, encodings[0], schema or 0)
+                schema = kind and writer.register_schema(kind, encodings[1], definition.encode())
+                channels[topic, number] = writer.register_channel(topic, encodings[0], schema or 0)
             if stamp is not None:
                 writer.add_message(channels[topic, number], stamp, bytes(data), stamp, sequence)
 

@@ -15,8 +15,7 @@ from rosbags.typesys import get_typestore, Stores
 from whole_lines import refused
 import yaml
 
-MESSAGES = replace(
-    block(17_000), absent=np.arange(34_000).reshape(17_000, 2) % 3 == 0)
+MESSAGES = replace(block(17_000), absent=np.arange(34_000).reshape(17_000, 2) % 3 == 0)
 
 
 @pytest.mark.parametrize(('storage', 'compression'), [

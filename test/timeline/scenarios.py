@@ -153,8 +153,7 @@ def header_tick(m: Messages, truth: Truth, rng: Generator) -> None:
 
 
 def header_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
-    late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz,
-                                      len(m.header))
+    late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz, len(m.header))
     m.header = np.maximum.accumulate(late + 2e-9 * np.arange(len(late)))
 
 
@@ -170,8 +169,7 @@ def header_nominal_batches(m: Messages, truth: Truth, rng: Generator) -> None:
     size = int(rng.choice([4, 8, 16]))
     off = float(rng.choice([-0.08, -0.04, 0.04, 0.08]))
     batch = m.place // size
-    m.header = ((batch + 1) * size
-                - (size - 1 - m.place % size) * (1 + off)) / truth.rate_hz
+    m.header = ((batch + 1) * size - (size - 1 - m.place % size) * (1 + off)) / truth.rate_hz
 
 
 def header_drift(m: Messages, truth: Truth, rng: Generator) -> None:
@@ -192,8 +190,7 @@ def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> None:
 
 def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> None:
     size = int(rng.choice([2, 4, 10]))
-    m.receive = ((m.place // size + 1) * size / truth.rate_hz + 1e-3
-                 + (m.place % size) * 2e-5)
+    m.receive = ((m.place // size + 1) * size / truth.rate_hz + 1e-3 + (m.place % size) * 2e-5)
 
 
 def header_speed(m: Messages, truth: Truth, rng: Generator) -> None:

@@ -181,8 +181,7 @@ def test_rate_and_losses_are_right_whatever_the_stamps(rate_hz, duration_s, rel,
     assert run(cut(kept.block(), range(0, len(kept.place), 997)))[0] == summary
 
 
-@pytest.mark.parametrize(('share', 'where'), [
-    (0.6, 'start'), (0.3, 'middle'), slow(0.6, 'end')])
+@pytest.mark.parametrize(('share', 'where'), [(0.6, 'start'), (0.3, 'middle'), slow(0.6, 'end')])
 def test_a_frozen_sensor_is_left_out_and_reported(share, where):
     messages, truth, _ = gyro()
     n = len(messages.place)
@@ -545,8 +544,7 @@ def test_a_sensor_polled_faster_than_it_samples_has_its_own_rate(ratio):
     assert_right(result, truth, 0.02)
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
     assert result.timeline.missing == 0
-    assert said(result, 'held_values').values == {
-        'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
+    assert said(result, 'held_values').values == {'share': pytest.approx(1 - 1 / ratio, abs=5e-3)}
 
 
 @pytest.mark.parametrize('again', [0.05, 0.3])

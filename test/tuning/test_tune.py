@@ -163,8 +163,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes,
         pairs = [(one.noise_density, one.random_walk) for one in (
             tune(axis, 1.0, 60.0, conservative=True), tune(axis, 1.0, 60.0))]
         # And the pair half way to the tuned one.
-        for ratios, (n, k) in ((careful, pairs[0]),
-                               (half, np.sqrt(np.multiply(*pairs)))):
+        for ratios, (n, k) in ((careful, pairs[0]), (half, np.sqrt(np.multiply(*pairs)))):
             filters = Filters.with_random_walk(one(n**2), one(k**2), 1.0)
             ratios.append(truth.expected(filters, horizons)[:, 0]
                           / filters.predicted(horizons)[:, 0])

@@ -373,8 +373,7 @@ def test_a_bound_that_the_curve_contradicts_is_not_exported(consumer):
         # K sqrt(300/3) is at most 5e-3 rad/s, and K sqrt(3/3) at most 1e-2.
         curve = replace(axis.curve, tau_s=(3.0, 300.0), ci95=((1e-3, 1e-2), (1e-3, 5e-3)))
         axes[f'gyro_{letter}'] = replace(axis, curve=curve)
-    text = export(build_result(axes=axes, timeline=Timeline(RATE, 1_000_000, 2500.0)),
-                  consumer)
+    text = export(build_result(axes=axes, timeline=Timeline(RATE, 1_000_000, 2500.0)), consumer)
     assert not re.search(r'4e\+?0?9|4\.0e\+09|4000000000', text)
     # FAST-LIO's variance per sample: K^2 times 400 Hz.
     for part in ('0.0005' if consumer != 'fast_lio' else '0.0001', 'most that',
@@ -552,8 +551,7 @@ def said(text):
 
 @pytest.mark.parametrize('consumer', ['basalt', 'rovio'])
 def test_where_each_axis_has_its_own_numbers_each_is_expected_to_be_right(consumer):
-    for nis_low, nis_high, least, most in said(
-            export_as_wished(DRIFTING, consumer)).values():
+    for nis_low, nis_high, least, most in said(export_as_wished(DRIFTING, consumer)).values():
         assert 0.8 < nis_low <= nis_high < 1.1
         assert 0.7 < least <= most < 1.4
     # Of the axis with a tenth of the noise the worst pair predicts a hundred times the variance.

@@ -208,5 +208,4 @@ def test_sentences_are_short_and_plain(code):
 
 def test_every_finding_is_said_as_it_was():
     assert {found.code for found in SAID} == set(WORDS)
-    assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID),
-                     'snapshots/findings.txt')
+    assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID), 'snapshots/findings.txt')

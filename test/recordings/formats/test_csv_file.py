@@ -391,8 +391,7 @@ def test_units_stand_in_names_in_many_ways(path, header, factors):
     numbers = ','.join(map(str, range(1, header.count(',') + 2)))
     messages, _ = read_text(path, f'time [ms],{header}\n500,{numbers}\n')
     assert messages.header_ns.tolist() == [500_000_000]
-    assert messages.samples[0] == pytest.approx(
-        np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
+    assert messages.samples[0] == pytest.approx(np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
 
 
 @pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'latin-1'])

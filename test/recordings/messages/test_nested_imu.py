@@ -222,8 +222,7 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
         gyro='raw[3:6] deg/s', accel='inner.points[1] g', stamp='t s'))
     np.testing.assert_allclose(messages.samples, SINGLE.astype(float) * np.repeat(
         [np.pi / 180, 9.80665], 3), rtol=1e-15)
-    assert messages.header_ns.tolist() == [
-        round((1.7e9 + n / 128) * 1e9) for n in range(COUNT)]
+    assert messages.header_ns.tolist() == [round((1.7e9 + n / 128) * 1e9) for n in range(COUNT)]
     messages, _ = read(path, options=RecordingOptions(gyro='gx,gy,gz', stamp='inner.when'))
     assert messages.samples[:, :3].tolist() == [[n, -n, 7] for n in range(COUNT)]
     assert messages.absent.all(axis=0).tolist() == [False, True]
