@@ -79,10 +79,8 @@ def test_padding_to_four_bytes_behind_a_message_is_tolerated():
 
 @pytest.mark.parametrize(('message', 'reason'), [
     (b'', '0 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
-    (MESSAGE[:-1],
-     '315 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
-    (MESSAGE + bytes(4),
-     '320 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
+    (MESSAGE[:-1], '315 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
+    (MESSAGE + bytes(4), '320 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
     (b'\0\7' + MESSAGE[2:], 'encapsulation 0x0007 is not plain CDR'),
     (MESSAGE[:12] + b'\xff' * 4 + MESSAGE[16:],
      '316 bytes are not a sensor_msgs/Imu message whose frame_id has 4294967295 bytes'),

@@ -54,8 +54,7 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
 @pytest.mark.parametrize(('words', 'line'), [
     ('', 'the following arguments are required: VERB'),
     ('analyse bag', 'argument VERB: ' + CHOICE.format("'analyse'") + '; did you mean analyze?'),
-    ('analyze bag --al-topics',
-     'unrecognized arguments: --al-topics; did you mean --all-topics?'),
+    ('analyze bag --al-topics', 'unrecognized arguments: --al-topics; did you mean --all-topics?'),
     ('check one two three --spec spec.yaml', 'unrecognized arguments: two three; '
      'imu_allan check takes one RESULT_OR_RECORDING at a time'),
     ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
@@ -94,8 +93,7 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
      'KEY=VALUE with a KEY of serial, operator, station'),
     ('check bag --spec x --live --start auto',
      '--start auto looks at the whole recording; with --live name a time'),
-    ('report r.json --format bmp',
-     "argument --format: 'bmp' is not one of png, svg, pdf, latex"),
+    ('report r.json --format bmp', "argument --format: 'bmp' is not one of png, svg, pdf, latex"),
     ('report r.json --width 3', "argument --width: '3' is not a width of 5 to 50 cm"),
     # A line break within a number.
     ('analyze bag --rate 1\\n2', NO_RATE.format('1\\n2')),

@@ -41,8 +41,7 @@ def test_a_file_that_is_no_result_is_refused(tmp_path, content, complaint):
 
 
 @pytest.mark.parametrize(('path', 'value', 'complaint'), [
-    ('axes.gyro_x.unit', 'deg/s',
-     'axes.gyro_x: expected quantity angular_velocity in rad/s'),
+    ('axes.gyro_x.unit', 'deg/s', 'axes.gyro_x: expected quantity angular_velocity in rad/s'),
     (f'{DENSITY}.value', None, f'{DENSITY}: observable, but without value or ci95'),
     (f'{DENSITY}.observable', False, f'{DENSITY}: not observable, but with a value'),
     (f'{DENSITY}.value', '1', f'{DENSITY}.value: expected float, found str'),

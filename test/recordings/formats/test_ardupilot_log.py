@@ -26,8 +26,7 @@ FORMATS = {
     'ACC': (133, 'QBQfff', 'TimeUS,I,SampleUS,AccX,AccY,AccZ'),
     'ISBH': (134, 'QHBBHHQf', 'TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate'),
     'ISBD': (135, 'QHHaaa', 'TimeUS,N,seqno,x,y,z'),
-    'IMU2': (136, 'QffffffIIfBBHH',
-             'TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz')}
+    'IMU2': (136, 'QffffffIIfBBHH', 'TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz')}
 
 
 def write(path, messages):

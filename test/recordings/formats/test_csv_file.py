@@ -324,8 +324,7 @@ def fields(form):
     ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\ngx: 250 dps, ax: 8 g\ngain,ax\n'
      'millis,ax,ay,az,gx,gy,gz\n'
      '500,4,5,6,1,2,3\n', [500_000_000]),
-    ('# timestamp[ns] w.x w.y w.z a.x a.y a.z\n'
-     f'{STAMP} 1 2 3 4 5 6\n', [STAMP]),
+    (f'# timestamp[ns] w.x w.y w.z a.x a.y a.z\n{STAMP} 1 2 3 4 5 6\n', [STAMP]),
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('ms,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
