@@ -172,13 +172,8 @@ class Ros:
               best_effort: bool = False, shared_memory: bool = False,
               prepend_path: Path | None = None, wrapper: Sequence[str] = (),
               constants: Mapping[str, float] = NOTHING) -> Process:
-        """
-        Start a node.
-
-        Unless `best_effort`, every sample reaches imu_allan_node. With `shared_memory` it has the
-        transports that DDS chooses by default, and is ended in peace. The `constants` are those of
-        the node that have another value, such as reports.LOOK_S.
-        """
+        """Start a node, which gets every sample unless `best_effort`; `constants` as LOOK_S."""
+        # With the transports that DDS chooses by default, `shared_memory`, it is ended in peace.
         namespace, given = namespace or self.namespace, dict(parameters)
         if program == 'imu_allan_node':
             given.setdefault('output_dir', str(self.folder / 'output'))
@@ -279,12 +274,8 @@ class Ros:
         return result
 
     def close(self) -> None:
-        """
-        End every process that is still running.
-
-        The test's own nodes go first: where others vanished in the same moment, Fast DDS has
-        crashed in `destroy_node` now and then.
-        """
+        # The test's own nodes go first: where others vanished in the same moment, Fast DDS has
+        # crashed in `destroy_node` now and then.
         self.executor.shutdown()
         for node in (self.node, *self._recorders):
             node.destroy_node()
