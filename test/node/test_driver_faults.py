@@ -68,8 +68,7 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
         assert node.lines.count(line) == 1, node.log
 
 
-def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_no_nan(
-        ros: Ros) -> None:
+def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_no_nan(ros):
     node = ros.start('imu_allan_node', {'publish_period': 1.0}, constants={'reports.LOOK_S': 0.2})
     driver = Driver(ros).wait_for_node()
     for count in np.random.default_rng(1).integers(3, 14, 40):
