@@ -116,8 +116,8 @@ class Reports:
             return f'; {"; ".join(facts.refused)}'
         kind = type_name.rpartition('/')[2]
         others = [name for name, types in self._node.get_topic_names_and_types()
-                  if type_name in types and name != facts.topic
-                  and self._node.count_publishers(name)]
+                  if type_name in types and name != facts.topic and type_name in [
+                      one.topic_type for one in self._node.get_publishers_info_by_topic(name)]]
         if others:
             remedy = f'-p {facts.half}_topic' if facts.half else f'-r {TOPIC}'
             return (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '

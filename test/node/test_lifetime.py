@@ -293,6 +293,10 @@ def test_a_pause_passes_samples_over_and_counts_as_a_gap(shared_ros, shared_driv
 
 def test_silence_is_reported_with_the_topics_that_there_are(shared_ros, shared_driver, node):
     other = Driver(shared_ros, 'camera/imu')
+    # Another node waits for an Imu where only temperatures are published.
+    shared_ros.start('imu_allan_node', namespace=shared_ros.name('camera'),
+                     remaps={'imu/data_raw': 'temperature'})
+    shared_ros.node.create_publisher(Temperature, shared_ros.name('camera/temperature'), 1)
     shared_ros.node.destroy_publisher(shared_driver.publisher)
     # The first complaint may have come while the publisher was still there.
     shared_ros.until(lambda: Varying(
