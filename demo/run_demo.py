@@ -121,7 +121,7 @@ def characterize_live(model_file: Path, model: NoiseModel, rate_hz: float, secon
         node = stack.enter_context(ros_process(
             'imu_allan_node', 'imu_allan.node.imu_allan_node', namespace, output,
             {**lossless, 'publish_period': 1.0, 'output_dir': str(output / 'live'),
-             'state_file': ''}))
+             'state_file': '', 'clock': 'header'}))
         simulator = stack.enter_context(ros_process(
             'imu_simulator', 'imu_allan.node.imu_simulator', namespace, output,
             {'model': str(model_file), 'rate': rate_hz, 'duration': seconds, 'speed': 0.0,

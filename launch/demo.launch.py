@@ -34,6 +34,8 @@ def generate_launch_description() -> LaunchDescription:
             package='imu_allan', executable='imu_allan_node', name='imu_allan',
             namespace=NAMESPACE, output='screen', parameters=[{
                 'publish_period': 1.0,
+                # The simulated clock is right at any speed.
+                'clock': 'header',
                 # The simulator at full speed waits for subscribers that take every sample.
                 f'{subscription}.reliability': 'reliable',
                 f'{subscription}.history': 'keep_all'}],
