@@ -81,9 +81,10 @@ class Content(Record):
         alone = np.flatnonzero(self.changed)
         steps = np.abs(np.diff(np.clip(samples[:, alone[0]], -LARGEST, LARGEST)))
         made = steps[steps > 0]
-        # At the limit, the noise is two steps of the output, and repeats one value in eight.
+        # At the limit, the noise is two steps of the output, and repeats one value in eight. An
+        # axis that has stopped is as it was.
         return len(alone) == 1 and (
-            not len(made) or bool(np.median(made) < 2.5 * made.min()))
+            bool(np.median(made) < 2.5 * made.min()) if len(made) else not self.settled)
 
     def check(self) -> None:
         """Reject values of another number of axes."""
