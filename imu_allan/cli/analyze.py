@@ -236,9 +236,10 @@ def _report_files(folder: Path, exports: Sequence[str], args: argparse.Namespace
     """Print what was written to a folder, and which files of earlier results are still in it."""
     from imu_allan.writers.filters import stale_files_note
     from imu_allan.writers.folder import kinds_of_files
+    from imu_allan.writers.terminal import print_wrapped
 
     if alone:
-        print(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')
+        print_wrapped(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')
     # A cluster may have written to another disk.
     if args.dask is None and (old := stale_files_note(folder, exports)):
         print(f'imu_allan: {old}', file=sys.stderr)

@@ -52,7 +52,7 @@ class FleetResults:
         if len(self._results) + len(self._failures) < 2:
             return
         from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
-        from imu_allan.writers.terminal import console_of
+        from imu_allan.writers.terminal import console_of, print_wrapped
 
         fleet = Fleet(self._results, {unit: unit for unit in self._results},
                       tuple(Failure(*failure) for failure in self._failures))
@@ -62,7 +62,8 @@ class FleetResults:
         console.print(population_table(fleet, console.width))
         if self._output is not None:
             names = ', '.join(reversed([path.name for path in paths]))
-            print(f'Written to {printable(str(self._output))}: {names}; a folder for each unit')
+            print_wrapped(f'Written to {printable(str(self._output))}: {names}; a folder for each '
+                          'unit')
 
 
 def require_new(result: 'Result', unit: str, known: dict[tuple[float, ...], str]) -> None:

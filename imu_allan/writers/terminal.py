@@ -62,6 +62,12 @@ def wrapped(texts: Iterable[str], width: int, style: str = 'default', indent: in
             yield Text(line.replace('\xa0', ' '), style=style)
 
 
+def print_wrapped(text: str) -> None:
+    """Print a text on standard output, wrapped to the terminal."""
+    console = console_of()
+    console.print(*wrapped([text], console.width), sep='\n')
+
+
 def columns_of() -> int | None:
     """Return the width for lines printed without a console; None for a pipe."""
     stated = _stated()
