@@ -218,11 +218,12 @@ class CsvRecording(FileRecording):
             if not line:
                 break
 
-        def like_names(line: _Line) -> tuple[bool, ...]:
+        def like_names(line: _Line) -> tuple[int, ...]:
             # Names may be unknown. A line about the device may have those of axes, but has fewer
-            # cells than a sample, or other marks between them.
+            # cells than a sample, or other marks between them. A first line may be cut.
             fits = samples is None or line.cells >= samples.cells
-            return (line.named and fits, line.labelled and samples is None, line.named, fits,
+            return (line.named and fits, line.labelled * (samples is None) * line.cells,
+                    line.named, fits,
                     samples is not None and line.delimiter == samples.delimiter)
 
         best = max(lines, key=like_names)
@@ -246,6 +247,9 @@ class CsvRecording(FileRecording):
             header, has_mark = self._found_header(file)
             behind = file.tell()
             after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
+        if '\r' in header.rstrip():
+            raise ImuAllanError('its lines end with carriage returns alone, as an old Macintosh '
+                                'writes them; save it with line feeds')
         delimiter, names = cells_of(header)
         text = _decoded(after)
         self._arrow_as = (delimiter or ' ') if _ARROW in text else None

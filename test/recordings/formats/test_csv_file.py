@@ -209,6 +209,8 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
+    ('time_s,gyro_x\r0,1\r', 'its lines end with carriage returns alone, as an old Macintosh '
+     'writes them; save it with line feeds'),
     (b'\x1f\x8b\x08\x00',
      'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s; '
@@ -350,7 +352,7 @@ def fields(form):
      'accelerometer_m_s2[1],accelerometer_m_s2[2]\n2500000,1,2,3,5000,4,5,6\n', [2_500_000_000]),
     ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
      '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
-    *((f'00:00:01.000 -> Ready\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
+    *((f'00:00:01.000 -> Y:5 aZ:6\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
         [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
          for time in ('00:00:02.500', '00:00:03') for mark in marks] for marks in ',\t ')),
     ('00:00:02 -> gx,gy,gz,ax,ay,az\n00:00:02.500 -> 1,2,3,4,5,6\n00:00:03 -> 1,2,3,4,5,6\n',
