@@ -352,7 +352,7 @@ def fields(form):
      'accelerometer_m_s2[1],accelerometer_m_s2[2]\n2500000,1,2,3,5000,4,5,6\n', [2_500_000_000]),
     ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
      '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
-    *((f'00:00:01.000 -> Y:5 aZ:6\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
+    *((f'00:00:01.000 -> 5 aZ:6\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
         [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
          for time in ('00:00:02.500', '00:00:03') for mark in marks] for marks in ',\t ')),
     ('00:00:02 -> gx,gy,gz,ax,ay,az\n00:00:02.500 -> 1,2,3,4,5,6\n00:00:03 -> 1,2,3,4,5,6\n',
