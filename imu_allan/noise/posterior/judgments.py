@@ -42,9 +42,9 @@ LEAST_DESCRIBED = 1 / 64
 
 # ----------------------------------------------------------------------------- model uncertainties
 
-NAMED, UNNAMED = 0.06, 0.2
-"""Relative uncertainty of the power behind a listed filter, for each factor e that it attenuates,
-and of that above an edge. A real filter is near a listed one, seldom equal to it."""
+SHAPE_MEDIAN, SHAPE_SPREAD = 0.2, 1.0
+"""Log-normal prior of the relative error of a filter's power, for each factor e that it
+attenuates. A real filter is near a listed one, seldom equal to it; residuals show how near."""
 LEAK_KNOWN = 2e-4
 """Uncertainty of the power in a stop band, relative to the pass band: notches are narrow."""
 

@@ -6,27 +6,36 @@ Posterior over the noise models of each axis: weighted draws from all models tha
 References
 ----------
 E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931): the cube root of a chi-square.
+H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from imu_allan.arrays import Array, Bools
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.change import Change, STEADY
-from imu_allan.noise.posterior.evidence import sample
-from imu_allan.noise.posterior.judgments import DESCRIBED, NAMED, UNNAMED
+from imu_allan.noise.posterior.evidence import maximise_rows, sample
+from imu_allan.noise.posterior.judgments import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 from imu_allan.noise.posterior.likelihood import (
     fitted_mean,
     half_octaves,
+    log_prior,
     LOW,
     Rows,
     Spectra,
+    spectrum,
 )
 from imu_allan.noise.posterior.prepared import prepared, Start
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.search import best_of, KEPT, of_axis, refit, search_models
+from imu_allan.noise.posterior.search import (
+    best_of,
+    fast_ends,
+    KEPT,
+    of_axis,
+    search_models,
+)
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.trends import (
     Bank,
@@ -129,17 +138,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
         bank = Bank(some, TRENDS)
     sets = _sets(spectra, starts, found, records, bank)
     judged = [_judged(own) for own in sets]
-    factors = np.stack([factor for *_, factor in judged])
-    # Repeat the search for axes where a misfit reduces the weight of a group by a tenth or more.
-    misfitted: Bools = np.any(factors > 1.1, axis=1)
-    if misfitted.any():
-        spectra = spectra.with_dof(spectra.dof / factors)
-        found = refit(spectra, found)
-        fewer = [record if misfit else None
-                 for record, misfit in zip(records, misfitted, strict=True)]
-        for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
-            if misfitted[axis]:
-                sets[axis] = own
+    for axis, own in enumerate(_refitted(sets, [factor for *_, factor in judged])):
+        sets[axis] = own or sets[axis]
     return [Posterior(models, p_value, misfit, edge)
             for models, (p_value, misfit, edge, _) in zip(_drawn(sets), judged, strict=True)]
 
@@ -189,31 +189,114 @@ def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
         weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
         local = (weight @ normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[octave]
-    removed, known = np.zeros(len(factor)), NAMED
-    if edge is not None:
+    removed = _removed(spectra, row)
+    if removed.any():
+        by_octave = np.zeros((len(count), len(dof)))
+        by_octave[octave, np.arange(len(dof))] = dof / count[octave]
+        _, slopes, used = spectrum(spectra, row, row.x)
+        error = _shape_error(normal * np.sqrt(2 / count), count / 2, by_octave @ removed,
+                             by_octave @ (slopes[:, 0] / lam[0]).T,
+                             log_prior(spectra, row, row.x)[2][0, used])
+        whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
+        factor *= 1 + whole * (error * removed)**2 / 2
+    return p_value, float(max(misfit.max(), 0.0)), edge, factor
+
+
+def _removed(spectra: Spectra, row: Rows) -> Array:
+    """Return how much the filter of a row attenuates each group, as a power of e."""
+    removed, edge = np.zeros(len(spectra.frequency)), int(row.edge[0])
+    if edge < len(removed):
+        # What attenuates the unexplained groups begins below them.
         removed = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
-        known = UNNAMED
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
         removed = np.maximum(removed, -value[0])
-    whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
-    factor *= 1 + whole * (known * removed)**2 / 2
-    return p_value, float(max(misfit.max(), 0.0)), edge, factor
+    return removed
+
+
+def _shape_error(residual: Array, weight: Array, removed: Array, slopes: Array, known: Array
+                 ) -> float:
+    """
+    Estimate the relative error of a filter's power, for each factor e that it attenuates.
+
+    By restricted likelihood, since the fit of the parameters hides a part of the error. Shapes are
+    (half-octaves,), of `slopes` by the parameters (half-octaves, parameters). `weight`: inverse
+    variance of the relative residuals. `known`: what the prior knows of the parameters.
+    """
+    tried = np.geomspace(1e-4, 1, 81)
+    weights = weight / (1 + weight * (tried[:, None] * removed)**2)
+    information = np.einsum('eh,hi,hj->eij', weights, slopes, slopes) + np.diag(known + 1e-9)
+    along = (weights * residual) @ slopes
+    fitted = np.linalg.solve(information, along[:, :, None])[..., 0]
+    log_density = 0.5 * (
+        np.log(weights).sum(axis=1) - weights @ residual**2 + (along * fitted).sum(axis=1)
+        - np.linalg.slogdet(information)[1] - (np.log(tried / SHAPE_MEDIAN) / SHAPE_SPREAD)**2)
+    return float(np.sqrt(np.average(tried**2, weights=np.exp(log_density - log_density.max()))))
+
+
+def _refitted(sets: Sequence[Sequence[TrendSet]], factors: Sequence[Array]
+              ) -> list[list[TrendSet]]:
+    """
+    Fit the models again with degrees of freedom divided by `factors`.
+
+    Returns: models of each axis; none where no group counts less by a tenth or more.
+    """
+    found: list[list[TrendSet]] = [[] for _ in sets]
+    for batch in _batches([own if (factor > 1.1).any() else []
+                           for own, factor in zip(sets, factors, strict=True)]):
+        spectra = batch[0][1].spectra
+        dof = spectra.dof.copy()
+        for axis, one in batch:
+            dof[one.rows.of[0]] /= factors[axis]
+        spectra = spectra.with_dof(dof)
+        rows = maximise_rows(spectra, Rows.joined([one.rows for _, one in batch]))
+        for axis, one in batch:
+            found[axis].append(TrendSet(one.found, spectra, of_axis(rows, int(one.rows.of[0]))))
+    return [_with_settled_ends(new, old) for new, old in zip(found, sets, strict=True)]
+
+
+def _batches(sets: Sequence[Sequence[TrendSet]]) -> list[list[tuple[int, TrendSet]]]:
+    """Gather the models of all axes that were fitted to the same spectra."""
+    found: dict[int, list[tuple[int, TrendSet]]] = {}
+    for axis, own in enumerate(sets):
+        for one in own:
+            found.setdefault(id(one.spectra), []).append((axis, one))
+    return [*found.values()]
+
+
+def _with_settled_ends(sets: Sequence[TrendSet], before: Sequence[TrendSet]) -> list[TrendSet]:
+    """
+    Weigh the fast ends of the spectrum as `before` degrees of freedom were reduced.
+
+    Where groups hardly count any more, white noise without a filter would fit them.
+    """
+    full, reduced = _best_by_end(before), _best_by_end(sets)
+    settled = []
+    for one in sets:
+        more = np.array([full[end] - reduced[end] for end in fast_ends(one.rows)])
+        settled.append(replace(one, rows=replace(
+            one.rows, evidence=one.rows.evidence + more, prior=one.rows.prior + more)))
+    return settled
+
+
+def _best_by_end(sets: Sequence[TrendSet]) -> dict[tuple[int, ...], float]:
+    """Return the largest evidence for each fast end."""
+    found: dict[tuple[int, ...], float] = {}
+    for one in sets:
+        for end, evidence in zip(fast_ends(one.rows), one.rows.evidence.tolist(), strict=True):
+            found[end] = max(found.get(end, -np.inf), evidence)
+    return found
 
 
 def _drawn(sets: Sequence[Sequence[TrendSet]]) -> list[tuple[Drawn, ...]]:
     """Draw from all models of each axis near its best; those of the same spectra in one batch."""
     evidence = [np.concatenate([one.rows.evidence for one in own]) for own in sets]
-    batches: dict[int, list[tuple[int, TrendSet]]] = {}
-    for axis, own in enumerate(sets):
-        for one in own:
-            near = np.flatnonzero(one.rows.evidence > evidence[axis].max() - KEPT)
-            if len(near):
-                batches.setdefault(id(one.spectra), []).append(
-                    (axis, replace(one, rows=one.rows.take(near))))
+    near = [[replace(one, rows=one.rows.take(np.flatnonzero(
+        one.rows.evidence > each.max() - KEPT))) for one in own]
+        for own, each in zip(sets, evidence, strict=True)]
     found: list[list[Drawn]] = [[] for _ in sets]
-    for batch in batches.values():
+    for batch in _batches([[one for one in own if len(one.rows)] for own in near]):
         spectra = batch[0][1].spectra
         of = {int(one.rows.of[0]): (axis, one.found) for axis, one in batch}
         rows = best_of(spectra, Rows.joined([one.rows for _, one in batch]), KEPT, 10)

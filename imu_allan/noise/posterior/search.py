@@ -215,11 +215,9 @@ def _corner_at(key: str, nu: float) -> float:
 def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
     """Return the best row for each of the best fast ends of an axis, and one without any."""
     own = of_axis(fast, axis)
-    seen: dict[tuple[object, ...], int] = {}
-    for i in range(len(own)):
-        low = bool(own.has[i, LOW])
-        key = (int(own.family[i]) if low else -1, int(own.edge[i]), *own.has[i, [*FAST]].tolist())
-        seen.setdefault(key, i)
+    seen: dict[tuple[int, ...], int] = {}
+    for i, end in enumerate(fast_ends(own)):
+        seen.setdefault(end, i)
     kept = own.take(np.array(list(seen.values())[:5]))
     if any(_fast_part(kept.take(np.array([i]))) == [] and kept.edge[i] == spectra.dof.shape[1]
            for i in range(len(kept))):
@@ -228,6 +226,12 @@ def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
     plain = Proposals(spectra, axis)
     plain.add((N, B, K), start.x)
     return Rows.joined([kept, plain.rows()])
+
+
+def fast_ends(rows: Rows) -> list[tuple[int, ...]]:
+    """Return what describes the fast end of the spectrum: the shapes, the filter and the edge."""
+    family = np.where(rows.has[:, LOW], rows.family, -1)
+    return [*map(tuple, np.column_stack((family, rows.edge, rows.has[:, FAST])).tolist())]
 
 
 def _fast_part(row: Rows) -> list[int]:
@@ -290,8 +294,3 @@ def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
             own.add((*np.flatnonzero(has).tolist(), *fast), x, int(end.family[0]),
                     int(end.edge[0]), prior)
     return [own.rows()]
-
-
-def refit(spectra: Spectra, rows: Rows) -> Rows:
-    """Fit rows again after the degrees of freedom have changed."""
-    return best_of(spectra, maximise_rows(spectra, rows), KEPT, MOST)
