@@ -30,8 +30,8 @@ _SENSORS = {
             r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
             r'|drehrate|winkelgeschwindigkeit',
     'accel': r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
-             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc|a_rs_s|gf'
-             r'|accel_ln|beschleunigung'}
+             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc|a_rs_s'
+             r'|g_?f(?:orce)?|accel_ln|beschleunigung'}
 _SECOND_CHOICE = {
     'gyro': r'un_?comp_?(?:ang_?rate|gyro)',
     'accel': r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr'}
@@ -450,7 +450,7 @@ def _unit_in_name(name: str) -> str | None:
     """Return the unit in a name, of any quantity; a wrong quantity is rejected later."""
     if (clock := _clock_named(name)) is not None:
         return clock[1]
-    if re.fullmatch('gf[xyz]', name.lower()):
+    if re.fullmatch('g_?f(?:orce)?_?[xyz]', name.lower()):
         # Physics Toolbox.
         return 'g'
     if (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:

@@ -384,7 +384,7 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
      (pi / 180, 1.0)),
     ('gx [deg/s/131],gy [deg/s/131],gz [deg/s/131],ax [g/2048],ay [g/2048],az [g/2048]',
      (pi / 180 / 131, 9.80665 / 2048)),
-    ('wx,wy,wz,gFx,gFy,gFz,ax,ay,az', (1.0, 9.80665)),
+    ('wx,wy,wz,gFx,gFy,gForce_z,ax,ay,az', (1.0, 9.80665)),
     ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
      (pi / 180, 1.0)),
 ])
