@@ -127,7 +127,9 @@ class Storage:
                 return new_run(self._setup)
             run = unpack(state, self._setup)
         except UnusableState as error:
-            self._note_aside(error, self._state_file.keep_aside(error.reason))
+            aside = self._state_file.keep_aside(error.reason)
+            self._note_aside(f'{self._state_file.path} could not be resumed from, {error}; it',
+                             aside)
             return new_run(self._setup)
         longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
         if not longest_s:
@@ -163,7 +165,7 @@ class Storage:
             if self._facts.checkpoint_error:
                 return
             aside, unsaved = future.result()
-            self._note_aside(verdict, aside)
+            self._note_aside(f'the one before cannot go on, {verdict}; its state', aside)
             if unsaved:
                 self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
                 self._facts.checkpoint_error = unsaved
@@ -172,10 +174,9 @@ class Storage:
         # The next run has to be on the disk at once.
         self._last_checkpoint = time.monotonic() - self.checkpoint_period
 
-    def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
+    def _note_aside(self, what: str, aside: Path) -> None:
         assert self._state_file is not None
-        self._facts.resumed = (f'a new run: {self._state_file.path} could not be resumed from, '
-                               f'{unusable}; it is kept as {aside.name}')
+        self._facts.resumed = f'a new run: {what} is kept as {aside.name}'
         self._log.warning(self._facts.resumed, 'aside', 0.0)
         if removed := self._state_file.thin_out():
             self._log.warning('removed the oldest states that were kept aside: '

@@ -52,7 +52,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     assert document['timeline']['rejected'] == 0
     assert document['source']['frame_id'] == 'other'
     assert document['timeline']['sample_rate_hz'] == pytest.approx(50.0, rel=1e-3)
-    kept = Varying(f'a new run: {state} could not be resumed from, {reason}; it is kept as '
+    kept = Varying(f'a new run: the one before cannot go on, {reason}; its state is kept as '
                    'state.<words>')
     ros.until(lambda: kept in node.lines)
     [aside] = ros.folder.glob('state.*Z')
