@@ -19,7 +19,7 @@ from imu_allan.node.diagnostics import (
 from imu_allan.node.log import Log
 from imu_allan.node.shown_terms import rest_s
 from imu_allan.noise.terms import TERMS
-from imu_allan.result import Result
+from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
 from imu_allan.writers.words import for_display, message_of, title_of
@@ -134,7 +134,9 @@ class Announcements:
             return
         # Users tend to watch the first ten minutes; after that a night adds about ten lines.
         self._progress_at = now + (PROGRESS_S if now - self.began < 600.0 else 3600.0)
-        self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
+        self._log.info(progress_line(
+            result, facts.timeline or result.timeline, facts.moved_s,
+            comes=facts.silent_s < PAUSE_S))
 
     def _see_findings(self, source: str, findings: Sequence[Finding]) -> None:
         """Report new findings, and those that few samples showed by chance and more do not."""
@@ -149,9 +151,9 @@ class Announcements:
                 self._said[found.code] = found
 
 
-def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -> str:
+def progress_line(result: Result, timeline: Timeline, moved_s: float = 0.0, *,
+                  comes: bool = True) -> str:
     """Describe the samples, what is observable and, while messages come, what is expected next."""
-    timeline = result.timeline
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
     used = f', {duration(rest_s(timeline, moved_s))} of it at rest' if moved_s else ''
     counts = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())

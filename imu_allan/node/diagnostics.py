@@ -17,7 +17,7 @@ from imu_allan.node.result_messages import key_values, remark_values
 from imu_allan.node.shown_terms import rest_s
 from imu_allan.node.standards import Comparison
 from imu_allan.noise.terms import TERMS
-from imu_allan.result import Result
+from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
@@ -115,7 +115,8 @@ class Facts:
     output_error: str = ''  # of the check of the output folder
     checkpointed_at: float | None = None  # by the monotonic clock
     resumed: str = ''  # what became of the state file at the start
-    moved_s: float = 0.0  # excluded as motion
+    timeline: Timeline | None = None  # at the last look
+    moved_s: float = 0.0  # excluded of it as motion
     temperature_topic: str = ''
     thermometers: int = 0
     temperature_c: float | None = None

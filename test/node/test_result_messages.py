@@ -219,9 +219,10 @@ def test_progress_is_reported_every_minute_and_later_every_hour(heard):
     shown = ('observable of 3 axes: noise density of 3; next: bias instability of gyro x in about '
              '60 s')
     assert heard.lines[0] == f'info 6,000 samples at 100 Hz in 60 s; {shown}'
-    assert progress_line(result, 20.0) == (
-        f'6,000 samples at 100 Hz in 60 s, 40 s of it at rest; {shown}')
-    assert progress_line(replace(result, axes={})) == (
+    # What has come since the fit counts, with the motion in it.
+    assert progress_line(result, Timeline(100.0, 9000, 90.0), 20.0) == (
+        f'9,000 samples at 100 Hz in 90 s, 70 s of it at rest; {shown}')
+    assert progress_line(replace(result, axes={}), result.timeline) == (
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
 
 
