@@ -247,8 +247,8 @@ def offset_progress(progress: Progress, before: int, parts: int = 1) -> Progress
     return None if progress is None else lambda done: progress((before + done) // parts)
 
 
-def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
-            ) -> Generator[list[Taken], None, None]:
+def growing(recording: Recording, choice: Choice, next_look: Callable[[int], int],
+            progress: Progress) -> Generator[list[Taken], None, None]:
     """
     Read the chosen part of a recording as if it came live.
 
@@ -256,29 +256,28 @@ def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
     and at the end of the recording, yield what was taken so far, by halves if the IMU has two.
     If the gyroscope has a topic of its own, its messages are counted.
     """
-    with choice.opened(path) as recording:
-        halves = list(_begun(recording, choice, None))
-        taken, look, has_temperature = 0, next_look(0), False
-        side_by_side = merge(*(zip(repeat(number), filter(len, half.blocks))
-                               for number, half in enumerate(halves)),
-                             key=lambda found: int(found[1].receive_ns[0]))
-        for number, block in side_by_side:
-            characterization, start = halves[number].characterization, 0
-            while start < len(block):
-                stop = min(len(block), start + look - taken) if number == 0 else len(block)
-                characterization.take([block.part(slice(start, stop))])
-                taken, start = taken + (stop - start if number == 0 else 0), stop
-                if taken == look:
-                    if not has_temperature:
-                        # All readings, once the clock is known; later ones wait for their samples.
-                        for half in halves:
-                            half.take_temperature()
-                        has_temperature = True
-                    yield halves
-                    look = next_look(taken)
-        for half in halves:
-            half.characterization.finish()
-        yield halves
+    halves = list(_begun(recording, choice, progress))
+    taken, look, has_temperature = 0, next_look(0), False
+    side_by_side = merge(*(zip(repeat(number), filter(len, half.blocks))
+                           for number, half in enumerate(halves)),
+                         key=lambda found: int(found[1].receive_ns[0]))
+    for number, block in side_by_side:
+        characterization, start = halves[number].characterization, 0
+        while start < len(block):
+            stop = min(len(block), start + look - taken) if number == 0 else len(block)
+            characterization.take([block.part(slice(start, stop))])
+            taken, start = taken + (stop - start if number == 0 else 0), stop
+            if taken == look:
+                if not has_temperature:
+                    # All readings, once the clock is known; later ones wait for their samples.
+                    for half in halves:
+                        half.take_temperature()
+                    has_temperature = True
+                yield halves
+                look = next_look(taken)
+    for half in halves:
+        half.characterization.finish()
+    yield halves
 
 
 def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:

@@ -11,6 +11,7 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
 from imu_allan.cli.fleet import raise_last, require_new
+from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
@@ -155,7 +156,9 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
 
     if is_result(source):
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')
-    with closing(growing(source, choice, next_look)) as looks:
+    with choice.opened(source) as recording, progress_bar(
+            source, recording.size_bytes, wanted=not args.no_progress) as bar, closing(
+            growing(recording, choice, next_look, bar)) as looks:
         for taken in looks:
             result, fits = fitted_of(taken)
             found = check_state({one.stream.half or '': one.characterization for one in taken},
@@ -163,5 +166,5 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
                                 shortest_s=args.min_duration, result=result, fits=fits)
             if found.decided:
                 break
-        print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
-        return result, list(found.verdicts)
+    print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
+    return result, list(found.verdicts)

@@ -23,7 +23,8 @@ class ProgressBar:
         """Show how much is done."""
         if self._bar is not None:
             progress, task = self._bar
-            progress.update(task, completed=done)
+            # Topics that are read side by side count apart.
+            progress.update(task, completed=max(done, progress.tasks[task].completed))
 
     @contextmanager
     def aside(self) -> Iterator[None]:

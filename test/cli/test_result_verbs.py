@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ElementTree
 
 from exact_results import with_axes
 import imu_allan
+from imu_allan.cli.progress import ProgressBar
 from imu_allan.finding import finding
 from imu_allan.result import Inspection
 from imu_allan.writers.datasheet import live
@@ -192,12 +193,16 @@ def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
         recording, tmp_path, against, monkeypatch, limit, status, word, last):
     # Fewer looks.
     monkeypatch.setattr(live, 'GROWTH', 1.5)
+    bytes_read = []
+    monkeypatch.setattr(ProgressBar, '__call__', lambda _, done: bytes_read.append(done))
     found, said, _ = against(recording, f'gyro: {{noise_density: {limit}}}', '--live',
                              '--json', tmp_path / 'c.json')
     assert found == status
     # Of the five minutes of the recording.
     assert float(re.match(r'certain after ([\d.]+) s', said)[1]) < 60
     assert json.loads((tmp_path / 'c.json').read_text())['verdict'] == word
+    # A long one shows its progress.
+    assert bytes_read
     assert Varying(last) in said.splitlines()
 
 
