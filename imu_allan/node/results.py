@@ -49,7 +49,7 @@ class Results:
         self.filter_of = Filter(values['aiding_interval'], values['coast'])
         self.latest: Result | None = None
         self._plotted: Result | None = None
-        self._next_fit = time.monotonic()
+        self._fitted_s = self._rested = 0.0
         self.publish_every(values['publish_period'])
 
     def publish_every(self, period_s: float) -> None:
@@ -61,7 +61,7 @@ class Results:
         """Forget the results of the previous run."""
         self.latest = self._plotted = None
         self._facts.comparisons = []
-        self._next_fit = time.monotonic()
+        self._fitted_s = self._rested = 0.0
 
     def due(self, now: float) -> bool:
         """Return whether it is time to publish; true once per period."""
@@ -78,7 +78,9 @@ class Results:
         settled = now - last_message > 2.0
         if self._worker.under_way('fit'):
             return
-        if run.fed != run.fitted and (now >= self._next_fit or settled):
+        # An early result is of little use: replace it when the record is three times as long.
+        grown = run.span_s >= self._fitted_s * (1 + FIT_GROWTH if now >= self._rested else 3.0)
+        if run.fed != run.fitted and (grown or settled):
             self.fit(run, to_the_end=settled)
         else:
             self._publications.serve_newcomers()
@@ -88,6 +90,7 @@ class Results:
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
         run.fitted = fed = run.fed
+        span_s = run.span_s
         snapshot, name, looks = run.snapshot(), self._node_name, run.datasheet_looks
         tested = None if to_the_end else run.backtests
         stamp = run.stamp_ns or time.time_ns()
@@ -114,10 +117,8 @@ class Results:
             self.latest, self._facts.fit_s = done.result, done.took_s
             self._facts.comparisons = done.comparisons
             run.learn(done.of_lanes, fed if tested is None else None)
-            # Fits use at most 1 % of a core: a small computer has a driver to run, too. An early
-            # result is of little use: replace it when the record is three times as long.
-            self._next_fit = began + max(FIT_GROWTH * run.duration_s,
-                                         min(100 * done.cpu_s, 2 * run.duration_s))
+            # Fits use at most 1 % of a core: a small computer has a driver to run, too.
+            self._fitted_s, self._rested = span_s, began + 100 * done.cpu_s
             self._publications.publish(done.messages)
             self._announcements.see_result(done.result)
             self._announcements.see_comparisons(self._facts)

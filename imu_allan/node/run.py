@@ -138,9 +138,8 @@ class Run:
         self.lanes = lanes
         # Makes its folder unique: another node may have begun with the same sample.
         self.mark = mark or secrets.token_hex(2)
-        # Messages in the last fit and checkpoint, and the duration of the fitted record.
+        # Messages in the last fit and checkpoint.
         self.fitted = self.checkpointed = 0
-        self.duration_s = 0.0
         # Whether another run has replaced it.
         self.over = False
         # Both are updated by the thread that fits.
@@ -176,7 +175,6 @@ class Run:
 
     def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
         """Keep what later fits and checks of the IMU need from a fit."""
-        self.duration_s = max(result.timeline.duration_s for result in results)
         for lane, result in zip(self.lanes, results, strict=True):
             lane.known.learn(result.source)
         if tested_at is not None:

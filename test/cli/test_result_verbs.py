@@ -64,8 +64,8 @@ def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, output_of, fail
         'accel: {noise_density: 100 ug/sqrt(Hz)}\n')
     for name in CONSUMERS:
         if name.startswith('state_space'):
-            assert fails_with(f'no configuration for {name}: this result has no drift model; '
-                              'analyze the recording again', *export, name) == ''
+            assert fails_with(f'no configuration for {name}: a datasheet has no drift model; '
+                              'plain has its numbers', *export, name) == ''
         else:
             assert (f'the DATASHEET {sheet}: nothing of it was measured'
                     in output_of(*export, name))

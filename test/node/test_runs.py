@@ -5,12 +5,15 @@
 from dataclasses import replace
 import json
 from operator import itemgetter
+import time
+from unittest.mock import Mock
 
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.publishers import MIXED, Publishers
+from imu_allan.node.results import Results
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.noise.random_effects import random_effects
@@ -369,3 +372,22 @@ def test_without_numbers_another_set_of_offers_is_another_publisher():
     killed, both, three = [b'c'], [b'c', b'd'], [b'c', b'd', b'e']
     assert [sender(seconds, *there) for seconds, there in (
         (0.5, killed), (1.5, both), (6.0, three), (10.0, three))] == [3, 3, 4, 4]
+
+
+@pytest.mark.parametrize('speed', [1.0, 100.0])
+def test_a_fit_is_due_as_the_record_grows_however_fast_it_is_replayed(speed):
+    run, fitted, began = Mock(over=False, fitted=0, stamp_ns=1), [], time.monotonic()
+
+    def fit(_, __, publish):
+        fitted.append(run.fed)
+        publish(Mock(**{'result.return_value': Mock(result=None, cpu_s=0.5)}))
+
+    worker = Mock(under_way=lambda _: False, start=fit, failure=lambda *_: '')
+    results = Results('', Mock(), worker, Mock(), Mock(), {
+        'spec_file': '', 'reference': '', 'aiding_interval': 0.1, 'coast': 60.0,
+        'publish_period': 1.0})
+    for second in range(1, 61):
+        run.fed, run.span_s = second, speed * second
+        results.publish_or_fit(began + second + 0.5, run, began + second)
+    # Half a second of the processor is 1 % of 50 s; until then the record is to be tripled.
+    assert fitted == [1, 3, 9, 27, 50, 60]

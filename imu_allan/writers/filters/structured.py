@@ -285,8 +285,9 @@ def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
         except ImuAllanError as error:
             raise ImuAllanError(f'{name}: {error}') from error
     if not spaces:
-        raise ImuAllanError(f'no configuration for {numbers.name}: this result has no drift '
-                            'model; analyze the recording again')
+        why = ('a datasheet has no drift model; plain has its numbers' if numbers.of_datasheet
+               else 'this result has no drift model; analyze the recording again')
+        raise ImuAllanError(f'no configuration for {numbers.name}: {why}')
     return spaces
 
 
