@@ -145,18 +145,31 @@ def recordings_in(
         if (folder / 'metadata.yaml').is_file():
             return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
-            _is_bag(item) if item.is_dir() else item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
+            _is_bag(item) or bool(_of_tables(item, options)) if item.is_dir() else
+            item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
         if _is_bag(folder):
             found += _separate_bags(folder) or [folder]
-        if not any((folder / name).is_file() for name in _RESULTS):
-            from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
-            # Beside others, a file with one sensor is a recording, too.
-            found += ([table for table in tables_in(folder) if _has_axes(table, options)]
-                      if found else TableFolder(folder, options).alone)
+        found += _of_tables(folder, options, beside=bool(found))
     except (OSError, ValueError):
         # The error is reported when the path is opened.
         return [folder]
     return sorted(found, key=lambda item: natural(item.name)) or [folder]
+
+
+def _of_tables(folder: Path, options: RecordingOptions, *, beside: bool = False) -> list[Path]:
+    """
+    List the CSV recordings of a folder: files with both sensors, or the folder if it is a pair.
+
+    `beside` others, a file with one sensor is a recording, too.
+    """
+    from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
+    tables = tables_in(folder)
+    if not tables or any((folder / name).is_file() for name in _RESULTS):
+        return []
+    if not holds_recording(folder):
+        with suppress(ImuAllanError):
+            return TableFolder(folder, options).alone or [folder]
+    return [table for table in tables if _has_axes(table, options)] if beside else []
 
 
 def _has_axes(table: Path, options: RecordingOptions) -> bool:

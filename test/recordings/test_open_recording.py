@@ -103,9 +103,13 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     (tmp_path / 'run_100.bag').touch()
     for name, columns in (('gyro', 'time_s,gyro_z'), ('odd', '1,2,3'), ('gps', 'time_s,latitude')):
         (tmp_path / f'{name}.csv').write_text(f'{columns}\n1,2\n')
-    several = ['gyro.csv', 'odd.csv', 'run_9', 'run_10', 'run_100.bag']
+    # Phones: a table of each sensor, and others in a folder of their own.
+    for name in 'phone/Gyroscope', 'phone/Accelerometer', 'phone/meta/device':
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / f'{name}.csv').write_text('time_s,x,y,z\n1,2,3,4\n2,3,4,5\n')
+    several = ['gyro.csv', 'odd.csv', 'phone', 'run_9', 'run_10', 'run_100.bag']
     assert [path.name for path in recordings_in(tmp_path)] == several
-    with refused(f'{tmp_path}: holds 5 recordings, such as gyro.csv; name one'):
+    with refused(f'{tmp_path}: holds 6 recordings, such as gyro.csv; name one'):
         open_recording(tmp_path)
     (tmp_path / 'night.mcap').touch()
     assert {*recordings_in(tmp_path)} == {tmp_path, *(tmp_path / name for name in several)}
