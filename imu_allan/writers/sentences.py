@@ -613,7 +613,7 @@ WORDS: Mapping[str, Words] = {
         'malformed messages', 'Messages that are no IMU messages are left out.',
         'They are too short, or hold no numbers.',
         says=_malformed_messages,
-        brief='most messages are no IMU messages'),
+        brief=lambda f: f'most {f.what}s cannot be read'),
     # what the model explains
     'short_recording': Words(
         'short recording',
