@@ -322,18 +322,12 @@ def _taken(recording: Recording, choice: Choice, progress: Progress,
 def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
     """Yield each stream, ready to be read."""
     for stream, options, blocks, noted in _streams(recording, choice, progress):
+        # Imported here, while another process has already begun to read.
+        from imu_allan.characterization import Characterization
         shortfall: list[Finding] = []
-        part = _part(recording, choice, blocks, shortfall)
-        yield Taken(recording, stream, noted, part,
-                    _characterization(recording, stream.topic, options), shortfall)
-
-
-def _characterization(recording: Recording, topic: str, options: TimelineOptions
-                      ) -> Characterization:
-    # Imported here, while another process has already begun to read.
-    from imu_allan.characterization import Characterization
-    return Characterization(
-        kind='recording', path=str(recording.path), topic=topic, options=options)
+        yield Taken(recording, stream, noted, _part(recording, choice, blocks, shortfall),
+                    Characterization(kind='recording', path=str(recording.path),
+                                     topic=stream.topic, options=options), shortfall)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],

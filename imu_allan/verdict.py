@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from imu_allan.finding import Finding
 from imu_allan.result import AxisResult, Result, SensorVerdict
 
-SHORTEST_USABLE_S = 10.0
-"""With less rest even N is known to a tenth at best. Chosen by judgment."""
 SHORTEST_GOOD_S = 60.0
 """With less rest no term slower than N is visible."""
 FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
@@ -45,9 +43,11 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
     broken = list(dict.fromkeys([*(code for code in act if code in no_sensor), *faults]))
     unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
     short = ['short_recording']
-    if broken or unseen or rest_s < SHORTEST_USABLE_S:
+    # With less rest even N is known to a tenth at best. Chosen by judgment.
+    too_short = rest_s < 10.0
+    if broken or unseen or too_short:
         return SensorVerdict('not_usable', tuple(
-            broken or (short if rest_s < SHORTEST_USABLE_S else act or short)))
+            broken or (short if too_short else act or short)))
     if act or rest_s < SHORTEST_GOOD_S:
         return SensorVerdict('with_care', tuple(act or short))
     return SensorVerdict('good', ())

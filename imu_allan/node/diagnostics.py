@@ -35,7 +35,8 @@ SILENT_S = 2.0
 _LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-Verdict = tuple[bytes, str]
+Status = tuple[bytes, str]
+"""Level and message."""
 
 
 class Condition(NamedTuple):
@@ -131,19 +132,19 @@ def diagnostics_message(node_name: str, stamp: Time,
     """Return all statuses of the node."""
     array = DiagnosticArray()
     array.header.stamp = stamp
-    parts: list[tuple[str, str, Verdict, Mapping[str, object]]] = []
+    parts: list[tuple[str, str, Status, Mapping[str, object]]] = []
     for facts, summary in topics:
         which = f' {facts.half}' if facts.half else ''
         parts += [(f'reception{which}', facts.topic, _worst(
                       reception_conditions(facts),
                       f'receiving {facts.received_hz:.4g} messages per second'),
                    _reception_values(facts)),
-                  (f'timeline{which}', facts.topic, _timeline_verdict(facts, summary),
+                  (f'timeline{which}', facts.topic, _timeline_status(facts, summary),
                    _timeline_values(facts, summary))]
     facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
-    parts += [('estimation', both, _estimation_verdict(facts, result),
+    parts += [('estimation', both, _estimation_status(facts, result),
                _estimation_values(facts, result)),
-              ('storage', both, _storage_verdict(facts), {
+              ('storage', both, _storage_status(facts), {
                   'state_file': facts.state_file or None,
                   'checkpoint_age_s': None if facts.checkpointed_at is None else
                   time.monotonic() - facts.checkpointed_at})]
@@ -169,7 +170,7 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
     return name, key, seconds
 
 
-def _worst(conditions: Sequence[Condition], otherwise: str) -> Verdict:
+def _worst(conditions: Sequence[Condition], otherwise: str) -> Status:
     return next(((condition.level, condition.message) for condition in conditions
                  if condition.present), (OK, otherwise))
 
@@ -277,7 +278,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
                   f'no message is rejected any more; {_were(unusable(summary))} in all')]
 
 
-def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
+def _timeline_status(facts: Facts, summary: TimelineSummary) -> Status:
     samples = summary.timeline.samples
     return _worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
                   f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz')
@@ -318,7 +319,7 @@ def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, obj
             'expected_rate_hz': facts.expected_rate or None}
 
 
-def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
+def _estimation_status(facts: Facts, result: Result | None) -> Status:
     if facts.fit_error:
         return ERROR, facts.fit_error
     if result is None or not result.axes:
@@ -353,7 +354,7 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
     return values
 
 
-def _storage_verdict(facts: Facts) -> Verdict:
+def _storage_status(facts: Facts) -> Status:
     error = facts.checkpoint_error or facts.save_error or facts.output_error
     if error:
         return ERROR, error

@@ -143,7 +143,7 @@ class Storage:
         self._log.info(self._facts.resumed)
         return run
 
-    def keep_aside(self, run: Run, verdict: UnusableState) -> None:
+    def keep_aside(self, run: Run, why: UnusableState) -> None:
         """Rename the state of the run so that the next one cannot overwrite it."""
         state_file = self._state_file
         if state_file is None:
@@ -158,14 +158,14 @@ class Storage:
                 except ImuAllanError as error:
                     # The earlier state is then all the more worth keeping.
                     unsaved = str(error)
-            return state_file.keep_aside(verdict.reason), unsaved
+            return state_file.keep_aside(why.reason), unsaved
 
         def note(future: 'Future[tuple[Path, str]]') -> None:
             self._facts.checkpoint_error = self._worker.failure('aside', future)
             if self._facts.checkpoint_error:
                 return
             aside, unsaved = future.result()
-            self._note_aside(f'the one before cannot go on, {verdict}; its state', aside)
+            self._note_aside(f'the one before cannot go on, {why}; its state', aside)
             if unsaved:
                 self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
                 self._facts.checkpoint_error = unsaved
