@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from imu_allan.arrays import Array, Bools, Ints
 import numpy as np
-from numpy.typing import NDArray
 
 Half = Literal['gyro', 'accel']
 """The sensors of an IMU, each of which may have its own topic and rate."""
@@ -45,18 +45,18 @@ class ImuBlock:
 
     """
 
-    header_ns: NDArray[np.int64]
-    receive_ns: NDArray[np.int64]
-    samples: NDArray[np.float64]
-    absent: NDArray[np.bool_]
+    header_ns: Ints
+    receive_ns: Ints
+    samples: Array
+    absent: Bools
     frame_id: str
-    numbers: NDArray[np.int64] | None = None
+    numbers: Ints | None = None
 
     def __len__(self) -> int:
         """Return the number of messages."""
         return len(self.samples)
 
-    def part(self, rows: slice | NDArray[np.bool_]) -> ImuBlock:
+    def part(self, rows: slice | Bools) -> ImuBlock:
         """Return some of the messages; a slice is not copied."""
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
                         self.absent[rows], self.frame_id,
@@ -93,9 +93,9 @@ class EvenBlock:
 
     """
 
-    samples: NDArray[np.float64]
+    samples: Array
     first_index: int
-    interpolated: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    interpolated: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     new_run: bool = False
     restart: bool = False
     start_s: float = 0.0

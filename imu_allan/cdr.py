@@ -27,6 +27,7 @@ from itertools import pairwise
 from struct import unpack_from
 from typing import Literal
 
+from imu_allan.arrays import Bools, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, shorten
 import numpy as np
@@ -65,7 +66,7 @@ class MessageBatch:
     """
 
     rows: NDArray[np.uint8]
-    receive_ns: NDArray[np.int64]
+    receive_ns: Ints
     numbers: NDArray[np.uint32] | None = None
 
 
@@ -122,7 +123,7 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
 
 
 def decode_imu_rows(
-    rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], serialization: Serialization,
+    rows: NDArray[np.uint8], receive_ns: Ints, serialization: Serialization,
     on_malformed: OnMalformed,
 ) -> list[ImuBlock]:
     """
@@ -142,14 +143,14 @@ def decode_imu_rows(
     return blocks
 
 
-def blocks_from_messages(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
+def blocks_from_messages(messages: Sequence[bytes], receive_ns: Ints,
                          on_malformed: OnMalformed) -> list[ImuBlock]:
     """Decode messages in CDR, of any size, in order."""
     return [block for batch in batches_of(messages, receive_ns)
             for block in decode_imu_rows(batch.rows, batch.receive_ns, 'cdr', on_malformed)]
 
 
-def batches_of(messages: Sequence[bytes], receive_ns: NDArray[np.int64]) -> Iterator[MessageBatch]:
+def batches_of(messages: Sequence[bytes], receive_ns: Ints) -> Iterator[MessageBatch]:
     """Group consecutive messages of equal size into batches, one message per row."""
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
     for start, stop in runs(sizes[1:] != sizes[:-1], len(sizes)):
@@ -227,7 +228,7 @@ def _fields(
 
 
 def _decode_run(
-    rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], layout: ImuLayout,
+    rows: NDArray[np.uint8], receive_ns: Ints, layout: ImuLayout,
     serialization: Serialization,
 ) -> ImuBlock:
     fields = _fields(rows, layout, serialization)
@@ -273,11 +274,9 @@ def _key(row: NDArray[np.uint8], serialization: Serialization) -> bytes:
                     for start, stop in _key_spans(layout, serialization))
 
 
-def rows_like_first(
-    rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]],
-) -> NDArray[np.bool_] | None:
+def rows_like_first(rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]]) -> Bools | None:
     """Return which rows have the bytes of the first in these spans; None if all have."""
-    like: NDArray[np.bool_] | None = None
+    like: Bools | None = None
     for start, stop in spans:
         # Short texts are compared as numbers: five passes cost as much as one copy.
         if stop - start > 32:
@@ -305,7 +304,7 @@ def _as_numbers(start: int, stop: int) -> list[tuple[slice, str]]:
             for at in (*range(start, stop - width, width), stop - width)]
 
 
-def runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
+def runs(changes: Bools, count: int) -> Iterator[tuple[int, int]]:
     """Yield spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
     if count == 0:
         return

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import sqrt
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
 from imu_allan.noise.record.estimator import Estimator
@@ -16,7 +17,6 @@ from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 import numpy as np
-from numpy.typing import NDArray
 
 
 @dataclass
@@ -33,14 +33,14 @@ class LatestRows(Record):
 
     """
 
-    rows: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
-    scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    rows: Array = field(default_factory=lambda: np.empty((0, 6)))
+    scatter: Array = field(default_factory=lambda: np.zeros(6))
 
-    def add(self, rows: NDArray[np.float64], after_gap: bool) -> None:
+    def add(self, rows: Array, after_gap: bool) -> None:
         """Add the rows of a block."""
         self.rows = np.concatenate([self.rows[:0] if after_gap else self.rows, rows[-256:]])[-256:]
 
-    def moved(self, rows: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def moved(self, rows: Array) -> Bools:
         """Return for each axis whether its mean is another one in `rows`, which follow a gap."""
         count = len(self.rows) // 16
         # Fewer means say too little of their scatter: then an earlier one is used.
@@ -57,7 +57,7 @@ class LatestRows(Record):
 class Group(Record):
     """Axes that have always been present together."""
 
-    columns: NDArray[np.int64]    # indices among the six axes
+    columns: Ints    # indices among the six axes
     estimator: Estimator
     thermometer: Thermometer    # with the grid places of the samples of these axes
     end: int = 0    # grid place after the newest sample
@@ -71,7 +71,7 @@ class Group(Record):
         if self.columns.shape != (self.estimator.axes,):
             raise ValueError('axes of an estimator and their names differ in number')
 
-    def part(self, some: NDArray[np.bool_]) -> Group:
+    def part(self, some: Bools) -> Group:
         """Return a group of some of the axes, which continue on their own."""
         return replace(self, columns=self.columns[some],
                        estimator=self.estimator.select(np.flatnonzero(some).tolist()),
@@ -179,8 +179,7 @@ class FinishedRecord:
         return next(group for group in self.groups if name in group.names)
 
 
-def groups_of(groups: Sequence[Group], there: NDArray[np.bool_], readings: Thermometer
-              ) -> list[Group]:
+def groups_of(groups: Sequence[Group], there: Bools, readings: Thermometer) -> list[Group]:
     """
     Split groups, and add one, if some of their axes have left or come.
 

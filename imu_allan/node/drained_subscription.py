@@ -11,10 +11,10 @@ middleware queues the samples in its own threads.
 from dataclasses import dataclass
 import time
 
+from imu_allan.arrays import Ints
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.rclpy_inside import drain, OutOfWaitSet, RCLError
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
@@ -34,8 +34,8 @@ class Batch:
     """Messages in order of arrival."""
 
     messages: list[bytes]  # serialized, encapsulation header included
-    receive_ns: NDArray[np.int64]  # when the middleware received them, since 1970, shape (n,)
-    numbers: NDArray[np.int64] | None = None  # sequence numbers of the publisher, if known
+    receive_ns: Ints  # when the middleware received them, since 1970, shape (n,)
+    numbers: Ints | None = None  # sequence numbers of the publisher, if known
     full: bool = False  # one more message would have displaced the oldest
 
 

@@ -13,14 +13,13 @@ from importlib import import_module
 import re
 from typing import Any
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, blocks_from_messages, IMU_TYPE, OnMalformed
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
-import numpy as np
-from numpy.typing import NDArray
 
-Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
+Decode = Callable[[Sequence[bytes], Ints, OnMalformed], list[ImuBlock]]
 
 
 def message_class(type_name: str) -> Any:

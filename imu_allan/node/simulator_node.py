@@ -6,6 +6,7 @@ from math import inf
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
@@ -17,7 +18,6 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import find_model, load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -173,7 +173,7 @@ class SimulatorNode(Node):
         return array
 
 
-def _knock_shape(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+def _knock_shape(seconds: Array) -> Array:
     """Return an oscillation on all axes that decays from time zero, shape (n, 6)."""
     after = np.maximum(seconds, 0.0)
     # 17 Hz: several cycles per window of the motion detector, below half of any usual rate.

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from enum import Enum
 from math import cos, gamma, log, pi, sqrt
 
+from imu_allan.arrays import Array
 from imu_allan.noise.process_means import rest_of_mean
 from imu_allan.result import Tone
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 FLICKER_FLOOR = sqrt(2 * log(2) / pi)
 """Allan deviation of flicker relative to its bias instability B: 0.66428."""
@@ -84,7 +85,7 @@ class Term:
         """Name of the term for `quantity`, as used in the field."""
         return self.gyro_name if quantity is Quantity.ANGULAR_VELOCITY else self.accel_name
 
-    def adev(self, coefficient: float, tau: ArrayLike) -> NDArray[np.float64]:
+    def adev(self, coefficient: float, tau: ArrayLike) -> Array:
         """
         Allan deviation of this term alone.
 
@@ -122,8 +123,7 @@ SLOW_TERMS = ('bias_instability', 'rate_random_walk')
 """Noise terms that a filter tracks as a bias, and that need the longest records."""
 
 
-def gauss_markov_avar(sigma: float, correlation_time_s: float,
-                      tau: ArrayLike) -> NDArray[np.float64]:
+def gauss_markov_avar(sigma: float, correlation_time_s: float, tau: ArrayLike) -> Array:
     """
     Allan variance of a first-order Gauss-Markov process.
 
@@ -147,7 +147,7 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     return np.asarray(sigma**2 * rest_of_mean(correlation_time_s, tau))
 
 
-def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray[np.float64]:
+def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> Array:
     """
     Allan variance of noise whose two-sided density is ``amplitude**2/(2 pi f)**exponent``.
 
@@ -175,8 +175,7 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray
                       * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
 
 
-def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int = 1
-              ) -> NDArray[np.float64]:
+def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int = 1) -> Array:
     """
     Allan variance of a sine wave.
 
@@ -200,7 +199,7 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     return np.asarray(np.mean((amplitude * np.sin(x) ** 2 / x) ** 2, axis=0))
 
 
-def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> NDArray[np.float64]:
+def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> Array:
     """Return the variance that lines of random phase cause in the mean over an interval."""
     interval = np.asarray(interval_s, dtype=np.float64)
     total = np.zeros(interval.shape)
@@ -210,7 +209,7 @@ def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> NDArray[np.float
     return total
 
 
-def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]:
+def frequencies_of_lines(frequency_hz: float, lines: int) -> Array:
     """
     Return frequencies of equal power that represent the sum of several lines in an octave.
 
@@ -231,8 +230,7 @@ def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]
     return np.asarray(frequency_hz * octave * np.sqrt(np.mean(octave**-2)))
 
 
-def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
-                    ) -> NDArray[np.float64]:
+def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float) -> Array:
     """
     Allan variance of white noise after a moving average.
 
@@ -274,9 +272,9 @@ def moving_averages(width: float) -> tuple[float, float]:
     return n, (squared - n**2) / (2 * n + 1)
 
 
-def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moving_average_avar(n: float, m: Array) -> Array:
     """Allan variance over m samples of unit white noise after a moving average of n samples."""
-    def of_sum(k: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of_sum(k: Array) -> Array:
         """Return n times the variance of a sum of k samples, uncorrelated from lag n on."""
         last = np.minimum(k, n) - 1
         lagged = k * last - (1 + k / n) * last * (last + 1) / 2
@@ -285,7 +283,7 @@ def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64
     return np.asarray((4 * of_sum(m) - of_sum(2 * m)) / (2 * n * m**2))
 
 
-def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np.float64]:
+def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> Array:
     """
     Allan variance of a sum of independent terms: equation (1) of docs/statistics.md.
 

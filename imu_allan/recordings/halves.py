@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import Half, ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
@@ -50,7 +51,7 @@ class Stream:
 
     def select(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Yield the part of `blocks` that belongs to the stream."""
-        last: NDArray[np.float64] | None = None
+        last: Array | None = None
         for block in blocks:
             if self.half is None:
                 yield block
@@ -169,7 +170,7 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     return [Stream(topic, half, only_new=half in repeated) for half in _COLUMNS]
 
 
-def _alternate(samples: NDArray[np.float64]) -> bool:
+def _alternate(samples: Array) -> bool:
     """Return whether each message updates only one half, as in realsense2_camera before 2019."""
     new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
            for columns in _COLUMNS.values()]
@@ -190,8 +191,7 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
 
 
 @np.errstate(over='ignore', invalid='ignore')
-def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
-               ) -> Literal['repeated', 'interpolated'] | None:
+def _upsampled(half: Array, stamps: Ints) -> Literal['repeated', 'interpolated'] | None:
     """
     Detect whether a half was upsampled from fewer samples, and how.
 
@@ -219,7 +219,7 @@ def _upsampled(half: NDArray[np.float64], stamps: NDArray[np.int64],
 
 
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')
-def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
+def _is_cyclostationary(half: Array) -> bool:
     """
     Return whether the variance of the samples varies periodically, as after interpolation.
 
@@ -251,7 +251,7 @@ def _is_cyclostationary(half: NDArray[np.float64]) -> bool:
     return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
 
 
-def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _without_lines(half: Array) -> Array | None:
     """Remove vibrations and low frequencies; return None if there are too few samples."""
     n = len(half) // (2 * _BAND) * 2 * _BAND
     if n < 1024 or not np.isfinite(half).all():
@@ -269,14 +269,14 @@ def _without_lines(half: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.fft.irfft(spectrum, n, axis=0)
 
 
-def _lacks_upper_band(noise: NDArray[np.float64]) -> bool:
+def _lacks_upper_band(noise: Array) -> bool:
     """Return whether the upper quarter of the band is nearly empty, as after upsampling."""
     power = (np.abs(np.fft.rfft(noise, axis=0)) ** 2).sum(axis=1)
     quarter = len(power) // 4
     return bool(power[-quarter:].sum() < power[:quarter].sum() / 4)
 
 
-def _spectrum_of_products(noise: NDArray[np.float64], lag: int) -> NDArray[np.complex128]:
+def _spectrum_of_products(noise: Array, lag: int) -> NDArray[np.complex128]:
     """Return the amplitude spectrum of lagged products, relative to their mean square."""
     products = noise * np.roll(noise, -lag, axis=0)
     beat: NDArray[np.complex128] = 2 * np.fft.rfft(products, axis=0)[8:] / (noise ** 2).sum(axis=0)

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from stat import S_ISDIR
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding, finding
 from imu_allan.state import Record
@@ -76,8 +77,8 @@ class Fingerprint:
     def __init__(self) -> None:
         self.kept = 0
         self._bits = 0
-        self._stamps: list[NDArray[np.int64]] = []
-        self._samples: list[NDArray[np.float64]] = []
+        self._stamps: list[Ints] = []
+        self._samples: list[Array] = []
 
     def watch(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Pass blocks through and keep the chosen messages."""
@@ -118,7 +119,7 @@ class Fingerprint:
         return (common >= min(8, self.kept, other.kept)
                 and common >= 0.9 * min(len(mine), len(others)))
 
-    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+    def _rows(self) -> tuple[Ints, NDArray[np.void]]:
         """Return stamps and (stamp, sample) rows, without stamps of more than 8 messages."""
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
         _, which, count = np.unique(stamps, return_inverse=True, return_counts=True)
@@ -129,7 +130,7 @@ class Fingerprint:
         return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]
 
 
-def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
+def is_kept(stamps: Ints, bits: int) -> Bools:
     """Choose one message in 2^bits by stamp; more bits choose a subset of what fewer choose."""
     if bits == 0:
         return np.ones(len(stamps), np.bool_)
@@ -138,7 +139,7 @@ def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
     mixed = stamps.astype(np.uint64)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         mixed = (mixed ^ mixed >> np.uint64(shift)) * np.uint64(factor)
-    kept: NDArray[np.bool_] = mixed >> np.uint64(64 - bits) == 0
+    kept: Bools = mixed >> np.uint64(64 - bits) == 0
     return kept
 
 
@@ -150,8 +151,8 @@ class Seen(Record):
     Counting samples twice would make intervals narrower than the data allow.
     """
 
-    stamps: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    samples: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
+    stamps: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    samples: Array = field(default_factory=lambda: np.empty((0, 6)))
     every: int = 1  # one sample in so many is remembered
     count: int = 0  # samples so far
     last_ns: int = 0

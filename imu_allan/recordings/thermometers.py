@@ -5,12 +5,12 @@
 from collections.abc import Iterator
 from typing import Literal
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.finding import finding
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.recording import Recording
 import numpy as np
-from numpy.typing import NDArray
 
 
 def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
@@ -51,7 +51,7 @@ def share_namespace(topic: str, thermometer: str) -> bool:
 
 
 def temperatures(recording: Recording, topic: str, clock: Literal['header', 'receive'] | None,
-                 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+                 ) -> Iterator[tuple[Ints, Array]]:
     """Yield stamps in ns on the clock of an IMU, and degrees Celsius, of its thermometer."""
     thermometer = thermometer_of(recording, topic)
     if thermometer is None or clock is None:
@@ -69,7 +69,7 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
         recording.remarks.append(finding('thermometer', fault='unread', reason=str(error)))
 
 
-def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_celsius(readings: Array) -> Array:
     """
     Convert readings in kelvin, which some drivers publish, to degrees Celsius.
 

@@ -10,12 +10,11 @@ import shutil
 import sqlite3
 from typing import Any, Literal
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows, IMU_TYPE
 from imu_allan.errors import ImuAllanError, printable
 from mcap.writer import CompressionType, Writer
-import numpy as np
-from numpy.typing import NDArray
 import yaml
 
 Storage = Literal['mcap', 'sqlite3']
@@ -99,7 +98,7 @@ class _Extent:
 
     count = start = end = 0
 
-    def add(self, stamps: NDArray[np.int64]) -> None:
+    def add(self, stamps: Ints) -> None:
         low, high = int(stamps.min()), int(stamps.max())
         self.start = min(self.start, low) if self.count else low
         self.end = max(self.end, high) if self.count else high

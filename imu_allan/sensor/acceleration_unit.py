@@ -11,14 +11,14 @@ Messages are held back until that is decided, so that their division into blocks
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding, finding
 from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
-from numpy.typing import NDArray
 
 
-def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
+def _magnitudes(block: ImuBlock) -> Array:
     """Return the magnitude of each message, 0 if it is not known."""
     # Damaged messages may contain numbers of any size.
     with np.errstate(over='ignore', invalid='ignore'):
@@ -26,7 +26,7 @@ def _magnitudes(block: ImuBlock) -> NDArray[np.float64]:
     return np.where(np.isfinite(magnitudes) & ~block.absent[:, 1], magnitudes, 0.0)
 
 
-def _verdict(magnitudes: NDArray[np.float64]) -> bool | None:
+def _verdict(magnitudes: Array) -> bool | None:
     """Return whether a span is in g; None if it may be, but is not steady."""
     low, middle, high = np.percentile(magnitudes, [5, 50, 95])
     # Bias and scale error of the poorest sensors are 10 %. Free motion with gravity removed varies

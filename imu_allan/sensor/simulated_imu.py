@@ -10,13 +10,13 @@ that ``imu_allan simulate`` writes both come from here.
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
-from numpy.typing import NDArray
 
 
 class SimulatedImu:
@@ -44,7 +44,7 @@ class SimulatedImu:
                                 for sensor in ('gyro', 'accel')])
         self._ready = np.empty((0, len(AXES)))
 
-    def draw(self, samples: int) -> NDArray[np.float64]:
+    def draw(self, samples: int) -> Array:
         """Return the next samples, shape (samples, 6), in rad/s and m/s^2."""
         drawn = [self._ready]
         missing = samples - len(self._ready)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import Any, Literal
 
+from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
@@ -16,7 +17,6 @@ from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import Pace
 import numpy as np
-from numpy.typing import NDArray
 
 Clock = Literal['header', 'receive']
 
@@ -219,7 +219,7 @@ class Memory(Record):
     presence: Presence = field(default_factory=Presence)
     cursor: Cursor = field(default_factory=Cursor)
     # The last samples placed in this run, as context for interpolation, shape (t, 6).
-    tail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 6)))
+    tail: Array = field(default_factory=lambda: np.empty((0, 6)))
     motion: MotionDetector | None = None  # none before the first sample
     pending: Pending = field(default_factory=Pending)  # messages not yet processed
 

@@ -4,11 +4,11 @@
 
 from collections.abc import Collection, Iterable
 
+from imu_allan.arrays import Ints
 from imu_allan.block import EvenBlock
 from imu_allan.noise.record.cells import cells_of, coarser, joined, no_cells
 from imu_allan.noise.terms import AXES
 import numpy as np
-from numpy.typing import NDArray
 
 
 class Means:
@@ -36,7 +36,7 @@ class Means:
     def __init__(self, axes: Collection[str] | None = None) -> None:
         self.series, self.cell = no_cells(0), 1
         self._wanted = axes
-        self.columns: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.columns: Ints = np.zeros(0, np.int64)
         self._run, self._away = 0, False
         self._interval_ns = 1e9
 

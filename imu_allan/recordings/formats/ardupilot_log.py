@@ -22,6 +22,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from imu_allan.arrays import Ints
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.table import (
     fastest,
@@ -50,7 +51,7 @@ _FIELDS = {
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 """Batch topics, indexed by the sensor type in the batch header."""
 
-_Kind = tuple[NDArray[np.int64], np.dtype[Any]]
+_Kind = tuple[Ints, np.dtype[Any]]
 """Offsets of the complete messages of one type, and their layout after the head."""
 
 
@@ -59,7 +60,7 @@ class ArduPilotRecording(TableLog):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        times: dict[str, list[NDArray[np.int64]]] = {}
+        times: dict[str, list[Ints]] = {}
         kinds = self._kinds()
         for base in _FIELDS:
             for name, records, _ in self._tables(kinds, base):
@@ -230,7 +231,7 @@ def _named(base: str, number: int) -> str:
     return f'{base}.{number}' if number else base
 
 
-def _rate_hz(times: NDArray[np.int64]) -> float:
+def _rate_hz(times: Ints) -> float:
     """Return the sample rate from the median interval, which ignores pauses."""
     steps = np.diff(times)
     middle = float(np.median(steps)) if len(steps) else 0.0

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
@@ -22,7 +23,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
 import numpy as np
-from numpy.typing import NDArray
 
 LARGEST_CHUNK = 1 << 28
 """Largest size in bytes, compressed or not; recorders write 768 kB by default."""
@@ -220,7 +220,7 @@ class MessageNumbers:
     """Sequence numbers of the messages of one channel; gaps in them are lost messages."""
 
     def __init__(self) -> None:
-        self._last: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._last: Ints = np.zeros(0, np.int64)
         self._steps = self._ones = self._back = self._skipped = 0
 
     def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from itertools import chain
 from struct import Struct
 
+from imu_allan.arrays import Ints
 from imu_allan.cdr import MessageBatch, rows_like_first, runs
 from imu_allan.recordings.formats.decompress import DamagedData, ReadingLimits
 from mcap.opcode import Opcode
@@ -36,7 +37,7 @@ _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL), *range(0x80,
 
 def gather(
     buffer: bytes, wanted: AbstractSet[int], describe: Callable[[int, bytes], object],
-    index: Callable[[], NDArray[np.int64]] | None, limits: ReadingLimits,
+    index: Callable[[], Ints] | None, limits: ReadingLimits,
 ) -> tuple[Iterator[MessageBatch], int]:
     """
     Gather the messages of the channels `wanted`; also return the bytes of complete records.
@@ -126,16 +127,16 @@ def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int
     return count
 
 
-def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
+def collect(buffer: bytes, offsets: Ints, size: int) -> NDArray[np.uint8]:
     """Copy `size` bytes at each of `offsets`; return shape (len(offsets), size)."""
     anywhere = np.ndarray((len(buffer) - size + 1,), f'V{size}', buffer, 0, (1,))
     return anywhere[offsets].view(np.uint8).reshape(-1, size)
 
 
 def _verified(
-    buffer: bytes, at: int, places: NDArray[np.int64],
+    buffer: bytes, at: int, places: Ints,
     describe: Callable[[int, bytes], object],
-) -> NDArray[np.int64] | None:
+) -> Ints | None:
     """Sort `places` from `at` on; return None unless their records fill the rest of the buffer."""
     places = np.unique(places[places >= at])
     if len(places) == 0 or places[-1] > len(buffer) - _MESSAGE_HEAD:
@@ -166,23 +167,21 @@ def _only_descriptions(
     return at == stop
 
 
-def _of_channels(
-    buffer: bytes, places: NDArray[np.int64], wanted: AbstractSet[int],
-) -> NDArray[np.int64]:
+def _of_channels(buffer: bytes, places: Ints, wanted: AbstractSet[int]) -> Ints:
     channels = np.ndarray((len(buffer) - _KEY + 1,), '<u2', buffer, RECORD_HEAD, (1,))[places]
     # Compare distinct channels: all 65,536 may be wanted, but a chunk contains only a few.
     kinds, which = np.unique(channels, return_inverse=True)
     chosen = np.array([number in wanted for number in kinds.tolist()])
-    kept: NDArray[np.int64] = places[chosen[which]]
+    kept: Ints = places[chosen[which]]
     return kept
 
 
-def _lengths(buffer: bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
+def _lengths(buffer: bytes, places: Ints) -> Ints:
     lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<i8', buffer, 1, (1,))
     return lengths[places]
 
 
-def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterator[MessageBatch]:
+def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatch]:
     """Copy the message records at `offsets`, in order, into arrays of equal record size."""
     if len(offsets) == 0:
         return

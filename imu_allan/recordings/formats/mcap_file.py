@@ -20,6 +20,7 @@ from pathlib import Path
 from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
@@ -46,12 +47,11 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord, Footer, Schema, Statistics
 import numpy as np
-from numpy.typing import NDArray
 
 MAGIC = b'\x89MCAP0\r\n'
 
 Record = TypeVar('Record')
-Index = Callable[[], NDArray[np.int64]]
+Index = Callable[[], Ints]
 Gathered = Callable[..., tuple[list[ImuBlock], int]]
 """Takes a buffer and optionally its message index; returns decoded blocks and bytes consumed."""
 
@@ -237,7 +237,7 @@ def _chunk(file: BinaryIO, part: Part, gathered: Gathered, limits: ReadingLimits
     return blocks, len(data) - consumed
 
 
-def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
+def _message_places(file: BinaryIO, part: Part) -> Ints:
     """Read the message offsets declared by the indexes after a chunk, unless absurdly many."""
     places = [np.zeros(0, np.int64)]
     if sum(length for _, length in part.indexes) <= LARGEST_CHUNK:

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.columns import extract, time_of
@@ -101,7 +102,7 @@ def _stamp(layout: np.dtype[Any], fields: ImuFields) -> Stamp | None:
     return next((stamp for stamp in fields.stamps if stamp.path in (layout.names or ())), None)
 
 
-def times_of(records: Records, fields: ImuFields) -> NDArray[np.int64]:
+def times_of(records: Records, fields: ImuFields) -> Ints:
     """Return the stamps of records in nanoseconds."""
     stamp = _stamp(records.dtype, fields)
     assert stamp is not None

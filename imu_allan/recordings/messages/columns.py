@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.cdr import MalformedImu, OnMalformed
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
@@ -24,7 +25,7 @@ bursts, 'message', the index of its message."""
 
 
 def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
-            receive_ns: NDArray[np.int64], on_malformed: OnMalformed) -> Columns:
+            receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
     """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
     count = len(messages)
     stamps = np.empty((len(stamps_read), count), np.int64).T
@@ -49,7 +50,7 @@ def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[n
 
 
 def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
-           stamps: NDArray[np.int64], receive_ns: NDArray[np.int64],
+           stamps: Ints, receive_ns: Ints,
            on_malformed: OnMalformed) -> Columns:
     """Expand messages with many samples; the stamp is that of the last sample."""
     [(first, vector)] = fields.vectors()
@@ -78,8 +79,7 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
             'message': message}
 
 
-def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int],
-              ) -> NDArray[np.int64]:
+def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]) -> Ints:
     """Return indices of the frames that messages name; enter new names in `seen`."""
     if place is None:
         return np.zeros(len(rows), np.int64)
@@ -89,7 +89,7 @@ def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]
                      for row in range(len(rows))])
 
 
-def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
+def _fill(out: Array, messages: NDArray[np.void], vector: Vector) -> None:
     """Write the values of a vector, in SI units, to `out` of shape (n, 3)."""
     side_by_side = joint_field(vector)
     if side_by_side not in (messages.dtype.names or ()):
@@ -102,9 +102,9 @@ def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) 
     _to_si(out, vector, messages)
 
 
-def _to_si(numbers: NDArray[np.float64], vector: Vector, messages: NDArray[np.void]) -> None:
+def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
     """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
-    def each(path: str) -> NDArray[np.float64]:
+    def each(path: str) -> Array:
         return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
 
     if vector.scale is not None:
@@ -117,11 +117,11 @@ def _to_si(numbers: NDArray[np.float64], vector: Vector, messages: NDArray[np.vo
         numbers *= vector.factor
 
 
-def time_of(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
+def time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
     """Return stamps in nanoseconds; -1 for invalid times."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths
-        times: NDArray[np.int64] = messages[seconds].astype(np.int64)
+        times: Ints = messages[seconds].astype(np.int64)
         parts = messages[nanoseconds].astype(np.int64)
         times *= 1_000_000_000
         times += parts

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
     decode_imu_rows,
@@ -158,7 +159,7 @@ class FieldsDecoder:
         return {name: np.concatenate([part[name] for part in decoded])[order]
                 for name in decoded[0]}
 
-    def _extract(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64],
+    def _extract(self, rows: NDArray[np.uint8], receive_ns: Ints,
                  layout: RecordLayout, on_malformed: OnMalformed) -> Columns:
         stamps = self._fields.stamps
         return extract(self._fields, stamps if self._clock is None else [stamps[self._clock]],
@@ -166,7 +167,7 @@ class FieldsDecoder:
 
     # ------------------------------------------------------------------------------------- clock
 
-    def _header_ns(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _header_ns(self, stamps: Ints) -> Ints:
         """Return the first valid and mostly distinct stamps; keep the choice once made."""
         if not stamps.shape[1]:
             return np.zeros(len(stamps), np.int64)
@@ -176,11 +177,10 @@ class FieldsDecoder:
             # Fix the choice of the clock once there are this many messages.
             if len(stamps) >= 16:
                 self._clock = clock
-        times: NDArray[np.int64] = np.maximum(stamps[:, clock], 0)
+        times: Ints = np.maximum(stamps[:, clock], 0)
         return times
 
-    def _spread_increments(self, samples: NDArray[np.float64], header_ns: NDArray[np.int64],
-                           receive_ns: NDArray[np.int64]) -> None:
+    def _spread_increments(self, samples: Array, header_ns: Ints, receive_ns: Ints) -> None:
         """Divide increments by the interval of the stamps if no field gives their duration."""
         for first, vector in self._fields.vectors():
             if vector.per == '':
@@ -192,7 +192,7 @@ class FieldsDecoder:
                     1_000_000_000 / self._step_ns if self._step_ns > 0 else np.nan)
 
 
-def _advances(times: NDArray[np.int64]) -> bool:
+def _advances(times: Ints) -> bool:
     """Return whether stamps are valid and at least half of them are distinct."""
     valid = bool((times > 0).all())
     if len(times) == 1:
