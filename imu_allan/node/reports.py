@@ -111,7 +111,7 @@ class Reports:
 
     def _cause_of_silence(self, facts: Facts, type_name: str) -> str:
         if facts.publishers:
-            return f', though there is {counted(facts.publishers, "publisher")}'
+            return f', though it has {counted(facts.publishers, "publisher")}'
         if facts.refused:
             return f'; {"; ".join(facts.refused)}'
         kind = type_name.rpartition('/')[2]
