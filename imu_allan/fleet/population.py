@@ -17,8 +17,6 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
 import numpy as np
 
-PERCENTILES = (5, 25, 50, 75, 95)
-"""The median, the middle half of the units, and the middle nine tenths."""
 TOLERANCE_SHARE = 0.95         # of the units ...
 TOLERANCE_CONFIDENCE = 0.95
 """The usual 95/95 tolerance limit, which 95 % of all units keep, with 95 % confidence."""
@@ -246,7 +244,8 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
 
 def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
     unit = AXES[axis].unit if key == MEAN else TERMS[key].unit(AXES[axis])
-    percentiles = {percent: effects.percentile(percent / 100) for percent in PERCENTILES}
+    # The median, the middle half of the units, and the middle nine tenths.
+    percentiles = {percent: effects.percentile(percent / 100) for percent in (5, 25, 50, 75, 95)}
     in_si: Callable[[float], float] = float if key in _SIGNED else exp
     scale = 1.0 if key in _SIGNED else exp(effects.mean)
     # A limit this many times above nearly all units says nothing: too few are known.
@@ -258,7 +257,7 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
         vague = limit > most * max(map(abs, percentiles.values()))
     else:
         limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
-        vague = limit > percentiles[PERCENTILES[-1]] + log(most)
+        vague = limit > percentiles[95] + log(most)
     low, high = effects.between_ci95
     return Trait(axis, key, unit, sample.units, len(sample.values), in_si(effects.mean),
                  scale * effects.between, (scale * low, scale * high),

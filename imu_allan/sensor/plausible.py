@@ -27,7 +27,7 @@ class Limits(NamedTuple):
     unit: str
 
 
-LIMITS = {
+PLAUSIBLE = {
     'angular_velocity': Limits(5e-3, 1.5, 0.5, degrees(1), 'deg/s'),
     # The mean includes gravity, 9.81 m/s^2.
     'linear_acceleration': Limits(0.2, 20.0, 5.0, 1e3 / STANDARD_GRAVITY, 'mg'),
@@ -35,10 +35,10 @@ LIMITS = {
 
 
 def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """Find axes whose noise density, mean or spread is beyond `LIMITS`; code `implausible`."""
+    """Find axes whose noise density, mean or spread is beyond `PLAUSIBLE`; code `implausible`."""
     found = []
     for name, axis in axes.items():
-        limits = LIMITS[axis.quantity]
+        limits = PLAUSIBLE[axis.quantity]
         noise = axis.coefficients.get('noise_density')
         for what, value, most, of in (
                 ('noise_density', noise.value if noise is not None else None,

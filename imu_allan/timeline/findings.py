@@ -24,14 +24,14 @@ import numpy as np
 _LITTLE_HIDDEN = 0.005
 """Fewer hidden losses change the noise density by less than a tenth of a usual interval."""
 
-Facts = dict[str, dict[str, Any]]
+Figures = dict[str, dict[str, Any]]
 """Figures of findings about the recording as a whole, by code."""
 
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """Collect the findings; one about the recording as a whole appears once for each code."""
     return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
-            *(finding(code, **found) for code, found in _facts(memory).items()),
+            *(finding(code, **found) for code, found in _figures(memory).items()),
             *_slow_turns(memory.excursions))
 
 
@@ -85,35 +85,35 @@ def _moves(motion: MotionSummary) -> bool:
         and motion.struck > 0.25 * motion.seen))
 
 
-def _facts(memory: Memory) -> Facts:
+def _figures(memory: Memory) -> Figures:
     """Return the figures of findings about the recording as a whole, by code."""
     counts, decision = memory.counts, memory.decision
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    facts = (decision.remarks | _content_facts(counts, memory.content)
-             | _clock_facts(memory))
+    figures = (decision.remarks | _content_figures(counts, memory.content)
+               | _clock_figures(memory))
     clock = 'time' if counts.one_clock else decision.clock
     if counts.clock_jumps:
-        facts['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
+        figures['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
     if decision.pace.counting:
         hidden = _hidden_error(decision)
-        facts['uneven_stamps'] = {
+        figures['uneven_stamps'] = {
             'clock': clock, 'numbered': decision.numbered,
             'hidden_share': decision.pace.hidden if hidden else None,
             'density_high_share': hidden or None,
             'rate_error_share': _short_error(counts, decision) or None}
     if counts.gaps > len(counts.listed_gaps):
-        facts['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
-                                    'listed': len(counts.listed_gaps)}
+        figures['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
+                                      'listed': len(counts.listed_gaps)}
     places = counts.samples + counts.interpolated
     # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
     if counts.interpolated > 0.05 * places:
-        facts['many_missing'] = {'share': counts.interpolated / places,
-                                 'density_error_share': _interpolation_error(counts) or None}
+        figures['many_missing'] = {'share': counts.interpolated / places,
+                                   'density_error_share': _interpolation_error(counts) or None}
     if counts.at_other_rate:
         used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
         # Time counts from the first sample used: messages left out before it have no time.
         known = counts.rate_changed_s > 0
-        facts['rate_changed'] = {
+        figures['rate_changed'] = {
             'from_hz': used if known else other, 'to_hz': other if known else used,
             'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
             'most_left_out': counts.at_other_rate >= counts.samples}
@@ -121,26 +121,26 @@ def _facts(memory: Memory) -> Facts:
     if uneven:
         # The rate changes too little, or too briefly, to be cut out.
         rate = counts.paced_steps / counts.paced_ns * SECOND
-        facts['uneven_rate'] = {'lowest_hz': min(counts.lowest_rate_hz, rate),
-                                'highest_hz': max(counts.highest_rate_hz, rate),
-                                'mean_hz': rate, 'tau_error_share': uneven}
+        figures['uneven_rate'] = {'lowest_hz': min(counts.lowest_rate_hz, rate),
+                                  'highest_hz': max(counts.highest_rate_hz, rate),
+                                  'mean_hz': rate, 'tau_error_share': uneven}
     if counts.other_frames:
-        facts['several_frames'] = {'frame_id': decision.frame_id,
-                                   'others': list(counts.other_frames),
-                                   'rejected': list(counts.other_frames.values())}
+        figures['several_frames'] = {'frame_id': decision.frame_id,
+                                     'others': list(counts.other_frames),
+                                     'rejected': list(counts.other_frames.values())}
     if counts.gravity_samples:
         size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
         # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
         # judgment.
         if abs(size - STANDARD_GRAVITY) > 0.5:
-            facts['gravity'] = {'mean': size}
+            figures['gravity'] = {'mean': size}
     if memory.options.motion == 'exclude':
-        return facts | _motion_facts(motion)
+        return figures | _motion_figures(motion)
     cut = motion.cut
     if cut.listed:
-        facts['motion_kept'] = {'count': cut.count, 'seen_s': cut.total_s,
-                                'first_s': cut.listed[0][0]}
-    return facts
+        figures['motion_kept'] = {'count': cut.count, 'seen_s': cut.total_s,
+                                  'first_s': cut.listed[0][0]}
+    return figures
 
 
 def _axes_findings(counts: Counts, decision: Decision, content: Content, presence: Presence
@@ -156,27 +156,27 @@ def _axes_findings(counts: Counts, decision: Decision, content: Content, presenc
               for name, _, _, _, late in axes if late > content.head)]
 
 
-def _content_facts(counts: Counts, content: Content) -> Facts:
-    facts: Facts = {}
+def _content_figures(counts: Counts, content: Content) -> Figures:
+    figures: Figures = {}
     if content.frozen and content.frozen <= content.head:
-        facts['late_start'] = {'messages': content.head}
+        figures['late_start'] = {'messages': content.head}
     elif content.frozen:
-        facts['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
+        figures['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
     if content.held and counts.header.repeats >= content.repeats:
         # Polling gives a repeated value another stamp.
-        facts['repeated_part'] = {'messages': content.repeats}
+        figures['repeated_part'] = {'messages': content.repeats}
     elif content.held:
-        facts['held_values'] = {
+        figures['held_values'] = {
             'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:
-        facts['spikes'] = {'messages': counts.spikes}
+        figures['spikes'] = {'messages': counts.spikes}
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.
     if counts.absent > 0.01 * counts.messages:
-        facts['field_absent'] = {'messages': counts.absent}
-    return facts
+        figures['field_absent'] = {'messages': counts.absent}
+    return figures
 
 
-def _clock_facts(memory: Memory) -> Facts:
+def _clock_figures(memory: Memory) -> Figures:
     """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
     counts = memory.counts
     # With fewer messages, the lag of the receive stamps hides any difference.
@@ -211,23 +211,23 @@ def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
     return found
 
 
-def _motion_facts(motion: MotionSummary) -> Facts:
-    facts: Facts = {}
+def _motion_figures(motion: MotionSummary) -> Figures:
+    figures: Figures = {}
     if mostly_motion(motion):
-        facts['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
+        figures['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
     elif _moves(motion):
         # As many as fit into two lines of a terminal.
         named = motion.kept.listed[:5]
-        facts['rest_within_motion'] = {
+        figures['rest_within_motion'] = {
             'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,
             'rests': len(motion.kept.listed),
             'starts_s': [start for start, _ in named],
             'durations_s': [lasts for _, lasts in named]}
     elif motion.cut.count:
-        facts['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
+        figures['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
     if motion.cut.count > len(motion.cut.listed):
-        facts['motion_not_listed'] = {'listed': len(motion.cut.listed)}
+        figures['motion_not_listed'] = {'listed': len(motion.cut.listed)}
     if motion.changes:
-        facts['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
-                                        'ratios': [ratio for _, ratio in motion.changes]}
-    return facts
+        figures['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
+                                          'ratios': [ratio for _, ratio in motion.changes]}
+    return figures
