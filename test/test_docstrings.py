@@ -54,4 +54,4 @@ def test_public_numerics_name_an_equation_and_show_an_example(name):
 def test_a_prior_is_that_of_the_code(shape):
     [prior] = re.findall(rf'^\| {re.escape(NAMES.get(shape.key, OTHERS))} \| ([\d.]+)', PAGE,
                          re.MULTILINE)
-    assert float(prior) == shape.density
+    assert float(prior) == shape.prior

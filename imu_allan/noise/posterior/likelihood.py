@@ -380,14 +380,14 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Boo
 
 def structure_prior(tables: Tables, gentle: float, has: Bools, family: int) -> float:
     """Return the log prior of a set of shapes, with the density of their nuisances."""
-    total = sum(np.log(shape.density) for slot, shape in enumerate(TERM_SHAPES)
+    total = sum(np.log(shape.prior) for slot, shape in enumerate(TERM_SHAPES)
                 if has[slot] and slot != ALWAYS)
     # Neither flicker nor slow noise with another exponent.
     if not has[[KEYS.index(FLICKER), PLAIN]].any():
         total += has[SLOWER].sum() * np.log(WITHOUT_FLICKER)
     for k, shape in enumerate(FREE_SHAPES):
         if has[PLAIN + 2 * k]:
-            total += np.log(shape.density)
+            total += np.log(shape.prior)
             if shape.key == 'gauss_markov':
                 table = tables.terms[k]
                 total -= np.log(table.last[0] - table.first[0])
@@ -397,5 +397,5 @@ def structure_prior(tables: Tables, gentle: float, has: Bools, family: int) -> f
                                      (HIGH, tables.high_pass, 0, HIGH_PASSES)):
         if has[slot]:
             last = gentle if slot == LOW and one == GENTLE_FAMILY else table.last[one]
-            total += np.log(shapes[one].density / max(last - table.first[one], 0.5))
+            total += np.log(shapes[one].prior / max(last - table.first[one], 0.5))
     return float(total)

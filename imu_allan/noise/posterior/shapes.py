@@ -56,7 +56,7 @@ class Shape:
     Attributes
     ----------
     key : str
-    density : float
+    prior : float
         Prior probability of presence: of a term per unit of the logarithm of its amplitude, of a
         response in total.
     power : callable
@@ -71,7 +71,7 @@ class Shape:
     """
 
     key: str
-    density: float
+    prior: float
     power: Power
     grid: Callable[[Band], Grid] | None = None
     at_output: bool = False

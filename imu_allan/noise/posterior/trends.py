@@ -5,8 +5,8 @@ Deterministic drift of the mean: regressors that are added to the noise models.
 
 A trend has one column, a cycle two, and a nuisance on a grid. The prior of its amplitude is
 uniform in the logarithm. For noise of a given spectrum the integral over it then has a closed
-form. With the gain g of the regression beyond the ramp, it is (density/2) sqrt(2 pi/g) e^(g/2)
-for one column, and (density/g) e^(g/2) for two.
+form. With the gain g of the regression beyond the ramp, it is (prior/2) sqrt(2 pi/g) e^(g/2)
+for one column, and (prior/g) e^(g/2) for two.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,7 +52,7 @@ class TrendKind:
     Attributes
     ----------
     key : str
-    density : float
+    prior : float
         Prior probability of presence per unit of the logarithm of the amplitude.
     grid : callable
         Equally likely values of the nuisance, given the duration in seconds.
@@ -68,7 +68,7 @@ class TrendKind:
     """
 
     key: str
-    density: float
+    prior: float
     grid: Callable[[float], Array]
     columns: Callable[[float, float], tuple[Waveform, ...]]
     continuous: bool = True
@@ -511,9 +511,9 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
     for one in found:
         square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
         if one.kind.key == 'slow_cycle':
-            total += np.log(one.kind.density / square.sum(axis=1))
+            total += np.log(one.kind.prior / square.sum(axis=1))
         else:
-            total += (np.log(one.kind.density / 2) + 0.5 * np.log(2 * np.pi / square)).sum(axis=1)
+            total += (np.log(one.kind.prior / 2) + 0.5 * np.log(2 * np.pi / square)).sum(axis=1)
         at += one.width
     return total
 
