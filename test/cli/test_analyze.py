@@ -156,7 +156,7 @@ def on_a_terminal(arguments):
     """Return what the command writes to a stderr that is a terminal."""
     master, slave = pty.openpty()
     with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=slave,
-                          env={**os.environ, 'TERM': 'xterm'}) as process:
+                          env={**os.environ, 'TERM': 'xterm', 'COLUMNS': '300'}) as process:
         os.close(slave)
         seen = b''
         # Linux tells by an error that nobody writes any more.
@@ -168,8 +168,12 @@ def on_a_terminal(arguments):
     return seen
 
 
-def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording):
-    assert b'100%' in on_a_terminal([*COMMAND, str(recording)])
+def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording, tmp_path):
+    # A name in brackets is no markup of the terminal.
+    (link := tmp_path / '[b]').symlink_to(recording)
+    seen = on_a_terminal([*COMMAND, str(link)])
+    assert b'100%' in seen
+    assert b'[b]' in seen
     assert on_a_terminal([*COMMAND, str(recording), '--no-progress']) == b''
 
 
