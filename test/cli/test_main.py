@@ -49,6 +49,7 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     assert [line for line in (text + overview).splitlines() if len(line) > 80] == []
     # What may be left out stands in the usage, too.
     assert (verb == 'explain') == text.startswith('usage: imu_allan explain [CODE] [options]\n')
+    assert (verb in {'analyze', 'report'}) == ('... [options]' in text.splitlines()[0])
 
 
 @pytest.mark.parametrize(('words', 'line'), [
