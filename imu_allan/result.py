@@ -348,10 +348,15 @@ class Curve:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Two-sided power spectral density in bands of an eighth of an octave, lines included."""
+    """
+    Two-sided power spectral density in bands of an eighth of an octave, lines included.
+
+    `passed` is the share of the white noise that a low-pass lets pass; empty without a low-pass.
+    """
 
     frequency_hz: tuple[AboveZero, ...]
     psd: tuple[NotNegative, ...]
+    passed: tuple[NotNegative, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -219,6 +219,9 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     named, weaker = split_lines(found.lines)
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
+    frequency, passed = found.whole.frequency, ()
+    if fitted.passed is not None:
+        passed = tuple(np.interp(frequency, *fitted.passed).tolist())
     return with_model_curve(replace(
         base,
         band_limit_s=fitted.window_s,
@@ -233,7 +236,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         gauss_markov=process,
         power_law=fitted.power_law,
         high_passed_hz=fitted.high_pass_hz,
-        spectrum=Spectrum(tuple(found.whole.frequency.tolist()), tuple(density.tolist())),
+        spectrum=Spectrum(tuple(frequency.tolist()), tuple(density.tolist()), passed),
         trend=fitted.trend,
         stationarity=parts,
         coarse_step=step if coarse else None)), remarks
@@ -348,7 +351,7 @@ def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
                   'noise_density': drift.noise_density,
                   'rate_random_walk': drift.rate_random_walk}
         processes = drift.processes
-    return FittedModel(values, fitted.window_s, processes, tuple(found.lines), fitted.power_law)
+    return FittedModel(values, fitted.passed, processes, tuple(found.lines), fitted.power_law)
 
 
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],

@@ -9,10 +9,10 @@ from imu_allan.arrays import Array
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import (
     allan_variance,
+    filtered_share,
     gauss_markov_avar,
     LASTING_TERMS,
     line_avar,
-    low_passed_avar,
     power_law_avar,
     SPECTRAL_TERMS,
     TERMS,
@@ -28,7 +28,7 @@ _SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(SPECTRAL_TERM
 @dataclass(frozen=True)
 class FittedModel:
     """
-    Sum of noise terms, optionally with low-passed white noise, and of Gauss-Markov processes.
+    Sum of noise terms, optionally with filtered white noise, and of Gauss-Markov processes.
 
     Equations (1) and (8) of docs/statistics.md, which (2) relates to each other.
 
@@ -36,8 +36,8 @@ class FittedModel:
     ----------
     coefficients : mapping
         SI coefficient by key of `TERMS`; a missing key means zero.
-    window_s : float or None
-        Width of the boxcar that rolls off like the low-pass of the white noise.
+    passed : tuple of array_like or None
+        Frequencies in Hz, and the share of the white noise that a low-pass lets pass there.
     processes : tuple of GaussMarkov
     lines : tuple of Tone
         Lines, which enter the Allan variance but not the density.
@@ -46,16 +46,16 @@ class FittedModel:
 
     Examples
     --------
-    >>> model = FittedModel({'noise_density': 0.01}, window_s=0.08)
-    >>> model.allan_variance([1000], dt=0.01).round(9)
-    array([9.96e-06])
-    >>> model.density([0.1, 10.0], dt=0.01).round(9)
-    array([9.9979e-05, 5.3930e-06])
+    >>> model = FittedModel({'noise_density': 0.01}, ((1.0, 50.0), (1.0, 0.0)))
+    >>> model.allan_variance([1, 1000], dt=0.01).round(5)
+    array([1.05e-03, 1.00e-05])
+    >>> model.density([0.1, 10.0], dt=0.01).round(6)
+    array([1.0e-04, 4.1e-05])
 
     """
 
     coefficients: Mapping[str, float]
-    window_s: float | None = None
+    passed: tuple[ArrayLike, ArrayLike] | None = None
     processes: tuple[GaussMarkov, ...] = ()
     lines: tuple[Tone, ...] = ()
     power_law: PowerLaw | None = None
@@ -70,10 +70,10 @@ class FittedModel:
         size = np.asarray(size)
         tau = size * dt
         values = dict(self.coefficients)
-        total = np.zeros(size.shape)
-        if self.window_s is not None:
-            density = values.pop('noise_density', 0.0)
-            total = total + low_passed_avar(density, self.window_s, size, dt)
+        total = values.pop('noise_density', 0.0)**2 / tau
+        if self.passed is not None and size.size:
+            frequency_hz, share = self.passed
+            total = total * filtered_share(size, np.asarray(frequency_hz) * dt, share)
         for process in self.processes:
             total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
         for line in self.lines:
@@ -95,8 +95,9 @@ class FittedModel:
         for key, value in self.coefficients.items():
             if key in _SHAPES:
                 own = value**2 * dt * _SHAPES[key](nu, dt)
-                if key == 'noise_density' and self.window_s is not None:
-                    own = own * spectrum.low_pass(nu, self.window_s / dt)
+                if key == 'noise_density' and self.passed is not None:
+                    frequency, share = map(np.asarray, self.passed)
+                    own = own * np.interp(np.log(nu), np.log(frequency * dt), share)
                 total = total + own
         for process in self.processes:
             total = total + process.sigma**2 * dt * spectrum.gauss_markov(
@@ -118,7 +119,9 @@ def reported_model(axis: AxisResult) -> FittedModel:
               if found.observable and found.value is not None}
     if axis.high_passed_hz is not None or (not values and process is None and law is None):
         return FittedModel({})
-    return FittedModel(values, axis.band_limit_s, () if process is None else (process,),
+    spectrum = axis.spectrum
+    return FittedModel(values, (spectrum.frequency_hz, spectrum.passed) if spectrum and
+                       spectrum.passed else None, () if process is None else (process,),
                        axis.all_tones, law)
 
 

@@ -17,7 +17,6 @@ walk reduce to elementary functions.
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise.process_means import mean_variance, on_mean
-from imu_allan.noise.terms import moving_averages
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import zeta
@@ -131,28 +130,6 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     z = np.exp(2j * np.pi * np.asarray(nu))
     return np.asarray(
         r0 + 2 * tail * np.real(z / (1 - np.exp(-dt / correlation_time_s) * z)))
-
-
-def low_pass(nu: ArrayLike, width: float) -> Array:
-    """
-    Power gain of the moving average that rolls off like a boxcar.
-
-    `nu`, shape (n,): cycles per sample, in (0, 1/2]. `width`: of the boxcar, in samples. Returns
-    shape (n,): (sin(pi nu n)/(n sin(pi nu)))^2 for the mean of n samples; for widths between those
-    of two such means, a mixture of them.
-
-    Examples
-    --------
-    The mean of two samples rolls off like a boxcar of sqrt(3) samples:
-
-    >>> low_pass([0.001, 0.25, 0.5], np.sqrt(3)).round(3)
-    array([1. , 0.5, 0. ])
-
-    """
-    x = np.pi * np.asarray(nu, dtype=np.float64)
-    n, longer = moving_averages(width)
-    gains = [(np.sin(m * x) / (m * np.sin(x)))**2 for m in (n, n + 1)]
-    return np.asarray((1 - longer) * gains[0] + longer * gains[1])
 
 
 def flicker_dct_factor(j: ArrayLike) -> Array:

@@ -230,57 +230,47 @@ def frequencies_of_lines(frequency_hz: float, lines: int) -> Array:
     return np.asarray(frequency_hz * octave * np.sqrt(np.mean(octave**-2)))
 
 
-def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float) -> Array:
+def filtered_share(size: ArrayLike, nu: ArrayLike, passed: ArrayLike) -> Array:
     """
-    Allan variance of white noise after a moving average.
+    Share of the Allan variance of white noise that is left behind a filter.
 
-    `density`: noise density below the roll-off. `window_s`: width W of the boxcar whose response
-    sinc^2(f W) rolls off like the low-pass. `size`, shape (n,): averaging times in samples. `dt`:
-    sample interval in seconds. Returns shape (n,): exact if the low-pass is a moving average of
-    samples. For other filters it is exact from a few W on, and approximate below.
+    Parameters
+    ----------
+    size : array_like, shape (n,)
+        Samples in a cluster.
+    nu : array_like, shape (k,)
+        Rising frequencies in cycles per sample; below the first one, everything passes.
+    passed : array_like, shape (k,)
+        Share of the power that passes at these frequencies.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Examples
     --------
-    The mean of two samples at 100 Hz: a quarter of the power at first, N^2/tau later.
+    The mean of two samples: a quarter of the variance at first, all of it later.
 
-    >>> low_passed_avar(0.1, 0.01 * np.sqrt(3), [1, 1000], 0.01).round(3)
-    array([0.25 , 0.001])
-
-    """
-    m = np.asarray(size, dtype=np.float64)
-    n, longer = moving_averages(window_s / dt)
-    return np.asarray(density**2 / dt * ((1 - longer) * _moving_average_avar(n, m)
-                                         + longer * _moving_average_avar(n + 1, m)))
-
-
-def moving_averages(width: float) -> tuple[float, float]:
-    """
-    Mix two moving averages so that their responses roll off like that of a boxcar.
-
-    `width`: of the boxcar, in samples. Returns `n`, `longer`: the weight `longer` is that of the
-    mean of n + 1 samples, the rest that of the mean of n. The mean of n samples begins to roll
-    off like a boxcar of ``sqrt(n**2 - 1)`` samples; for widths in between, two means are mixed.
-
-    Examples
-    --------
-    >>> moving_averages(((2**2 - 1 + 3**2 - 1) / 2) ** 0.5)
-    (2.0, 0.5)
+    >>> nu = np.geomspace(1e-4, 0.5, 500)
+    >>> filtered_share([1, 2, 1000], nu, np.cos(np.pi * nu)**2).round(2)
+    array([0.25, 0.62, 1.  ])
 
     """
-    squared = width**2 + 1
-    n = float(np.floor(np.sqrt(squared)))
-    return n, (squared - n**2) / (2 * n + 1)
-
-
-def _moving_average_avar(n: float, m: Array) -> Array:
-    """Allan variance over m samples of unit white noise after a moving average of n samples."""
-    def of_sum(k: Array) -> Array:
-        """Return n times the variance of a sum of k samples, uncorrelated from lag n on."""
-        last = np.minimum(k, n) - 1
-        lagged = k * last - (1 + k / n) * last * (last + 1) / 2
-        return np.asarray(k + 2 * lagged + last * (last + 1) * (2 * last + 1) / (3 * n))
-
-    return np.asarray((4 * of_sum(m) - of_sum(2 * m)) / (2 * n * m**2))
+    nu, size = np.asarray(nu, np.float64), np.asarray(size, np.float64)
+    octaves = np.log2(0.5 / nu[0])
+    step = octaves / np.ceil(32 * octaves)
+    fine = nu[0] * 2.0 ** (step * np.arange(round(octaves / step) + 1))
+    passes = np.interp(np.log(fine), np.log(nu), np.asarray(passed, np.float64))
+    # The share varies slowly with the cluster size: four sizes an octave are enough.
+    known = np.unique(np.rint(2.0 ** (np.arange(4 * np.log2(size.max()) + 1) / 4)))[:, None]
+    # Beyond a few cycles, the sine is as good as its mean over a band.
+    above = np.where(known * fine < 4, np.sin(np.pi * known * fine)**4, 3 / 8)
+    weight = 4 * above / (known * np.sin(np.pi * fine)**2) * fine * step * log(2)
+    weight[:, [0, -1]] /= 2
+    lost = weight @ (1 - passes)
+    # Where little is left, the difference from 1 would be inexact.
+    left = np.log(np.maximum(np.where(lost < 0.5, 1 - lost, weight @ passes), 1e-12))
+    return np.asarray(np.exp(np.interp(np.log(size), np.log(known[:, 0]), left)))
 
 
 def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> Array:

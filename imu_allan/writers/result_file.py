@@ -137,6 +137,8 @@ def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
     for wrong, what in (
             (spectrum is not None and len(spectrum.psd) != len(spectrum.frequency_hz),
              'spectrum.psd: not as long as frequency_hz'),
+            (spectrum is not None and len(spectrum.passed) not in (0, len(spectrum.frequency_hz)),
+             'spectrum.passed: not as long as frequency_hz'),
             (signal is not None and not len(signal.low) == len(signal.mean) == len(signal.high),
              'signal: low, mean and high differ in length'),
             (model is not None and not curve.tau_s, 'drift_model: there is no curve of it'),

@@ -19,7 +19,7 @@ from imu_allan.tuning.backtest import backtest
 import numpy as np
 import pytest
 from repeated import slow
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 RATE = 100.0
 WHITE = simulate({N: 1e-3}, 300_000, RATE, seed=3)
@@ -33,15 +33,17 @@ def model_over_curve(axis):
     return (np.array(curve.model_adev) / np.array(curve.adev))[sure]
 
 
-@pytest.mark.parametrize('width', [2, 40])
-def test_model_follows_the_curve_of_low_passed_noise_at_every_averaging_time(width):
-    axis = characterize(lfilter(np.ones(width) / width, [1.0], WHITE)[width:], RATE)
+@pytest.mark.parametrize(('numerator', 'denominator', 'width'), [
+    (np.ones(2) / 2, [1.0], 2), (np.ones(40) / 40, [1.0], 40), ([0.1], [1.0, -0.9], 57),
+    (*butter(2, 0.4), 2)])
+def test_model_behind_a_low_pass_is_exact_at_every_averaging_time(numerator, denominator, width):
+    axis = characterize(lfilter(numerator, denominator, WHITE)[200:], RATE)
     assert axis.band_limit_s == pytest.approx(width / RATE, rel=0.15)
-    ratio = model_over_curve(axis)
-    fitted = np.array(axis.curve.tau_s[:len(ratio)]) > 2 * width / RATE
-    np.testing.assert_allclose(ratio[fitted], 1, atol=0.05)
-    # Below, it is as uncertain as the window itself.
-    np.testing.assert_allclose(ratio[~fitted], 1, atol=0.2)
+    response = lfilter(numerator, denominator, np.eye(1, 200)[0])
+    for size, model in zip(2 ** np.arange(10), axis.curve.model_adev, strict=False):
+        difference = np.repeat([-1.0, 1.0], size) / size
+        exact = 1e-3 * np.sqrt(RATE / 2) * np.linalg.norm(np.convolve(difference, response))
+        assert model == pytest.approx(exact, rel=0.06)
 
 
 def reported_avar(axis):

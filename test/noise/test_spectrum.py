@@ -96,22 +96,22 @@ def test_allan_variance_is_the_formula_of_the_standard(key, expected):
             expected + (0.2 if key != 'noise_density' else 0.2 - expected))
 
 
-@pytest.mark.parametrize('width', [1, 2, 3, 8, 50])
+@pytest.mark.parametrize('share', [1.0, 0.5, 0.2, 0.05])
 @pytest.mark.parametrize('size', [1, 2, 7, 8, 9, 16, 300])
-def test_allan_variance_of_a_moving_average_is_that_of_its_weights(width, size):
+def test_allan_variance_behind_a_recursive_mean_is_that_of_its_weights(share, size):
     # The difference of two cluster means is a weighted sum of independent samples.
-    dt = 0.25
+    dt, nu = 0.25, np.geomspace(1e-4, 0.5, 200)
     difference = np.concatenate((np.full(size, -1.0), np.full(size, 1.0))) / size
-    weights = np.convolve(difference, np.ones(width) / width)
-    exact = 0.5 * weights @ weights * 3.0**2 / dt
-    window = np.sqrt(width**2 - 1) * dt
-    assert terms.low_passed_avar(3.0, window, size, dt) == pytest.approx(exact, rel=1e-10)
+    weights = np.convolve(difference, share * (1 - share) ** np.arange(400))
+    passed = share**2 / (share**2 + 4 * (1 - share) * np.sin(np.pi * nu)**2)
+    found = FittedModel({'noise_density': 3.0}, (nu / dt, passed)).allan_variance([size], dt)
+    assert found == pytest.approx(0.5 * weights @ weights * 3.0**2 / dt, rel=0.02)
 
 
 @pytest.mark.parametrize('model', [
     FittedModel({'quantization_noise': 2e-5, 'noise_density': 1e-3, 'bias_instability': 2e-3,
                  'rate_random_walk': 1e-3}),
-    FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, 0.075),
+    FittedModel({'noise_density': 1e-3, 'bias_instability': 1e-4}, ((1.0, 40.0), (1.0, 0.1))),
     FittedModel({'noise_density': 1e-3}, None, (GaussMarkov(1e-3, 0.5), GaussMarkov(3e-3, 20.0)))],
     ids=['terms', 'low-pass', 'processes'])
 @pytest.mark.parametrize('m', [1, 3, 16, 100])

@@ -333,10 +333,29 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (ALWAYS, OUTPUT)), 0].sum(axis=0) / 2
 
 
+def _filtered(posterior: Posterior) -> Drawn | None:
+    """Return the most probable model with a filter, or else one with an unexplained top."""
+    return next((model for model in posterior.models if bends(model)),
+                posterior.models[0] if posterior.edge is not None else None)
+
+
+def passed_by(posterior: Posterior) -> tuple[Array, Array] | None:
+    """Return frequencies, and the share of white noise that the most probable filter passes."""
+    model = _filtered(posterior)
+    if model is None:
+        return None
+    row, spectra, of = model.row, model.spectra, int(model.row.of[0])
+    white = [slot for slot in (ALWAYS, OUTPUT) if row.has[0, slot]]
+    whole = np.exp(2 * row.x[0, white]) @ spectra.columns[of, white]
+    _, behind = expected(model)
+    # No model describes the top above an edge, so it is as measured.
+    top = (np.arange(len(whole)) >= row.edge[0]) & (spectra.whole[of] > 0)
+    return spectra.frequency, np.where(top, spectra.power[of], behind) / whole
+
+
 def window_of(posterior: Posterior, dt: float) -> float | None:
     """Return the width of the boxcar that attenuates white noise like the most probable filter."""
-    model = next((model for model in posterior.models if bends(model)),
-                 posterior.models[0] if posterior.edge is not None else None)
+    model = _filtered(posterior)
     if model is None:
         return None
     spectra = model.spectra

@@ -10,12 +10,14 @@ the kind of slow noise and filters are derived from the same models.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.posterior.estimates import (
     bends,
     drifts,
     Estimate,
     marginals,
+    passed_by,
     ramp_beside,
     ramp_of,
     reported_trends,
@@ -61,6 +63,8 @@ class AxisReport:
         Largest relative misfit of a half-octave beyond its sampling error.
     window_s : float or None
         Effective averaging window of a low-pass, if there is one.
+    passed : tuple of ndarray or None
+        Frequencies in Hz, and the share of the white noise that a low-pass lets pass there.
     edge_hz : float or None
         Highest frequency that the model describes, if it leaves the top unexplained.
     high_pass_hz : float or None
@@ -84,6 +88,7 @@ class AxisReport:
     p_value: float
     misfit: float
     window_s: float | None = None
+    passed: tuple[Array, Array] | None = None
     edge_hz: float | None = None
     high_pass_hz: float | None = None
     gauss_markov: GaussMarkov | None = None
@@ -176,7 +181,8 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                   key=lambda one: -abs(one.amplitude))
     report = AxisReport(
         found, posterior.p_value, posterior.misfit,
-        window_of(posterior, dt) if low_pass else None, edge_hz,
+        window_of(posterior, dt) if low_pass else None,
+        passed_by(posterior) if low_pass else None, edge_hz,
         gauss_markov=GaussMarkov(
             sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
         if sigma.observable else None,
