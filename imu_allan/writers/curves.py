@@ -87,7 +87,7 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
         smooth = np.convolve(avar, np.ones(window) / window, 'same')
         avar = np.where(size > size[0] * 64, smooth, avar)
         avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
-    keep = np.unique(np.linspace(0, len(size) - 1, fine).astype(int))
+    keep = np.unique(np.searchsorted(size, np.geomspace(size[0], size[-1], fine).round()))
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     size, avar = size[keep], avar[keep]
     bound = avar + hidden_avar(axis, size / rate)
