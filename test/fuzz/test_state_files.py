@@ -57,7 +57,9 @@ def damaged(choice):
         elif kind == 3:
             state[key] = array[..., :-1] if array.ndim else array.reshape(1)
         elif kind == 4:
-            state[key] = array.astype(choice.choice(['f4', 'i8', 'u1', 'U5', 'c16', 'bool']))
+            with np.errstate(all='ignore'):
+                state[key] = array.astype(
+                    choice.choice(['f4', 'i8', 'u1', 'U5', 'c16', 'bool']))
         elif kind == 5:
             state[key] = np.concatenate([np.atleast_1d(array)] * 2)
         else:
