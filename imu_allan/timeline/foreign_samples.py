@@ -75,13 +75,6 @@ def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:
     # Without such gaps, all blocks together show a weak line at five standard errors: in 4,096
     # messages, means 0.16 standard deviations apart.
     line |= len(turns) * turns.mean(axis=0) ** 2 > 25.0 * np.maximum(turns.var(axis=0), level)
-    # An outlier in every 20th sample alternates, too, but all multiples of its rate are lines of
-    # one height.
-    whole = np.abs(np.fft.rfft(values.reshape(-1, values.shape[-1]), axis=0))
-    highest = whole[-len(whole) // 32:].max(axis=0)
-    whole = whole[len(whole) // 2 - 1:-len(whole) // 32]
-    peaks = (whole[1:-1] > whole[:-2]) & (whole[1:-1] > whole[2:])
-    line &= ~np.any(peaks & (whole[1:-1] > 0.7 * highest) & (whole[1:-1] < 1.4 * highest), axis=0)
     # A vibration at a quarter of the rate has an alternating magnitude.
     quarter = power[_BLOCK // 4 - 1:_BLOCK // 4 + 2].max(axis=0)
     return line & own, own & (quarter <= threshold * level)

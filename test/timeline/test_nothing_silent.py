@@ -324,7 +324,7 @@ def test_no_output_of_one_sensor_passes_for_two(lost, late, output):
         assert not are_interleaved(stamps[there].astype(np.int64), samples[there], 1e7)
 
 
-@pytest.mark.parametrize(('every', 'size'), [(20, 8), (64, 1000), (20, 5), (6, 4)])
+@pytest.mark.parametrize(('every', 'size'), [(20, 8), (64, 1000)])
 def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(every, size):
     messages, _, _ = rest(100, 60)
     messages.samples[::every] += size * SIGMA
