@@ -31,7 +31,7 @@ from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.publications import Publications
-from imu_allan.node.rclpy_inside import AnyExecutorNode
+from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
@@ -213,7 +213,13 @@ class CharacterizationNode(AnyExecutorNode):
     # -- one tick: take samples, start what is due, deliver what is finished ---------------------
 
     def _on_timer(self) -> None:
-        period_ns = round(self._tick() * 1e9)
+        try:
+            period_ns = round(self._tick() * 1e9)
+        except RCLError:
+            # Another thread of an executor may shut ROS down in the meantime.
+            if self.context.ok():
+                raise
+            return
         if period_ns != self._timer.timer_period_ns:
             self._timer.timer_period_ns = period_ns
 
