@@ -323,11 +323,12 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     """Yield each stream, ready to be read."""
     for stream, options, blocks, noted in _streams(recording, choice, progress):
         # Imported here, while another process has already begun to read.
-        import imu_allan.characterization as made
+        from imu_allan import characterization
         shortfall: list[Finding] = []
         yield Taken(recording, stream, noted, _part(recording, choice, blocks, shortfall),
-                    made.Characterization(kind='recording', path=str(recording.path),
-                                          topic=stream.topic, options=options), shortfall)
+                    characterization.Characterization(
+                        kind='recording', path=str(recording.path), topic=stream.topic,
+                        options=options), shortfall)
 
 
 def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],

@@ -79,8 +79,8 @@ class Results:
         if self._worker.under_way('fit'):
             return
         # An early result is of little use: replace it when the record is three times as long.
-        grown = run.span_s >= self._fitted_s * (1 + FIT_GROWTH if now >= self._rested else 3.0)
-        if run.fed != run.fitted and (grown or settled):
+        growth = 1 + FIT_GROWTH if now >= self._rested else 3.0
+        if run.fed != run.fitted and (settled or run.span_s >= self._fitted_s * growth):
             self.fit(run, to_the_end=settled)
         else:
             self._publications.serve_newcomers()

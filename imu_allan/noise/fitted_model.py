@@ -119,10 +119,9 @@ def reported_model(axis: AxisResult) -> FittedModel:
               if found.observable and found.value is not None}
     if axis.high_passed_hz is not None or (not values and process is None and law is None):
         return FittedModel({})
-    spectrum = axis.spectrum
-    return FittedModel(values, (spectrum.frequency_hz, spectrum.passed) if spectrum and
-                       spectrum.passed else None, () if process is None else (process,),
-                       axis.all_tones, law)
+    seen = axis.spectrum
+    passed = (seen.frequency_hz, seen.passed) if seen is not None and seen.passed else None
+    return FittedModel(values, passed, () if process is None else (process,), axis.all_tones, law)
 
 
 def hidden_avar(axis: AxisResult, tau: Array) -> Array:

@@ -27,7 +27,7 @@ from imu_allan.noise.posterior.likelihood import (
     Spectra,
     spectrum,
 )
-from imu_allan.noise.posterior.prepared import prepared, Start
+from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import (
     best_of,
@@ -136,22 +136,17 @@ def posteriors(groups: Sequence[Groups], dt: float,
     found = search_models(spectra, starts, dt)
     if bank is None and (some := next(filter(None, records), None)) is not None:
         bank = Bank(some, TRENDS)
-    sets = _sets(spectra, starts, found, records, bank)
+    beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
+    if bank is not None:
+        beside = fit_trends(spectra, starts, found, records, bank)
+    # The models of each axis, first without trends of the mean, then with each set.
+    sets = [[TrendSet((), spectra, of_axis(found, axis)), *own]
+            for axis, own in enumerate(beside)]
     judged = [_judged(own) for own in sets]
     for axis, own in enumerate(_refitted(sets, [factor for *_, factor in judged])):
         sets[axis] = own or sets[axis]
     return [Posterior(models, p_value, misfit, edge)
             for models, (p_value, misfit, edge, _) in zip(_drawn(sets), judged, strict=True)]
-
-
-def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
-          records: Sequence[RecordSpectrum | None], bank: Bank | None) -> list[list[TrendSet]]:
-    """Return the models of each axis, first without trends of the mean, then with each set."""
-    beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
-    if bank is not None:
-        beside = fit_trends(spectra, starts, found, records, bank)
-    return [[TrendSet((), spectra, of_axis(found, axis)), *own]
-            for axis, own in enumerate(beside)]
 
 
 def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:

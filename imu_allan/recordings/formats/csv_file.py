@@ -222,8 +222,8 @@ class CsvRecording(FileRecording):
             # Names may be unknown. A line about the device may have those of axes, but has fewer
             # cells than a sample, or other marks between them. A first line may be cut.
             fits = samples is None or line.cells >= samples.cells
-            return (line.named and fits, line.labelled * (samples is None) * line.cells,
-                    line.named, fits,
+            labels = line.cells if line.labelled and samples is None else 0
+            return (line.named and fits, labels, line.named, fits,
                     samples is not None and line.delimiter == samples.delimiter)
 
         best = max(lines, key=like_names)
