@@ -323,7 +323,7 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     """Yield each stream, ready to be read."""
     for stream, options, blocks, noted in _streams(recording, choice, progress):
         # Imported here, while another process has already begun to read.
-        from imu_allan import characterization
+        import imu_allan.characterization as characterization
         shortfall: list[Finding] = []
         yield Taken(recording, stream, noted, _part(recording, choice, blocks, shortfall),
                     characterization.Characterization(
