@@ -81,7 +81,10 @@ class CharacterizationNode(AnyExecutorNode):
         # A multithreaded executor calls services and timer concurrently.
         self._lock = RLock()
         self._ended = False
-        self._log = Log(self.get_logger())
+        # Once ROS is shut down, log under a name that is not on /rosout, about which rcl would
+        # complain at every line.
+        alone = get_logger(self.get_fully_qualified_name())
+        self._log = Log(lambda: self.get_logger() if self.context.ok() else alone)
         values = declare(self, SETTINGS, self._apply)
         warn_of_unknown(self)
         if reason := _reason_against(values['aiding_interval'], values['coast']):
@@ -347,9 +350,6 @@ class CharacterizationNode(AnyExecutorNode):
             if self._ended:
                 return True
             self._ended = True
-            if not self.context.ok():
-                # A name that is not on /rosout, about which rcl would complain at every line.
-                self._log.logger = get_logger(self.get_fully_qualified_name())
             # Every step is attempted, even if an earlier one has failed.
             done = [self._attempt(step) for step in (
                 lambda: self._catch_up(time.monotonic()),

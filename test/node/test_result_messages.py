@@ -170,7 +170,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
 
 
 def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(heard):
-    announcements = Announcements(Log(heard), '/imu')
+    announcements = Announcements(Log(lambda: heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
                 temperature_topic='/warmth', temperature_missing=True)
@@ -207,7 +207,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
 
 
 def test_progress_is_reported_every_minute_and_later_every_hour(heard):
-    announcements = Announcements(Log(heard), '/imu')
+    announcements = Announcements(Log(lambda: heard), '/imu')
     result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',
                               'bias_instability', observable_in_s=60.0)
     announcements.see_timeline(0.0, facts(), summary())

@@ -199,7 +199,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, heal
 
 
 def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_path, monkeypatch):
-    log = Log(heard)
+    log = Log(lambda: heard)
     worker, state = Worker(log), tmp_path / 'state'
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
         'state_file': str(state), 'output_dir': str(tmp_path / 'output'),

@@ -51,7 +51,7 @@ class World:
         self.there = set()
         self.replaced = []
         self.runs = Runs(setup, run or new_run(setup), self.facts, lambda: 0.5,
-                         lambda run, why: self.replaced.append((run, why)), Log(heard),
+                         lambda run, why: self.replaced.append((run, why)), Log(lambda: heard),
                          lambda _: self.there)
 
     def comes(self, *blocks, publisher=1, number=0, together=100):
