@@ -192,6 +192,14 @@ def test_another_imu_behind_a_restart_begins_a_new_run_and_few_samples_do_no_har
     assert world.samples == count
 
 
+def test_a_frame_that_changes_within_a_bundle_divides_it_between_two_runs(world):
+    world.runs.take(0, 1, [at_rest(30, start_s=PROVEN_S), replace(
+        at_rest(4000, start_s=PROVEN_S + 0.3), frame_id='other')])
+    [(before, _)] = world.replaced
+    for timeline, samples in (before.snapshot().result().timeline, 30_030), (world.timeline, 4000):
+        assert (timeline.samples, timeline.rejected) == (samples, 0)
+
+
 def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_feeds_none():
     runs = World().runs
     runs.take(0, MIXED, [at_rest(1000)])
